@@ -36,8 +36,8 @@ from skorch import NeuralNetRegressor
 import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.identification import committee_spread, nominal_stress
+from pdsurrogate.learning.bond_force import stiffness_slopes
 from pdsurrogate.learning.settings import FitSettings
-from pdsurrogate.learning.validation import stiffness_slopes
 from pdsurrogate.reports.speed import bench_positions, sheet
 
 LAW = pds.materials.Ogden()

@@ -17,7 +17,7 @@ from pages import markdown_table, replace_block
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.scenes.model import tip_diameter
+from pdsurrogate.scenes.tip_diameter import tip_diameter
 
 ANGLES, RATIOS = (0, 15, 30, 45), (1.75, 2.2, 3.015)
 HIGH, LONG, LAYERS, CLAMP, TIP = 14, 30, 3, 2, -5

@@ -14,7 +14,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 import pdsurrogate as pds
 from pdsurrogate.identification import fitted_laws
 from pdsurrogate.identification.energy import NEGATIVE, POSITIVE, dictionary, half_planes, ordered_logs
-from pdsurrogate.learning.validation import stiffness_slopes
+from pdsurrogate.learning.bond_force import stiffness_slopes
 
 DATA = pds.load_test_data("kawabata")
 X, Y = DATA.stretches, DATA.nominal_stress

@@ -1,11 +1,16 @@
 """Small bodies for tests."""
 
+from functools import partial
+
 import numpy as np
 
 from pdsurrogate.discretisation import discretise
-from pdsurrogate.stress_test.bodies import disc_with_hole, gripped_sheet, jittered, sheet
+from pdsurrogate.stress_test.bodies import disc_with_hole, gripped, jittered, sheet
 
 __all__ = ["build_body", "disc_with_hole", "gripped_sheet", "jittered", "rotation", "sheet"]
+
+
+gripped_sheet = partial(gripped, 2)
 
 
 def build_body(scene):

@@ -6,7 +6,7 @@ from conftest import LAWS
 from scipy.optimize import brentq
 
 from pdsurrogate.forces import AnalyticBondForce
-from pdsurrogate.learning.validation import stiffness_slopes
+from pdsurrogate.learning.bond_force import stiffness_slopes
 from pdsurrogate.materials import InvariantLaw, NeoHookean, homogeneous, plane_stress
 
 LAW = NeoHookean()

@@ -293,6 +293,14 @@ def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.n
     return Cells.filling(lower, upper, spacing).centres()
 
 
+def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:
+    """Return sums at n points of values (k,) or (k, c) of bonds: of those that begin there, and, times a sign, of those that end there."""
+    if values.ndim == 2:
+        return np.stack([sums_at_points(n, first, second, column, sign) for column in values.T], axis=1)
+    within = second < n
+    return np.bincount(first, values, n) + sign * np.bincount(second[within], values[within], n)
+
+
 MOST_TOGETHER = 1_000_000
 """Number of bonds whose lengths are computed at a time, which bounds the memory for them."""
 

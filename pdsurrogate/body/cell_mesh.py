@@ -93,27 +93,23 @@ class CellMesh:
         """All corners listed in `blocks`."""
         return np.concatenate([block.ravel() for block in self.blocks])
 
+    def sides(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the sides of all cells, cell by cell: corners, shape (s, 2 or 4), and the cells that they belong to, shape (s,)."""
+        faces = [np.array(FACES[self.dimension, block.shape[1]]) for block in self.blocks]
+        corners = [block[:, face].reshape(-1, face.shape[1]) for block, face in zip(self.blocks, faces, strict=True)]
+        counts = np.repeat([len(face) for face in faces], [len(block) for block in self.blocks])
+        return np.concatenate(corners), np.repeat(np.arange(len(self)), counts)
+
     @cached_property
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
         """Sides of the cells, each once: corners, shape (f, 2 or 4), and the cells on both sides, shape (f, 2), -1 for none."""
-        corners, owners, begin = [], [], 0
-        for block in self.blocks:
-            for face in FACES[self.dimension, block.shape[1]]:
-                corners.append(block[:, face])
-                owners.append(np.arange(begin, begin + len(block)))
-            begin += len(block)
-        corners, owners = np.concatenate(corners), np.concatenate(owners)
-        keys = corners.copy()
-        if self.dimension == 3:
-            # A triangle may repeat any corner: the greatest is compared.
-            triangles = keys[:, 2] == keys[:, 3]
-            keys[triangles, 3] = keys[triangles, :3].max(axis=1)
-        keys.sort(axis=1)
-        order = np.lexsort(keys.T)
-        same = (keys[order[1:]] == keys[order[:-1]]).all(axis=1)
-        first, beyond = np.r_[True, ~same], np.full(len(order), -1)
-        beyond[:-1][same] = owners[order[1:][same]]
-        return corners[order[first]], np.stack([owners[order[first]], beyond[first]], axis=1)
+        corners, owners = self.sides()
+        number = side_numbers(corners)
+        _, first = np.unique(number, return_index=True)
+        beyond, further = np.full(len(first), -1), np.ones(len(number), dtype=bool)
+        further[first] = False
+        beyond[number[further]] = owners[further]
+        return corners[first], np.stack([owners[first], beyond], axis=1)
 
     def moved(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> np.ndarray:
         """Return the displacement of the nodes, shape (k, d): the mean of the predictions by points and gradients of the adjacent cells."""
@@ -171,3 +167,14 @@ class CellMesh:
         sizes = np.cumsum([block.size for block in self.blocks])[:-1]
         blocks = (part.reshape(block.shape) for part, block in zip(np.split(renewed, sizes), self.blocks, strict=True))
         return CellMesh(np.concatenate([self.nodes, self.nodes[node_of_group[further]]]), tuple(blocks))
+
+
+def side_numbers(corners: np.ndarray) -> np.ndarray:
+    """Return a number for every side, shape (s,), which is the same for all orders of its corners (s, 2 or 4)."""
+    keys = np.sort(corners, axis=1)
+    # A triangle may repeat any corner: its greatest is made the one that counts twice.
+    keys[:, 1:-1] = np.where(keys[:, 1:-1] == keys[:, :-2], keys[:, -1:], keys[:, 1:-1])
+    keys.sort(axis=1)
+    order, number = np.lexsort(keys.T), np.zeros(len(keys), dtype=np.int64)
+    number[order[1:]] = np.cumsum((keys[order[1:]] != keys[order[:-1]]).any(axis=1))
+    return number

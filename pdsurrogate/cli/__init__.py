@@ -1,28 +1,28 @@
 """The command line: words and exit statuses, no physics.
 
-Exit status 0: done; 1: the run failed, what was reached is saved; 2: bad input, one line on standard error;
-130: interrupted, or ended by --max-time, a checkpoint is left.
+Exit status 0: done; 1: the run failed, and what it reached is saved; 2: bad input, one line on standard error; 130: interrupted, or
+ended by --max-time, and a checkpoint is left.
 """
 
 import os
 import sys
 
-from . import comparing, materials, running, showing, stress_test, studies, surrogates  # noqa: F401  (each adds its commands)
-from .application import app, err, shared
-from .interrupts import end_soon_after_interrupts
+from .application import app
+from .endings import FAILED, end_soon_after_interrupts
+from .terminal import complain
 
 
 def main() -> None:
-    """Entry point."""
-    end_soon_after_interrupts(shared)
+    """Run the command that the arguments of the process name."""
+    end_soon_after_interrupts()
     try:
         try:
             app()
         finally:
-            # Here, not when the interpreter ends: what has not been written yet may fail, too.
+            # Flushed here, not at the exit of the interpreter: this may fail, too.
             sys.stdout.flush()
-    except OSError as error:  # standard output on a full disk; what commands write to folders they name themselves
-        err.print(f"[red]pdsurrogate:[/] {error.filename or 'standard output'}: {error.strerror}", soft_wrap=True)
-        # What is left in the buffer is not tried again at the end.
+    except OSError as error:  # standard output on a full disk; commands name the folders that they write to
+        complain(f"{error.filename or 'standard output'}: {error.strerror}")
+        # The interpreter shall not try again to write what is left in the buffer.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
+        sys.exit(FAILED)

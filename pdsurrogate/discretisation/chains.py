@@ -9,14 +9,14 @@ from ..body import encloses
 from .places import same_places
 
 ROUNDING = 1e-9
-"""Of the extent of a body: places nearer to each other than this are one."""
+"""Distance over the extent of a body within which places are one."""
 
 BESIDE = 1e-6
-"""Of the extent of a body: how far beside a facet it is looked whether there is material."""
+"""Distance from a facet, over the extent of a body, of the places that decide on which side of it there is material."""
 
 
 def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Closed chains of nodes, cut where they meet each other or themselves.
+    """Return closed chains of nodes, cut where they meet each other or themselves.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance
 
 
 def between_material_and_none(nodes: np.ndarray, facets: np.ndarray, curves: np.ndarray, beside: float) -> tuple[np.ndarray, np.ndarray]:
-    """The facets that have material on one side alone, turned so that it is on their left, each once; and their chains.
+    """Return the facets with material on one side alone, turned so that it is on their left, each once; and their chains.
 
     What is on either side changes only where chains meet: one facet of each run is asked.
     """

@@ -1,4 +1,4 @@
-"""Bodies from mesh files: what is read of a file, the points that its cells become, its boundary and its groups."""
+"""Bodies from mesh files: the contents of a file, the points that its cells become, its boundary and its groups."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from ..body import CellMesh
+from ..body.cell_mesh import FACES, side_numbers
 from ..scenes import Mesh
 from .places import same_places
 
@@ -21,16 +23,10 @@ CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
 """Cells that are taken, by dimension, as meshio names them."""
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
-"""How the names begin of what a mesh has beside its cells: their corners and sides."""
-
-FACES_OF = {
-    4: np.array([[0, 2, 1, 1], [0, 1, 3, 3], [1, 2, 3, 3], [0, 3, 2, 2]]),
-    8: np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]),
-}
-"""Faces of tetrahedra and hexahedra, counter-clockwise as seen from outside, with the last corner of a triangle twice."""
+"""First letters of the names of corners and sides, which a mesh may list in addition to its cells."""
 
 BESIDE_CORNERS = {4: [[1, 2, 3]], 8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]}
-"""Ends of the three edges at the corners of cells, which make a right-handed system; of tetrahedra one corner tells for all."""
+"""Ends of the three edges at the corners of cells, which make a right-handed system; of tetrahedra one corner is enough."""
 
 
 @dataclass(frozen=True)
@@ -54,30 +50,22 @@ class MeshFile:
     side_groups: Mapping[str, np.ndarray]
 
     def corners(self) -> list[np.ndarray]:
-        """Corners of the cells of each block, arrays of shape (n, corners, d)."""
+        """Return the corners of the cells of each block, arrays of shape (n, corners, d)."""
         return [self.nodes[block] for block in self.cells]
 
     def sides(self) -> Sides:
         """Return the sides of the cells: edges in two dimensions, faces in three."""
         extent = np.ptp(self.nodes, axis=0).max()
-        # Nodes at one place are one: a crack is said by a precut, and bonds ask for no nodes in common.
+        # Nodes at one place are one: scenes state cracks as precuts, and bonds need no common nodes.
         number = same_places(self.nodes, 1e-9 * extent)
-        corners, owners = [], []
-        begin = 0
-        for block, places in zip(self.cells, self.corners(), strict=True):
-            if places.shape[2] == 2:
-                clockwise = signed_areas(places) < 0
-                block = np.where(clockwise[:, None], block[:, ::-1], block)
-                sides = np.stack([block, np.roll(block, -1, axis=1)], axis=2)
-            else:
-                sides = block[:, FACES_OF[block.shape[1]]]
-            corners.append(number[sides].reshape(-1, sides.shape[2]))
-            owners.append(np.repeat(np.arange(begin, begin + len(block)), sides.shape[1]))
-            begin += len(block)
-        return Sides(np.concatenate(corners), np.concatenate(owners), number)
+        blocks = self.cells
+        if self.nodes.shape[1] == 2:
+            clockwise = [signed_areas(places) < 0 for places in self.corners()]
+            blocks = [np.where(turned[:, None], block[:, ::-1], block) for turned, block in zip(clockwise, blocks, strict=True)]
+        return Sides(*CellMesh(self.nodes, tuple(number[block] for block in blocks)).sides(), number)
 
     def groups_of_cells(self) -> dict[str, np.ndarray]:
-        """The cells of every physical group; those of a group of lines or faces are the ones that have one of them for a side."""
+        """Return the cells of every physical group; a group of lines or faces has the cells of which they are sides."""
         groups = dict(self.cell_groups)
         if self.side_groups:
             sides = self.sides()
@@ -104,26 +92,13 @@ class Sides:
     owners: np.ndarray
     number: np.ndarray
 
-    def keys(self, corners: np.ndarray) -> np.ndarray:
-        """Return one number for all orders of the corners of a side, among sides of one call."""
-        corners = np.sort(corners, axis=1)
-        # Of a triangle it is the greatest that counts twice, whichever the last one was.
-        corners[:, 1:-1] = np.where(corners[:, 1:-1] == corners[:, :-2], corners[:, -1:], corners[:, 1:-1])
-        first, *others = np.sort(corners, axis=1).T
-        key = first
-        for column, following in enumerate(others):
-            key = key * len(self.number) + following
-            if column < len(others) - 1:
-                key = np.unique(key, return_inverse=True)[1]  # so that the next product fits
-        return key
-
     def among(self, members: np.ndarray) -> np.ndarray:
         """Return which sides are among the members, whose corners are nodes of the file."""
-        keys = self.keys(np.concatenate([self.corners, self.number[members]]))
-        return np.isin(keys[: len(self.corners)], keys[len(self.corners) :])
+        numbers = side_numbers(np.concatenate([self.corners, self.number[members]]))
+        return np.isin(numbers[: len(self.corners)], numbers[len(self.corners) :])
 
     def boundary(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sides around the kept cells.
+        """Return the sides around the kept cells.
 
         Parameters
         ----------
@@ -136,20 +111,11 @@ class Sides:
         beyond : ndarray of int, shape (b,)
             The cell on the other side, which is not kept; -1 where there is none.
         """
-        here, there = np.flatnonzero(kept[self.owners]), np.flatnonzero(~kept[self.owners])
-        every = self.keys(self.corners)
-        keys, beside = every[here], every[there]
-        _, where, times = np.unique(keys, return_inverse=True, return_counts=True)
-        outer = times[where] == 1
-        sides, keys = here[outer], keys[outer]
-        beyond = np.full(len(sides), -1)
-        order = np.argsort(beside)
-        found = np.searchsorted(beside, keys, sorter=order)
-        found[found == len(order)] = 0
-        if len(order):
-            found = order[found]
-            beyond = np.where(beside[found] == keys, self.owners[there[found]], -1)
-        return sides, beyond
+        numbers, kept = side_numbers(self.corners), kept[self.owners]
+        times, other = np.bincount(numbers[kept], minlength=len(numbers)), np.full(len(numbers), -1)
+        other[numbers[~kept]] = self.owners[~kept]
+        sides = np.flatnonzero(kept & (times[numbers] == 1))
+        return sides, other[numbers[sides]]
 
 
 def mesh_of(mesh: Mesh) -> MeshFile:
@@ -215,7 +181,7 @@ def _check_solid_cells(file: str, cells: np.ndarray) -> None:
 
 
 def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Physical groups of cells and of their sides.
+    """Return the physical groups of cells and of their sides.
 
     meshio has groups as sets of cells, block by block, or, of gmsh's files of version 2, by a number for each cell and a name for it.
     """
@@ -250,7 +216,7 @@ def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.n
 
 
 def signed_areas(cells: np.ndarray) -> np.ndarray:
-    """Areas of polygons, shape (n, corners, 2), negative where the corners run clockwise."""
+    """Return the areas of polygons (n, corners, 2), negative where the corners run clockwise."""
     return _cross_products(cells).sum(axis=1) / 2
 
 
@@ -260,7 +226,7 @@ def _cross_products(cells: np.ndarray) -> np.ndarray:
 
 
 def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids and volumes of cells of the same kind, shape (n, corners, d): shapes (n, d) and (n,)."""
+    """Return centroids (n, d) and volumes (n,) of cells of one kind, shape (n, corners, d)."""
     if cells.shape[2] == 3:
         return _centroids_of_solids(cells)
     cross = _cross_products(cells)
@@ -282,13 +248,13 @@ def _centroids_of_solids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def tetrahedra_of(cells: np.ndarray) -> np.ndarray:
-    """The tetrahedra that each cell is made of, shape (n, parts, 4, 3).
+    """Return the tetrahedra that make each cell, shape (n, parts, 4, 3).
 
     A face of a hexahedron need not be flat: it is four triangles about the mean of its corners, whichever of two cells it is seen from.
     """
     if cells.shape[1] == 4:
         return cells[:, None]
-    faces = cells[:, FACES_OF[8]]
+    faces = cells[:, np.array(FACES[3, 8])]
     middles = np.broadcast_to(faces.mean(axis=2, keepdims=True), faces.shape)
     tops = np.broadcast_to(cells.mean(axis=1)[:, None, None], faces.shape)
     # Faces run counter-clockwise as seen from outside: with the middle of the cell first, volumes are positive.
@@ -296,7 +262,7 @@ def tetrahedra_of(cells: np.ndarray) -> np.ndarray:
 
 
 def section_area(cells: np.ndarray, axis: int, position: float) -> float:
-    """Area of the cut through tetrahedra or hexahedra on which a coordinate has the given value."""
+    """Return the area of the cut through tetrahedra or hexahedra on which a coordinate has the given value."""
     heights = cells[..., axis] - position
     parts = tetrahedra_of(cells[(heights.min(axis=1) <= 0) & (heights.max(axis=1) > 0)]).reshape(-1, 4, 3)
     heights = parts[..., axis] - position
@@ -330,7 +296,7 @@ def _crossed(quadrilaterals: np.ndarray) -> np.ndarray:
 
 
 def loops_of(corners: np.ndarray) -> np.ndarray:
-    """Number of the connected chain or surface that each side, shape (b, corners), belongs to."""
+    """Return the number of the connected chain or surface of each side, given by its corners (b, corners)."""
     names, compact = np.unique(corners, return_inverse=True)
     compact = compact.reshape(corners.shape)
     pairs = np.concatenate([compact[:, [0, other]] for other in range(1, corners.shape[1])])

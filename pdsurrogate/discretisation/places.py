@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 
 def same_places(places: np.ndarray, tolerance: float) -> np.ndarray:
-    """For each place (k, 2) the number of the first of those within the tolerance of it, or of one another in between."""
+    """Return for each place (k, d) the number of the first place that chains of distances within the tolerance join to it."""
     pairs = cKDTree(places).query_pairs(tolerance, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), dtype=bool), pairs.T), shape=(len(places), len(places)))
     labels = connected_components(graph, directed=False)[1]

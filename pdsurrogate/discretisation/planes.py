@@ -11,7 +11,7 @@ from ..scenes.regions import RegionReference, edge_names
 
 
 def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) -> str | None:
-    """Name of the edge that a region is, if it is exactly one whole edge; `faces` are those of the groups of a mesh, see `Body`."""
+    """Return the name of the edge that a region is, if it is one whole edge; `faces` are those of the groups of a mesh, see `Body`."""
     if isinstance(region, str):
         if region in edge_names(scene.dimension):
             return region
@@ -23,12 +23,12 @@ def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) 
 
 
 def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
-    """Components that an entry of `prescribed` holds, 0 for x1; of a rotation all."""
+    """Return the components that an entry of `prescribed` holds, 0 for x1; all of a rotation."""
     return tuple(component for component in range(dimension) if entry.rotation is not None or entry.displacement[component] is not None)
 
 
 def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, tuple[int, ...]]:
-    """Edges that are held by reflection, each with the numbers of the entries of `prescribed` that hold it.
+    """Return the edges that are held by reflection, each with the numbers of the entries of `prescribed` that hold it.
 
     An edge is, if it is named whole, or by the group of a mesh that is all of it, and its normal component is prescribed, alone or as
     part of a rotation.  All other edges hold their outermost points.
@@ -50,7 +50,7 @@ def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, tuple[i
 
 
 def reflection_planes(scene: Scene, lower, upper, faces: Mapping[str, str]) -> tuple[ReflectionPlane, ...]:
-    """Planes in which the body is continued beyond its grips, or beyond the edges of `reflected_edges`; none where points are held."""
+    """Return the planes that continue the body beyond its grips or the edges of `reflected_edges`; none where points are held."""
     if scene.support != "reflected":
         return ()
     held = {grip.edge: (EDGES[grip.edge][0],) if grip.holds == "normal" else tuple(range(scene.dimension)) for grip in scene.grips}

@@ -20,7 +20,7 @@ from .meshes import centroids, mesh_of, section_area
 from .planes import reflected_edges, reflection_planes
 
 RASTER = 16
-"""Places along either side of a cell in the plane at which it is asked whether there is material: an area to some 1/1000 of a cell."""
+"""Sampled places along either side of a cell in the plane, which give the area of its material to some 1/1000 of a cell."""
 
 SCATTERED = 128
 """Places in an eighth of a cell in space, and their mirror images: of no two of them are the coordinates alike along any axis, so that a
@@ -28,7 +28,7 @@ volume is as near as one of 1024 places along each where a plane or cylinder cut
 where it cuts otherwise."""
 
 WITHIN = 1 - 1e-6
-"""Share of the way from the middle of a cell in space to its corners at which they are asked: a boundary between cells cuts none."""
+"""Share of the way from the middle of a cell in space to its corners that is sampled: a boundary between cells cuts none."""
 
 CLEARANCE = 0.4
 """Cells without material around a place on a bond, in every direction, that make it empty: bonds beside a round hole of more than
@@ -57,13 +57,13 @@ PARTS = {(2, 3): 2, (3, 4): 6}
 
 
 def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> tuple[Body, np.ndarray, np.ndarray]:
-    """The points of a scene, less its holes, with its precuts and the images beyond its grips; no bond crosses empty space.
+    """Return the body of a scene: points outside its holes, images beyond its grips, and no bonds across precuts or empty space.
 
     Parameters
     ----------
     scene : Scene
     part_of : callable, optional
-        What makes of the whole body, whose bonds nobody has asked for yet, the part that is wanted.
+        ``part_of(body)`` returns the part of the whole body that is wanted, before bonds are made.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
 
 
 def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
-    """Cross-section of the body at every grip or reflected edge, by edge: area of its cut in the plane there, in 2D at unit thickness.
+    """Return the cross-section of the body at every grip or reflected edge, by edge, in 2D at unit thickness.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray,
     count = int(np.ceil(RASTER * (high - low) / scene.spacing))
 
     def lengths(strips: np.ndarray) -> np.ndarray:
-        """Along lines, one for each row of the last of the other coordinates."""
+        """Return the lengths along lines, one for each row of the last of the other coordinates."""
 
         def inside(along: np.ndarray, line: np.ndarray) -> np.ndarray:
             places = np.empty((len(along), scene.dimension))
@@ -156,7 +156,7 @@ def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray,
 
 
 def _lengths_inside(inside, low: float, high: float, count: int, lines: int) -> np.ndarray:
-    """Length between two places on each of some lines that lies in material: `inside(along, line)` says where that is."""
+    """Return the length in material between two places on each of several lines; `inside(along, line)` marks material."""
     asked = low + (high - low) * (np.arange(count) + 0.5) / count
     if lines > 1:  # among them are some that a round body ends on between the last place and the end of its box
         asked = np.concatenate([[low], asked, [high]])
@@ -201,7 +201,7 @@ def _integral(values, low: float, high: float) -> float:
 
 
 def _chords(cells: np.ndarray, axis: int, position: float) -> np.ndarray:
-    """Length that each of some convex polygons cuts off a line on which a coordinate has the given value."""
+    """Return the length that each convex polygon cuts off a line on which a coordinate has the given value."""
     following = np.roll(cells, -1, axis=1)
     spans = (cells[..., axis] > position) != (following[..., axis] > position)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -212,7 +212,7 @@ def _chords(cells: np.ndarray, axis: int, position: float) -> np.ndarray:
 
 
 def _points_of(scene: Scene):
-    """Points and volumes, holes left out, their spacing and cell, the corners of the bounding box of the body, and groups of its points."""
+    """Return points, volumes, spacing and cell, the corners of the bounding box of the body, and groups of its points."""
     if isinstance(scene.body, Mesh):
         mesh = mesh_of(scene.body)
         cells = mesh.corners()
@@ -239,7 +239,7 @@ def _points_of(scene: Scene):
 
 
 def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray) -> tuple[float, float]:
-    """Spacing of the points of a mesh, and the side of the square or cube that its cells, or two triangles or six tetrahedra, make.
+    """Return the spacing of a mesh, and the side of the square or cube of a cell, of two triangles, or of six tetrahedra.
 
     Both are means over the body: many small cells in a corner do not make the horizon small everywhere.
     """
@@ -249,7 +249,7 @@ def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarr
 
 
 def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, str]:
-    """Edge or face of the bounding box that a group of a mesh is all of, by the name of the group."""
+    """Return the edges or faces of the bounding box that groups of a mesh cover whole, by the names of the groups."""
     mesh = mesh_of(scene.body) if isinstance(scene.body, Mesh) and scene.prescribed else None
     if mesh is None or not mesh.side_groups:
         return {}
@@ -265,7 +265,7 @@ def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[
 
 
 def _mesh_cells(scene: Scene) -> CellMesh | None:
-    """The cells of the mesh that points were made of; None of a lattice."""
+    """Return the cells of the mesh that points were made of; None of a lattice."""
     if not isinstance(scene.body, Mesh):
         return None
     mesh = mesh_of(scene.body)
@@ -306,9 +306,9 @@ def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.nda
 
 
 def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, material) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids and volumes of what lies in each cell; what fills less than half of one goes to the nearest of the others.
+    """Return centroids and volumes of the material in each cell; less than half a cell is added to the nearest other cell.
 
-    `material` says of places whether there is any; `kept`, the same of the cells' centres.
+    `material` returns which places lie in material; `kept` marks the cells whose centres do.
 
     Cells cut by an outline count with the part of them that is there, found on a raster: with whole cells a curved boundary would be a
     staircase, whose steps carry no stress, and a hole larger than it is.

@@ -21,11 +21,11 @@ it would not have fitted.
 """
 
 SAMPLED = 32
-"""Places along each side of the box around a body at which it is asked whether there is material."""
+"""Sampled places along each side of the box around a body."""
 
 
 def memory_here() -> float:
-    """Bytes of memory of this machine, or of the group of processes that this one is in if it may have less; infinite where nobody says."""
+    """Return the bytes of memory of this machine, or of the group of this process if that is less; infinite if unknown."""
     found = [math.inf]
     with suppress(AttributeError, OSError, ValueError):
         found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
@@ -61,7 +61,7 @@ def check_size(scene: Scene, memory: float) -> None:
     places = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
     points = cells * float(material_at(scene, lower + places * (upper - lower)).mean())
     needed = points * bytes_per_point
-    # Every cell of the box is asked whether it is in the body, so that their number is bounded as well.
+    # Every cell of the box is tested, so that their number is bounded as well.
     excess = max(cells / MOST_POINTS, needed / memory)
     if excess <= 1:
         return

@@ -29,7 +29,7 @@ MOST_ROUNDS = 20
 
 
 def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes, triangles, and the part that each is of: outline, holes.0, ...
+    """Return nodes, triangles, and the part of each triangle: outline, holes.0, ...
 
     Facets are about a cell long; those on flat rectangles are quarters of a cell, which are symmetric about its middle, and those on
     spheres half as long.
@@ -77,12 +77,12 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
 
 
 def _axes_of(body: Solid) -> tuple[int, ...]:
-    """Axes that a body is a prism along; of a sphere any one, which it is not."""
+    """Return the axes that a body is a prism along; of a sphere any one, which it is not."""
     return (2, 0, 1) if isinstance(body, Box) else (body.straight.along,) if isinstance(body, Prism) else (2,)
 
 
 def _along(shape: Solid, axis: int) -> Straight | None:
-    """A shape as a prism along an axis, if it is one."""
+    """Return a shape as a prism along an axis, if it is one."""
     if isinstance(shape, Box):
         return shape.straight_along(axis)
     return shape.straight if isinstance(shape, Prism) and shape.straight.along == axis else None
@@ -95,7 +95,7 @@ def _goes_through(hole: Straight | None, body: Straight | None, tolerance: float
 
 
 def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
-    """Axes along which a hole is cut by the flat faces of a part of a sphere: a sphere whose centre lies on these."""
+    """Return the axes of the flat faces of a part of a sphere that cut a hole: a sphere whose centre lies on these faces."""
     if not isinstance(hole, Sphere):
         return ()
     cut = tuple(axis for axis in _faces_of_part(body) if abs(hole.centre[axis] - body.centre[axis]) <= tolerance)
@@ -103,12 +103,12 @@ def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
 
 
 def _faces_of_part(body: Solid) -> tuple[int, ...]:
-    """Axes that the flat faces of a part of a sphere are normal to."""
+    """Return the axes that the flat faces of a part of a sphere are normal to."""
     return body.halved if isinstance(body, Sphere) else ()
 
 
 def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> int | None:
-    """The first of the holes with a closed boundary of their own that does not lie in the body and apart from all other holes.
+    """Return the first hole with a closed boundary of its own that does not lie in the body, apart from all other holes.
 
     The rims of those that are cut lie on the flat faces of the body.
     """
@@ -128,7 +128,7 @@ def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> i
 
 
 def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Triangles of a shape by itself, shape (f, 3, 3), counter-clockwise as seen from outside; flat faces of a cut sphere are left out."""
+    """Return the triangles (f, 3, 3) of one shape, counter-clockwise as seen from outside, without flat faces of a cut sphere."""
     if isinstance(shape, Sphere):
         return _sphere(shape, halved, cell)
     straight = shape.straight
@@ -136,7 +136,7 @@ def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: 
 
 
 def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
-    """An icosahedron whose faces are divided evenly, or of a sphere that is cut along axes its eighths above the cuts; of their volume.
+    """Return an evenly divided icosahedron, or the eighths of a sphere above its cuts, with the volume of the sphere.
 
     Nodes lie beyond the sphere by as little as the middles of facets within it: the work of a pressure in an affine motion is exact.
     Facets are about half a cell long.  With whole cells the work in the motion of a swelling hole of six cells' radius lacks 1 %, with
@@ -177,7 +177,7 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
 
 
 def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Triangles of a flat face of a part of a sphere between the rims of its curved faces, arrays of shape (f, 3, 3).
+    """Return the triangles (f, 3, 3) of a flat face of a part of a sphere between the rims of its curved faces.
 
     Along the lines where two flat faces meet either has the same nodes.
     """
@@ -214,7 +214,7 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
 
 
 def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
-    """Triangles of the outline of a prism with its caps, and of each hole through it, arrays of shape (f, 3, 3)."""
+    """Return the triangles (f, 3, 3) of the outline of a prism with its caps, and of each hole through it."""
     across = [(axis + 1) % 3, (axis + 2) % 3]
     beside = cell[across]
     low, high = straight.span
@@ -253,14 +253,14 @@ def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, ho
 
 
 def quarters(quadrilaterals: np.ndarray) -> np.ndarray:
-    """Each quadrilateral, shape (q, 4, d), as four triangles about the mean of its corners."""
+    """Return each quadrilateral (q, 4, d) as four triangles about the mean of its corners."""
     middles = np.broadcast_to(quadrilaterals.mean(axis=1, keepdims=True), quadrilaterals.shape)
     triangles = np.stack([quadrilaterals, np.roll(quadrilaterals, -1, axis=1), middles], axis=2)
     return triangles.reshape(-1, *triangles.shape[2:])
 
 
 def _tiles(nodes: np.ndarray) -> np.ndarray:
-    """A rectangle as quarters of the tiles between the nodes around it."""
+    """Return a rectangle as quarters of the tiles between the nodes around it."""
     low = nodes.min(axis=0)
     on_edges = nodes - low <= ROUNDING * np.ptp(nodes, axis=0).max()
     x1, x2 = (np.unique(nodes[on_edges[:, 1 - axis], axis]) for axis in (0, 1))
@@ -272,7 +272,7 @@ def _tiles(nodes: np.ndarray) -> np.ndarray:
 def _triangulated(
     nodes: np.ndarray, sides: np.ndarray, chain: np.ndarray, cell: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The material within closed chains as triangles about a cell long.
+    """Return the material within closed chains as triangles about a cell long.
 
     Delaunay's triangles of nodes on the chains and of a lattice within; sides of the chains that are sides of no triangle are halved.
 

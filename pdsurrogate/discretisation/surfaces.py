@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..body import Body, Following, Surface
+from ..body.cell_mesh import side_numbers
 from ..body.local_fit import boundary_rows
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
@@ -21,7 +22,7 @@ EDGE = 0.8
 
 
 def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> Surface:
-    """The boundary of the body of a scene.
+    """Return the boundary of the body of a scene.
 
     Straight sides have facets of about a cell, ending at corners; of a rectangle, on the boundaries of cells.  Circles and ellipses have
     facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In space facets are triangles of about a cell, on
@@ -61,7 +62,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
 
 
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """Unit normals of the boundary on the sides of each node, shape (k, d, d).
+    """Return the unit normals of the boundary on the sides of each node, shape (k, d, d).
 
     In the plane they are those of the facets before and after it; in space the means of those of the facets around it that differ by less
     than `EDGE`, as many as there are, and beyond those rows of NaN.
@@ -99,7 +100,7 @@ def _normals_of_sides(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 
 def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Nodes, facets, their parts, and the groups of a mesh, whose cells with centroids in holes are left out.
+    """Return nodes, facets, their parts, and the groups of a mesh, without the cells whose centroids lie in holes.
 
     A chain or surface around no material that no hole of the scene made is a hole of the mesh; those are numbered after the scene's, from
     left to right.
@@ -131,7 +132,7 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
         return mesh.nodes, facets, parts, groups
     triangles = facets[:, 2] == facets[:, 3]
     three = facets[~triangles][:, [[0, 1, 2, 2], [0, 1, 3, 3], [0, 2, 3, 3], [1, 2, 3, 3]]].reshape(-1, 4)
-    keys = sides.keys(np.concatenate([facets[triangles], three]))
+    keys = side_numbers(np.concatenate([facets[triangles], three]))
     if np.isin(keys[: triangles.sum()], keys[triangles.sum() :]).any():
         raise ValueError(
             "body.file: faces of tetrahedra lie on those of hexahedra and halve them; loads and probes take cells that share whole faces"

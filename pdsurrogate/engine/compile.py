@@ -201,7 +201,7 @@ def bond_force_signature(dtype):
 
 @intrinsic
 def call_block(typingctx, address, *arguments):
-    """Call the block function at an address; arrays are passed as pointers to their data.
+    """Call the block function at an address; arrays are passed as pointers to their data, and tuples as their items.
 
     numba's first-class functions would serve, but take some 40 microseconds to unpack at every call of a kernel. The arguments are not
     checked: they must fit the signatures above.
@@ -211,11 +211,15 @@ def call_block(typingctx, address, *arguments):
 
     def codegen(context, builder, signature, values):
         passed = []
-        for position, kind in enumerate(signature.args[1].types):
-            value = builder.extract_value(values[1], position)
-            if isinstance(kind, types.Array):
-                value = context.make_array(kind)(context, builder, value).data
-            passed.append(value)
+
+        def hand_over(kind, value):
+            if isinstance(kind, types.BaseTuple):
+                for position, item in enumerate(kind.types):
+                    hand_over(item, builder.extract_value(value, position))
+            else:
+                passed.append(context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value)
+
+        hand_over(signature.args[1], values[1])
         function = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
         builder.call(builder.inttoptr(values[0], function.as_pointer()), passed)
         return context.get_dummy_value()

@@ -8,6 +8,7 @@ when it is bound: a call costs a microsecond or two, whatever it works on.
 from __future__ import annotations
 
 import inspect
+import itertools
 from collections.abc import Callable
 
 import numba
@@ -92,31 +93,45 @@ def _count_of(found):
 
 
 def _unpacker(kinds: tuple):
-    """Return an intrinsic that reads the arguments of a pass from the words that `BoundPass` wrote: address and shape of each array."""
+    """Return an intrinsic that reads the arguments of a pass from the words that `_described` made."""
 
     @intrinsic
     def unpack(typingctx, words):
         def codegen(context, builder, signature, values):
-            at, found = 0, []
+            places = itertools.count()
 
             def word():
-                nonlocal at
-                value = builder.load(builder.gep(values[0], [ir.Constant(ir.IntType(64), at)], inbounds=True))
-                at += 1
-                return value
+                return builder.load(builder.gep(values[0], [ir.Constant(ir.IntType(64), next(places))], inbounds=True))
 
-            for kind in kinds:
-                if not isinstance(kind, types.Array):
-                    value = word()
-                    found.append(value if kind == types.int64 else builder.bitcast(value, ir.DoubleType()))
-                    continue
-                data = builder.inttoptr(word(), context.get_data_type(kind.dtype).as_pointer())
-                found.append(array_over(context, builder, kind, data, [word() for _ in range(kind.ndim)]))
-            return context.make_tuple(builder, signature.return_type, found)
+            def read(kind):
+                if isinstance(kind, types.BaseTuple):
+                    return context.make_tuple(builder, kind, [read(item) for item in kind.types])
+                if isinstance(kind, types.Array):
+                    data = builder.inttoptr(word(), context.get_data_type(kind.dtype).as_pointer())
+                    return array_over(context, builder, kind, data, [word() for _ in range(kind.ndim)])
+                return word() if kind == types.int64 else builder.bitcast(word(), ir.DoubleType())
+
+            return read(signature.return_type)
 
         return types.Tuple(kinds)(words), codegen
 
     return unpack
+
+
+def _described(name: str, value) -> tuple[types.Type, list[int]]:
+    """Return the numba type of an argument, and the words that hold it: address and shape of an array, or the bits of a number."""
+    if isinstance(value, tuple):
+        kinds, words = zip(*(_described(name, item) for item in value), strict=True)
+        return types.Tuple(kinds), list(itertools.chain(*words))
+    if isinstance(value, np.ndarray):
+        kind = numba.typeof(value)
+        if kind.layout != "C" or not value.flags.c_contiguous:
+            raise TypeError(f"{name} must be an array in C order")
+        # Read-only arrays share the code of writable ones.
+        return types.Array(kind.dtype, kind.ndim, "C"), [_address(value), *value.shape]
+    if isinstance(value, float | np.floating):
+        return types.float64, [int(np.float64(value).view(np.int64))]
+    return types.int64, [int(value)]
 
 
 class Pass:
@@ -136,7 +151,10 @@ class Pass:
         self._compiled = plain_function(function)
 
     def bind(self, *arguments, chunks: Chunks | None = None) -> BoundPass:
-        """Bind the pass to its arguments after chunk and chunks, arrays in C order and numbers; by default one chunk for each thread."""
+        """Bind the pass to its arguments after chunk and chunks, by default with one chunk for each thread.
+
+        An argument is an array in C order, a number, or a tuple of these.
+        """
         return BoundPass(self, arguments, chunks or chunks_of(0))
 
     def __call__(self, *arguments):
@@ -179,19 +197,9 @@ class BoundPass:
         kinds, words = [], []
         for name, value in self._kept.items():
             self._places[name] = len(words)
-            kind = numba.typeof(value)
-            if isinstance(value, np.ndarray):
-                if kind.layout != "C" or not value.flags.c_contiguous:
-                    raise TypeError(f"{what.__name__}: {name} must be an array in C order")
-                words += [_address(value), *value.shape]
-            elif isinstance(value, float | np.floating):
-                kind = types.float64
-                words.append(int(np.float64(value).view(np.int64)))
-            else:
-                kind = types.int64
-                words.append(int(value))
-            # Read-only arrays share the code of writable ones.
-            kinds.append(types.Array(kind.dtype, kind.ndim, "C") if isinstance(kind, types.Array) else kind)
+            kind, of_value = _described(f"{what.__name__}: {name}", value)
+            kinds.append(kind)
+            words += of_value
         self._words = np.array(words, dtype=np.int64)
         self.threads = chunks.threads
         self.call = what.address(tuple(kinds)), _address(self._words), chunks.number

@@ -1,10 +1,9 @@
 """Force models: what turns a deformed body into forces."""
 
 from ..engine.compile import CompilerSwitchedOff
-from .analytic import AnalyticBondForce
 from .ba_nosb import BANOSBForce
 from .bond_energy import BondEnergyForce, EnergySurrogate
-from .bond_force import ForceSurrogate
+from .bond_force import AnalyticBondForce, ForceSurrogate
 from .errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from .internal_force import InternalForce
 from .learnt import LearntBondForce

@@ -1,6 +1,6 @@
-"""Whether a learnt model still describes a law: its force against the exact one at a few states.
+"""Comparison of a learnt model with the law that it describes: its force against the exact one at a few states.
 
-Name and parameters of a law do not say it all: an expression of a user's own law may have changed since the model was fitted.
+Name and parameters are not enough: an expression of a user's own law may have changed since the model was fitted.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..engine.keys import NotKeyable
-from ..kernels.bond_state import along_and_across
-from ..materials import Law, plane_stress
+from ..materials import Law, plane_stress, solid
 from ..materials.consistency import law_digest
+from .bond_force import exact_bond_force
 from .protocol import Domain
 
 MOST_OF_STATED = 5.0
@@ -23,10 +23,10 @@ The card's is the greatest of thousands of states over the whole box, edges incl
 """
 
 MOST_UNSTATED = 0.05
-"""The same in parts of the greatest force, for a model without a card."""
+"""Greatest error, in parts of the greatest force, that a model without a card passes with."""
 
 NOTED = 0.01
-"""The same beyond which it is said."""
+"""Error of a model without a card, in parts of the greatest force, beyond which there is a warning."""
 
 ROUNDING = 1e-6
 """A card that states less than this states how its own machine rounded."""
@@ -35,26 +35,25 @@ WIDEST = (0.5, 4.0)
 """Stretches beyond which a domain is not tried."""
 
 PLACES = np.stack([0.07 + 0.86 * (np.arange(1, 13) * step % 1) for step in (0.7548776662, 0.5698402910)], axis=1)
-"""Places of the states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
+"""Positions of the states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
 
 _exact: dict = {}
 """Exact answers found before, by all that the law depends on and the box."""
 
 
 def states_within(law: Law, domain: Domain, exact) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Plane-stress states in a domain and the exact answer there.
+    """Return plane-stress states in a domain, as arguments of the model, and the exact answer there.
 
     Parameters
     ----------
     law : Law
     domain : Domain
-    exact : callable
-        ``exact(law, first, second)``: arguments of the model, a tuple of vectors, and the exact answer, from two principal stretches.
+    exact : {`bond_states`, `invariant_states`, `isochoric_states`}
 
     Raises
     ------
     ValueError
-        If the law has not all of them.
+        If the law has no state somewhere in the domain.
     """
     box = max(domain.least_stretch, WIDEST[0]), min(domain.greatest_stretch, WIDEST[1])
     low, high = np.log(box)
@@ -69,28 +68,24 @@ def states_within(law: Law, domain: Domain, exact) -> tuple[tuple[np.ndarray, ..
 
 
 def bond_states(law: Law, first, second):
-    """Bonds at several angles to the principal axes (stretch, rotation, length, C33, J), and their p and q, which say the exact force."""
+    """Return bonds at several angles to the principal axes (stretch, rotation, length, C33, J), and their exact forces."""
     angle = 0.3 + np.arange(len(first))
     cos, sin = np.cos(angle), np.sin(angle)
     a, b, J = first * cos**2 + second * sin**2, (second - first) * sin * cos, first * second
     C33 = plane_stress.thickness_stretch_squared(law, first**2 + second**2, J)
-    stretch = np.hypot(a, b)
-    T_nn, T_nm, _ = plane_stress.bond_traction(law, a, b, J, C33)
-    force = along_and_across(T_nn, T_nm, a, b, stretch)
-    return (stretch, np.arctan2(b, a), np.linspace(0.2, 1, len(first)), C33, J), force
+    stretch, rotation = np.hypot(a, b), np.arctan2(b, a)
+    return (stretch, rotation, np.linspace(0.2, 1, len(first)), C33, J), exact_bond_force(law, stretch, rotation, C33, J)
 
 
 def invariant_states(law: Law, first, second):
-    """Tr C and J, and the exact derivatives of the energy by the two principal stretches."""
+    """Return tr C and J with the principal stretches, and the exact derivatives of the energy by the latter."""
     trace, J = first**2 + second**2, first * second
     p, q, *_ = plane_stress.response(law, trace, J, plane_stress.volume_ratio(law, trace, J))
     return (trace, J, first, second), np.stack([p * first + q / first, p * second + q / second], axis=1)
 
 
 def isochoric_states(law: Law, first, second):
-    """I1bar, I2bar and the squares of three stretches of product 1, and the principal Kirchhoff stresses there."""
-    from ..materials import solid  # of which a sheet under plane stress has no need
-
+    """Return I1bar, I2bar and the squares of three stretches of product 1, and the principal Kirchhoff stresses there."""
     logs = np.log([first, second, np.ones_like(first)])
     low, high = logs.min(), logs.max()
     logs -= logs.mean(axis=0)
@@ -98,12 +93,17 @@ def isochoric_states(law: Law, first, second):
     logs *= np.minimum(1, np.minimum(low / logs.min(axis=0), high / logs.max(axis=0)))
     squares = np.exp(2 * logs)
     I1, I2 = squares.sum(axis=0), (1 / squares).sum(axis=0)
+    return (I1, I2, squares), isochoric_stresses(squares, *isochoric_slopes(law, I1, I2))
+
+
+def isochoric_slopes(law: Law, I1, I2) -> tuple[np.ndarray, np.ndarray]:
+    """Return the derivatives of the isochoric energy of a law by I1bar and I2bar."""
     p, _, r, _ = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
-    return (I1, I2, squares), isochoric_stresses(squares, p / 2 + I1 * r / 2, -r / 2)
+    return p / 2 + I1 * r / 2, -r / 2
 
 
 def isochoric_stresses(squares, by_1, by_2) -> np.ndarray:
-    """Principal Kirchhoff stresses, shape (n, 3), from squares of the stretches (3, n) and the derivatives of W by I1bar and I2bar."""
+    """Return principal Kirchhoff stresses (n, 3) from squares of the stretches (3, n) and the derivatives of W by I1bar and I2bar."""
     stresses = 2 * (squares * by_1 - by_2 / squares)
     return (stresses - stresses.mean(axis=0)).T
 
@@ -118,7 +118,7 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
     law : Law
     exact : {`bond_states`, `invariant_states`, `isochoric_states`}
     answer : callable
-        Of the arguments that `exact` gives: what the model answers there, shape (n, 2).
+        Function of the arguments that `exact` returns: the model's answer there, shape (n, 2).
     serves : str
         Name of the force model that serves every law, for the error.
 

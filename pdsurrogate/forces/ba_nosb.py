@@ -1,4 +1,4 @@
-"""Bond-associated correspondence (11)-(15): the stable method that the paper races against."""
+"""Bond-associated correspondence (11)-(15): the stable method that the paper compares with."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..engine.passes import Chain
 from ..kernels import ba_nosb
 from ..materials import SHEETS
 from .errors import InvalidState, at_point
+from .kinematics import pointers_to
 from .protocol import ForceModel
 from .term import Binding, StateArray, Term
 
@@ -32,32 +33,24 @@ class BondAssociatedStress(Term):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        self.materials = [binding.points_of(0)]
-        (material,), body, kinematics = self.materials, self.body, self.kinematics
-        bonds, points, volumes = body.bonds, body.all_points, body.all_volumes
+        material, body, kinematics = self.points_of(0), self.body, self.kinematics
+        bonds, points, volumes, chunks = body.bonds, body.all_points, body.all_volumes, kinematics.chunks
         n, total = len(body), len(points)
 
         # Directed bonds by owner: a point's own, then those of images towards points of the body.
         outer = np.flatnonzero(bonds.second >= n)
         from_image = outer[np.argsort(bonds.second[outer], kind="stable")]
-        owners = np.concatenate([kinematics.owners(), bonds.second[from_image]]).astype(np.uint32)
-        self._targets = np.concatenate([bonds.neighbours, bonds.first[from_image]])
-        self._bond_pointers = np.zeros(total + 1, dtype=np.uint64)
-        self._bond_pointers[1:] = np.cumsum(np.bincount(owners, minlength=total))
-        self._reverse = _reverse_bonds(owners, self._targets)
+        self._owners = owners = np.concatenate([kinematics.owners(), bonds.second[from_image]]).astype(np.uint32)
+        self._targets = targets = np.concatenate([bonds.neighbours, bonds.first[from_image]])
+        self._reverse = _reverse_bonds(owners, targets)
+        bond_pointers = pointers_to(owners, total)
 
         # Tables: all points within the horizon; of an image, those that exist.
-        pairs = [
-            [i, j]
-            for i, near in enumerate(cKDTree(points).query_ball_point(points[n:], body.horizon * (1 + 1e-9)))
-            for j in near
-            if j != n + i
-        ]
-        around_images = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        near = cKDTree(points).query_ball_point(points[n:], body.horizon * (1 + 1e-9))
+        around_images = np.array([[i, j] for i, others in enumerate(near, n) for j in others if j != i], dtype=np.int64).reshape(-1, 2)
         self._table = np.concatenate([bonds.neighbours, around_images[:, 1].astype(np.uint32)])
-        table_owners = np.concatenate([owners[: len(bonds.neighbours)], n + around_images[:, 0]])
-        self._table_pointers = np.zeros(total + 1, dtype=np.uint64)
-        self._table_pointers[1:] = np.cumsum(np.bincount(table_owners, minlength=total))
+        table_owners = np.concatenate([owners[: len(bonds.neighbours)], around_images[:, 0]])
+        self._table_pointers = pointers_to(table_owners, total)
         bond = points[self._table] - points[table_owners]
         weights = body.weigh(np.linalg.norm(bond, axis=1))
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
@@ -66,86 +59,48 @@ class BondAssociatedStress(Term):
         # An image's horizon goes on beyond the images there are: its volume is that of the mirrored point's.
         horizon_volumes[n:] = horizon_volumes[body.ghosts.source]
 
-        self._common_pointers = np.zeros(len(owners) + 1, dtype=np.uint64)
-        self._common = np.empty(0, dtype=np.uint16)
+        table = self._table_pointers, self._table
+        self._common_pointers, self._common = np.zeros(len(owners) + 1, dtype=np.uint64), np.empty(0, dtype=np.uint16)
         for count in (True, False):
-            ba_nosb.list_common_points(
-                points,
-                self._table_pointers,
-                self._table,
-                self._bond_pointers,
-                self._targets,
-                body.horizon,
-                count,
-                self._common_pointers,
-                self._common,
-            )
+            common = count, self._common_pointers, self._common
+            ba_nosb.list_common_points(points, *table, bond_pointers, targets, body.horizon, *common)
             if count:
                 self._common = np.empty(int(self._common_pointers[-1]), dtype=np.uint16)
-        direction = points[self._targets] - points[owners]
+        direction = points[targets] - points[owners]
         self.bond_vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
         self._inverse_shapes = np.empty((len(owners), 3))
-        ba_nosb.bond_references(
-            points,
-            volumes,
-            self._table_pointers,
-            self._table,
-            self._table_weights,
-            owners,
-            self._targets,
-            self._common_pointers,
-            self._common,
-            horizon_volumes,
-            self._inverse_shapes,
-            self.bond_vectors,
+        table, common = (*table, self._table_weights), (self._common_pointers, self._common)
+        shapes = self._inverse_shapes, self.bond_vectors
+        ba_nosb.bond_references(points, volumes, table, (owners, targets), common, horizon_volumes, *shapes)
+        self._volume_ratios, self.bond_forces = np.ones(len(owners)), np.empty((len(owners), 2))
+        self.state.append(StateArray("bond_volume_ratios", "bonds", self._volume_ratios))
+        memory = (
+            aligned_rows((chunks.threads, int(np.diff(self._table_pointers).max()), 4)),
+            aligned_rows((chunks.threads, BLOCK, 4), value=1),
+            aligned_rows((chunks.threads, SCRATCH_ROWS + 4, BLOCK), value=1),
         )
-        chunks = kinematics.chunks
-        longest = int(np.diff(self._table_pointers).max())
-        self._volume_ratios = np.ones(len(owners))
-        self._tables = aligned_rows((chunks.threads, longest, 4))
-        self._sums = aligned_rows((chunks.threads, BLOCK, 4), value=1)
-        self._scratch = aligned_rows((chunks.threads, SCRATCH_ROWS + 4, BLOCK), value=1)
-        self.bond_forces = np.empty((len(owners), 2))
-        find_forces = ba_nosb.ba_nosb_forces.bind(
-            kinematics.positions,
-            self._table_pointers,
-            self._table,
-            self._table_weights,
-            self._bond_pointers,
-            self._common_pointers,
-            self._common,
-            self._inverse_shapes,
-            self.bond_vectors,
-            self._volume_ratios,
-            material.response.address,
-            material.parameters,
-            self._tables,
-            self._sums,
-            self._scratch,
-            self.bond_forces,
-            chunks=chunks,
-        )
-        sums = self.bond_forces, self._bond_pointers, self._reverse, material.law.shear_modulus
-        self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, np.empty_like(body.points), chunks=chunks)
-        self._find_forces = Chain(find_forces, self._sum_forces)
+        state = self._volume_ratios, material.response.address, material.parameters
+        arrays = kinematics.positions, table, (bond_pointers, *common, *shapes), *state, memory, self.bond_forces
+        sums = self.bond_forces, bond_pointers, self._reverse, material.law.shear_modulus, np.empty_like(body.points)
+        self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, chunks=chunks)
+        self._find_forces = Chain(ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces)
 
     def find(self, out: np.ndarray) -> None:
         unsolved, without_force = self.pass_bonds(out)
         if unsolved:
             self._volume_ratios[:] = 1.0
-            raise InvalidState(self._diagnose())
-        self.check_finite(out, without_force)
+            raise InvalidState(self._without_state())
+        if without_force:
+            raise InvalidState(self.diagnose(out))
 
-    def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
+    def pass_bonds(self, out: np.ndarray) -> list[int]:
         """Compute everything; return the number of bonds without a state and of points without a force."""
         self._sum_forces.give("out", out)
-        unsolved, without_force = self._find_forces()
-        return unsolved, without_force
+        return self._find_forces()
 
-    def _diagnose(self) -> str:
+    def _without_state(self) -> str:
         """Return a message that says which bond has no state: that of the least det F, formed anew for all of them."""
-        body, positions = self.body, self.kinematics.positions
-        owners = np.repeat(np.arange(len(positions)), np.diff(self._bond_pointers).astype(np.int64))
+        body, positions, owners = self.body, self.kinematics.positions, self._owners
         bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
         entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common
         vectors = positions[self._table[entries]] - positions[owners[bonds]]
@@ -164,17 +119,13 @@ class BondAssociatedStress(Term):
             reason = f"{self.binding.portions[0].law.name} has no plane-stress state in one of the bonds"
         return at_point(body, owner, f"the deformation gradient of its bond to ({x1:.4g}, {x2:.4g}) has det F = {J[bond]:.3g}: {reason}")
 
-    @property
-    def state(self) -> list[StateArray]:
-        return [*super().state, StateArray("bond_volume_ratios", "bonds", self._volume_ratios)]
-
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         forward = self._forward[pairs]
         return self.binding.portions[0].law.shear_modulus * (self.bond_forces[forward] - self.bond_forces[self._reverse[forward]])
 
     @cached_property
     def _forward(self) -> np.ndarray:
-        """Number of the bond (i, j) of every pair (i, j)."""
+        """Numbers of the bonds (i, j) of the pairs (i, j)."""
         bonds = self.body.bonds
         numbers = np.flatnonzero(self.kinematics.owners() == bonds.first[bonds.pair_of])
         forward = np.empty(len(bonds.first), dtype=np.int64)
@@ -185,14 +136,13 @@ class BondAssociatedStress(Term):
 def _reverse_bonds(owners: np.ndarray, targets: np.ndarray) -> np.ndarray:
     """Return the number of the bond (j, i) for every bond (i, j)."""
     size = int(max(owners.max(), targets.max())) + 1
-    forward = owners.astype(np.int64) * size + targets
-    backward = targets.astype(np.int64) * size + owners
+    forward, backward = owners.astype(np.int64) * size + targets, targets.astype(np.int64) * size + owners
     order = np.argsort(forward)
     return order[np.searchsorted(forward[order], backward)].astype(np.uint32)
 
 
 class BANOSBForce(ForceModel):
-    """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes.
+    """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share. No zero-energy modes.
 
     Examples
     --------

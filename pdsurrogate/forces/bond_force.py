@@ -1,10 +1,10 @@
-"""Force models that map quantities of a bond to its force, and the term that they make."""
+"""Force models that map quantities of a bond to its force, the exact one among them, and the term that they make."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,19 +13,18 @@ from ..body import Body
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
-from ..kernels.bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
+from ..kernels.bond_state import LEAST_NORMAL_STRETCH, along_and_across, lateral_stretch
+from ..kernels.plane_strain import plane_strain_bond_force
 from ..kernels.sums import sum_pair_forces
-from ..materials import SHEETS, Law
+from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.stretches import principal_stretches
-from .errors import InvalidState, at_point, locate
+from .errors import at_point
 from .kinematics import matrices
-from .material_points import MaterialPoints, have_states
-from .plane_strain import in_plane_strain
+from .material_points import MaterialPoints
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .steps import Steps
-from .surrogate_thickness import SurrogateThickness
-from .term import Binding, DomainWatch, Learnt, Term
+from .surrogate_thickness import surrogate_states
+from .term import Binding, Term
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class BondStates:
 
     @property
     def has_stretch_tensor(self) -> np.ndarray:
-        """Which of them are not turned by a right angle or more, bool."""
+        """Flags of the bonds that are turned by less than a right angle."""
         return self.a > LEAST_NORMAL_STRETCH
 
     @cached_property
@@ -51,23 +50,25 @@ class BondStates:
         return np.stack([total + difference, total - difference], axis=1) / 2
 
     def chosen(self, which) -> BondStates:
-        """Some of them."""
+        """Return the states of some of the bonds."""
         return BondStates(*(getattr(self, part.name)[which] for part in fields(self)))
 
     def quantities(self) -> tuple[np.ndarray, ...]:
-        """What `ForceSurrogate.bond_force` takes."""
+        """Return the arguments of `ForceSurrogate.bond_force`."""
         return np.hypot(self.a, self.b), np.arctan2(self.b, self.a), self.length, self.C33, self.J
 
 
 class PairForces:
-    """The bond pass of one material over its pairs, bound to its arrays.
+    """Bond pass of one material over its pairs, bound to its arrays.
 
     Parameters
     ----------
     binding : Binding
-    number : int
-        Number of the material.
+    model : ForceSurrogate
     points : MaterialPoints
+    strength : ndarray
+        Strengths of these pairs, see `pair_strength`.
+    correction : str
 
     Attributes
     ----------
@@ -77,70 +78,55 @@ class PairForces:
         Dimensionless force on the first point of every pair.
     find : BoundPass
         Pass that finds `forces` and counts the pairs outside the model's domain.
+    learns_thickness : bool
+        Whether the model finds J3 of the points in place of a costly law.
     unit : float
         Shear modulus of the material.
     """
 
-    def __init__(self, binding: Binding, number: int, points: MaterialPoints) -> None:
-        model, law = binding.portions[number].model, points.law
-        precision, outside, chunks = binding.precision, binding.outside, binding.kinematics.chunks
-        body, plane = binding.body, binding.settings.plane
-        self.model, self.points, self.unit, blocks = model, points, law.shear_modulus, len(points.first) // BLOCK
-        self._compiled = compiled = model.compiled(precision)
+    def __init__(self, binding: Binding, model: ForceSurrogate, points: MaterialPoints, strength: np.ndarray, correction: str) -> None:
+        law, kinematics, precision, plane = points.law, binding.kinematics, binding.precision, binding.settings.plane
+        body, threads, blocks = kinematics.body, kinematics.chunks.threads, len(points.first) // BLOCK
+        self.model, self.points, self.unit, self._kinematics = model, points, law.shear_modulus, kinematics
+        compiled = model.compiled(precision)
         if plane == "strain" and not compiled.asks_law:
-            self._compiled = compiled = in_plane_strain(compiled, law, precision)
-        if not body.share.divided:
-            self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), precision)
-        else:
-            counted = body.share.own[body.bonds.first[points.pairs]]
-            self.geometry = aligned_rows((blocks, bond_force.COUNTED_ROW + 1, BLOCK), precision)
-            numbers = np.arange(len(counted))
+            compiled = in_plane_strain(compiled, law, precision)
+        divided = body.share.divided
+        rows = bond_force.COUNTED_ROW + 1 if divided else 5 if compiled.needs_length else 4
+        self.geometry = aligned_rows((blocks, rows, BLOCK), precision)
+        if divided:
+            numbers, counted = np.arange(len(strength)), body.share.own[body.bonds.first[points.pairs]]
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
+        self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction)
         self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
         if self.learns_thickness:
-            points.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, precision, chunks)
-        guard = OUTSIDE_POLICIES[outside] if model.domain is not None else bond_force.UNGUARDED
-        domain = EVERYWHERE if model.domain is None or outside == "extrapolate" else model.domain
-        within = domain.interior if outside == "fallback" else domain
+            points.state_pass = surrogate_states(points, compiled, model.domain, precision, kinematics.chunks)
+        guard = OUTSIDE_POLICIES[binding.outside] if model.domain is not None else bond_force.UNGUARDED
+        domain = EVERYWHERE if model.domain is None or binding.outside == "extrapolate" else model.domain
+        within = domain.interior if binding.outside == "fallback" else domain
         self.forces = aligned_rows((len(points.first), 2), precision)
-        self._exact = analytic_bond_force(precision)
+        buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         self.find = bond_force.pair_forces.bind(
             points.positions,
             points.records,
-            points.first,
-            points.second,
-            self.geometry,
+            (points.first, points.second, self.geometry),
             compiled.address,
-            compiled.sizes,
-            compiled.weights,
-            self._exact.address,
-            points.response.address,
-            points.parameters,
+            analytic_bond_force(precision).address,
+            (compiled.sizes, compiled.weights, points.response.address, points.parameters),
             guard,
             np.stack([domain.limits(precision), within.limits(precision)]),
-            aligned_rows((chunks.threads, bond_force.BUFFER_ROWS, BLOCK), precision),
-            aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),
-            binding.kinematics.scratch,
+            (buffers, compiled.memory(threads, precision), kinematics.scratch),
             self.forces,
-            chunks=chunks,
+            chunks=kinematics.chunks,
         )
 
-    def find_geometry(self, binding: Binding, correction: str, pairs: np.ndarray, strength: np.ndarray) -> None:
-        """Compute the geometry of some of these pairs from the strengths of all, see `pair_strength`."""
-        kinematics, points, body = binding.kinematics, self.points, binding.body
-        reference_state.pair_rows(
-            pairs,
-            points.first,
-            points.second,
-            body.all_points[points.numbers],
-            strength,
-            kinematics.inverse_shape[points.numbers],
-            kinematics.supported[points.numbers],
-            reference_state.CORRECTIONS[correction],
-            body.kappa,
-            body.horizon,
-            self.geometry,
-        )
+    def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str) -> None:
+        """Compute the geometry of some of these pairs from the strengths of all."""
+        kinematics, points, body = self._kinematics, self.points, self._kinematics.body
+        ends = points.first, points.second, body.all_points[points.numbers]
+        shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
+        rule = reference_state.CORRECTIONS[correction], body.kappa, body.horizon
+        reference_state.pair_rows(pairs, *ends, strength, *shapes, *rule, self.geometry)
 
 
 class BondForces(Term):
@@ -152,34 +138,29 @@ class BondForces(Term):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        body, bonds, kinematics, models = self.body, self.body.bonds, self.kinematics, [portion.model for portion in binding.portions]
+        body, bonds, models = self.body, self.body.bonds, [portion.model for portion in binding.portions]
         self.correction = binding.settings.correction or ("tensor" if all(model.gives_transverse for model in models) else "scalar")
         if models[0].members and binding.settings.plane == "strain":
             name = models[0].name
             raise ValueError(f"{name} tells the deviation of its members under plane stress; fit it with --energy for other planes")
-        strength, self._parts = pair_strength(body), []
+        self._strength, pairs, self._parts = pair_strength(body), [None], []
         if not binding.whole:
-            strength *= np.where(binding.portion_of[bonds.first] == binding.portion_of[bonds.second], 1.0, 0.5)
+            of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
+            self._strength *= np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
+            pairs = [np.flatnonzero((of_ends == number).any(axis=0)) for number in range(len(models))]
         for number, model in enumerate(models):
-            points = binding.points_of(number, binding.pairs_of(number))
-            part, own = PairForces(binding, number, points), strength[points.pairs]
-            part.find_geometry(binding, self.correction, np.arange(len(own), dtype=np.uint32), own)
-            self.materials.append(points)
-            self._parts.append(part)
-            n_pairs = binding.count(points.pairs)
-            self.watches.append(DomainWatch(model, n_pairs, binding.outside, "force", "bond force", body.share))
+            points = self.points_of(number, pairs[number])
+            self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction))
+            self.watch(model, points, "force", "bond force")
         self.learnt_thickness = any(part.learns_thickness for part in self._parts)
-        self._strength = strength if binding.settings.breakable else None
+        self._model, self._domain = models[0], models[0].domain if binding.whole else None
         if binding.whole:
             self._forces, self._unit, collect = self._parts[0].forces, self._parts[0].unit, []
-            self.learnt = LearntBonds(self, models[0], self._parts[0])
         else:
             self._forces, self._unit, collect = aligned_rows((len(bonds.first), 2), binding.precision), 1.0, [self._collect]
-        sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
-        self._sum = sum_pair_forces[2].bind(*sums, self._unit, np.empty_like(body.points), chunks=kinematics.chunks)
-        steps = [*(part.find for part in self._parts), *collect, self._sum]
-        self._find_forces = Steps(body.share, *steps)
-        self._find_all = Steps(body.share, *(step for points in self.materials for step in points.steps), *steps)
+        sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self._unit, np.empty_like(body.points)
+        to_points = sum_pair_forces[2].bind(*sums, chunks=self.kinematics.chunks)
+        self.bind_steps(*(part.find for part in self._parts), *collect, to_points)
 
     def _collect(self) -> None:
         """Add up the forces of all materials on the pairs."""
@@ -188,23 +169,11 @@ class BondForces(Term):
             pairs = part.points.pairs
             self._forces[pairs] += part.unit * part.forces[: len(pairs)]
 
-    def find(self, out: np.ndarray) -> None:
-        self._sum.give("out", out)
-        *counts, without_force = self._find_all()
-        self.report(have_states(self.materials, counts))
-        if without_force:
-            raise InvalidState(self._diagnose(out))
-
-    def pass_bonds(self, out: np.ndarray) -> None:
-        self._sum.give("out", out)
-        self._find_forces()
-
-    def _diagnose(self, out: np.ndarray) -> str:
-        """Return a message that says which pair has no finite force, or else which point."""
+    def diagnose(self, out: np.ndarray) -> str:
         body = self.body
         broken = np.flatnonzero(~np.isfinite(self._forces[: len(body.bonds.first)]).all(axis=1))
         if len(broken) == 0:
-            return locate(body, out, "the force on it is not finite")
+            return super().diagnose(out)
         i, j = int(body.bonds.first[broken[0]]), int(body.bonds.second[broken[0]])
         positions, points = self.kinematics.positions, body.all_points
         stretch = np.linalg.norm(positions[j] - positions[i]) / np.linalg.norm(points[j] - points[i])
@@ -216,51 +185,42 @@ class BondForces(Term):
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
-        self._parts[0].find_geometry(self.binding, self.correction, changed, self._strength)
+        self._parts[0].find_geometry(changed, self._strength, self.correction)
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         return self._unit * self._forces[pairs].astype(float)
 
-
-class LearntBonds(Learnt):
-    """How far the bonds of a body of one material are from what its model has learnt."""
-
-    def __init__(self, term: BondForces, model: ForceSurrogate, part: PairForces) -> None:
-        self._term, self._model, self._part = term, model, part
-
     def domain_deviation(self) -> np.ndarray | None:
-        term = self._term
-        if self._model.domain is None:
+        if self._domain is None:
             return None
-        return self._model.domain.deviation(principal_stretches(term.kinematics.deformation_gradients()), term.volume_ratios() ** 2)
+        return self._domain.deviation(principal_stretches(self.kinematics.deformation_gradients()), self.volume_ratios() ** 2)
 
     def beyond_data(self) -> np.ndarray | None:
-        if self._model.domain is None or self._model.domain.hull is None:
+        if self._domain is None or self._domain.hull is None:
             return None
         pairs, states = self.bonds()
-        counted = self._term.body.share.own[self._term.body.bonds.first]
+        counted = self.body.share.own[self.body.bonds.first[pairs]]
         # A bond turned past a right angle has no stretch tensor, and is left out.
-        chosen = states.has_stretch_tensor & counted[pairs]
-        return self._model.domain.beyond_data(states.stretches[chosen])
+        chosen = states.has_stretch_tensor & counted
+        return self._domain.beyond_data(states.stretches[chosen])
 
     def member_deviation(self) -> np.ndarray | None:
         if not self._model.members:
             return None
-        law, body, (pairs, states) = self._part.points.law, self._term.body, self.bonds()
-        found, of_points = self._model.member_deviations(law, states), np.zeros(len(body))
+        body, (pairs, states) = self.body, self.bonds()
+        found, of_points = self._model.member_deviations(self.materials[0].law, states), np.zeros(len(body))
         for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
             own = ends < len(body)
             np.maximum.at(of_points, ends[own], found[own])
-        return law.shear_modulus * of_points
+        return self._unit * of_points
 
     def bonds(self) -> tuple[np.ndarray, BondStates]:
-        """Return the numbers of the pairs that carry a force, and their states as the bond pass finds them."""
-        kinematics, body, part = self._term.kinematics, self._term.body, self._part
-        bonds, points = body.bonds, body.all_points
+        """Return the numbers of the pairs that carry a force, and their states as the bond pass of one material finds them."""
+        body, part, bonds, points = self.body, self._parts[0], self.body.bonds, self.body.all_points
         part.points.find()
         pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)] > 0)
         first, second = bonds.first[pairs], bonds.second[pairs]
-        vectors, between = points[second] - points[first], kinematics.positions[second] - kinematics.positions[first]
+        vectors, between = points[second] - points[first], self.kinematics.positions[second] - self.kinematics.positions[first]
         length = np.linalg.norm(vectors, axis=1)
         cos, sin, J, C33 = (part.points.records[first].astype(float) + part.points.records[second]).T
         turn = np.hypot(cos, sin)
@@ -269,6 +229,15 @@ class LearntBonds(Learnt):
         a = (n1 * between[:, 0] + n2 * between[:, 1]) / length**2
         b = (n1 * between[:, 1] - n2 * between[:, 0]) / length**2
         return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2)
+
+
+def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
+    """Return a bond force learnt under plane stress, by a model that knows T_mm, with the pressure of a held thickness (theory (47)).
+
+    Of the law it needs the derivative of U alone, so that a costly law costs nothing in plane strain either.
+    """
+    addresses = [compiled.address, plane_stress.volumetric_block(law).address]
+    return replace(compiled, address=plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
 
 
 def pair_strength(body: Body) -> np.ndarray:
@@ -284,9 +253,9 @@ class ForceSurrogate(ForceModel):
     Attributes
     ----------
     features : tuple of str
-        What the model sees of a bond.
+        Quantities of a bond that the model sees.
     domain : Domain or None
-        Where it was trained; None if it holds everywhere.
+        States on which it was trained; None if it holds everywhere.
     gives_transverse : bool
         Whether it knows T_mm, which the tensor correction needs.
     default_precision : str
@@ -319,7 +288,7 @@ class ForceSurrogate(ForceModel):
 
     @abstractmethod
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Dimensionless bond force, theory (9), in NumPy, for checking.
+        """Return the dimensionless bond force, theory (9), in NumPy.
 
         Parameters
         ----------
@@ -344,5 +313,66 @@ class ForceSurrogate(ForceModel):
         """Return the block function of the same map for the bond pass, in the given precision."""
 
     def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        """Return the greatest deviation of the members' bond force from this model's, in units of the shear modulus, shape (n,)."""
+        """Return the greatest deviation of the members' bond force from the model's, in units of the shear modulus, shape (n,)."""
         raise NotImplementedError
+
+
+class AnalyticBondForce(ForceSurrogate):
+    """Exact bond force of a material law, in the features of surrogates (theory (7), (11)).
+
+    Parameters
+    ----------
+    law : Law, optional
+        Law of `bond_force`; in a simulation the scene's own law counts. Neo-Hookean by default.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> model = pds.AnalyticBondForce()
+    >>> model, model.family
+    (<AnalyticBondForce analytic>, 'bond force')
+    """
+
+    name = "analytic"
+    features = ("stretch", "rotation", "length", "C33", "J")
+    domain: Domain | None = None
+    gives_transverse = True
+    default_precision = "float64"
+
+    def __init__(self, law: Law | None = None) -> None:
+        self.law = law or NeoHookean()
+
+    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        stretch, rotation, _, C33, J = bond_arrays(stretch, rotation, length, C33, J)
+        return exact_bond_force(self.law, stretch, rotation, C33, J)
+
+    def compiled(self, dtype) -> CompiledBondForce:
+        """Return the block function of the exact bond force, whose law the bond pass supplies."""
+        none = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype)
+        return CompiledBondForce(analytic_bond_force(dtype).address, *none, 0, asks_law=True)
+
+
+def exact_bond_force(law: Law, stretch, rotation, C33, J) -> np.ndarray:
+    """Return the bond force of a law, shape (n, 2), see `ForceSurrogate.bond_force`."""
+    a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+    T_nn, T_nm, _ = plane_stress.bond_traction(law, a, b, J, C33)
+    return along_and_across(T_nn, T_nm, a, b, stretch)
+
+
+def bond_arrays(stretch, rotation, length, C33, J) -> list[np.ndarray]:
+    """Return the five bond quantities as equally long vectors of doubles.
+
+    Raises
+    ------
+    ValueError
+        If they do not broadcast to one vector, are not finite, or a stretch, C33 or J is not positive.
+    """
+    arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in (stretch, rotation, length, C33, J)))
+    if arrays[0].ndim != 1:
+        raise ValueError(f"bond quantities must be vectors, not of shape {arrays[0].shape}")
+    for name, array in zip(AnalyticBondForce.features, arrays, strict=True):
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} has a value that is not finite")
+        if name in ("stretch", "C33", "J") and not (array > 0).all():
+            raise ValueError(f"{name} must be positive; the least given is {array.min():g}")
+    return arrays

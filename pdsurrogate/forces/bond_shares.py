@@ -1,4 +1,4 @@
-"""Volumes that the bonds of a body stand for, and sums of what an energy says about its pairs to the points."""
+"""Volumes that the bonds of a body stand for, and sums of the forces and moments of its pairs to the points."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import Chain
 from ..kernels.reference_state import bond_shares
-from ..kernels.sums import add_node_forces, point_forces, sum_moments, weigh_moments
-from .kinematics import Kinematics
+from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
+from .kinematics import Kinematics, entries_of, pointers_to
 
 
 class BondShares:
     """Shares of the volumes of the points that their bonds stand for, and sums over pairs and bonds to points and ghosts.
 
     An energy is that of the body's own points: of a pair with a ghost, the point's share counts, and the ghost's, which lies beyond the
-    grip, does not. Ghosts are functions of the points they mirror, so what the energy says about a ghost is passed on to that point.
+    grip, does not. Ghosts are functions of the points they mirror, so forces and moments of a ghost are added to those of that point.
 
     Parameters
     ----------
@@ -48,15 +48,15 @@ class BondShares:
         incidence = np.argsort(bonds.second, kind="stable").astype(np.uint32)
         pair_pointers = np.full(total + 1, bonds.pair_pointers[-1])
         pair_pointers[: n + 1] = bonds.pair_pointers
-        self.pairs_of_points = pair_pointers, _pointers(bonds.second, total), incidence
+        self.pairs_of_points = pair_pointers, pointers_to(bonds.second, total), incidence
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         towards = np.flatnonzero(bonds.neighbours >= n)
         self._ghost_bonds = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
         neighbours = kinematics.owners()[self._ghost_bonds].astype(np.uint32)
-        # In the precision of the points' own: another would have `point_forces` compiled a second time.
+        # In the precision of the points' own: another would have `add_node_forces` compiled a second time.
         weighted_bonds = aligned_rows((len(towards), body.dimension), precision)
         self._of_points = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
-        self._of_ghosts = _pointers(bonds.neighbours[towards] - n, total - n), neighbours, weighted_bonds, body.all_volumes
+        self._of_ghosts = pointers_to(bonds.neighbours[towards] - n, total - n), neighbours, weighted_bonds, body.all_volumes
         self._node_parts = np.zeros((total, body.dimension))
         self._counted, self.bond_shares, self.bond_weights = np.zeros(len(length)), np.zeros(len(bonds.neighbours)), np.zeros(len(length))
         self.renew(np.arange(len(length)))
@@ -73,9 +73,7 @@ class BondShares:
         self._counted[pairs] = np.where(carries, self.strength[pairs], 0.0)
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
-        starts, counts = bonds.pointers[touched].astype(np.int64), np.diff(bonds.pointers).astype(np.int64)[touched]
-        entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-        around = np.unique(bonds.pair_of[entries])
+        around = np.unique(bonds.pair_of[entries_of(bonds.pointers, touched)])
         self._divide_volumes(touched)
         if body.share.divided:
             body.bond_halo.fill(self.bond_shares)
@@ -126,24 +124,22 @@ class BondShares:
 
         They are n, 1/l, the volume for which the energy of each counts, and on a rank the part of it that is counted there.
         """
-        body = self._body
-        first, second = body.bonds.first[pairs], body.bonds.second[pairs]
-        counted = body.share.own[first] if body.share.divided else None
-        vectors = body.all_points[second] - body.all_points[first]
+        body, d = self._body, self._body.dimension
+        pairs = np.arange(len(body.bonds.first))[pairs]
+        vectors = body.all_points[body.bonds.second[pairs]] - body.all_points[body.bonds.first[pairs]]
         length = np.linalg.norm(vectors, axis=1)
-        blocks, size = -(-len(first) // BLOCK), body.dimension + (2 if counted is None else 3)
-        rows = np.zeros((size, blocks * BLOCK))
-        rows[:, : len(first)] = *(vectors / length[:, None]).T, 1 / length, weights, *(() if counted is None else (weights * counted,))
-        geometry = aligned_rows((blocks, size, BLOCK), precision)
-        geometry[:] = rows.reshape(size, blocks, BLOCK).transpose(1, 0, 2)
+        places, rows = np.arange(len(pairs)), d + (3 if body.share.divided else 2)
+        geometry = aligned_rows((-(-len(pairs) // BLOCK), rows, BLOCK), precision)
+        geometry[places // BLOCK, : d + 1, places % BLOCK] = np.column_stack([vectors / length[:, None], 1 / length])
+        self.put_weights(geometry, places, pairs, weights)
         return geometry
 
-    def renew_geometry(self, geometry: np.ndarray, pairs: np.ndarray) -> None:
-        """Write the weights of given pairs into the geometry of all pairs."""
-        geometry[pairs // BLOCK, self._body.dimension + 1, pairs % BLOCK] = self.bond_weights[pairs]
-        if self._body.share.divided:
-            counted = self._body.share.own[self._body.bonds.first[pairs]]
-            geometry[pairs // BLOCK, -1, pairs % BLOCK] = self.bond_weights[pairs] * counted
+    def put_weights(self, geometry: np.ndarray, places: np.ndarray, pairs: np.ndarray, weights: np.ndarray) -> None:
+        """Write the weights of given pairs of the body into the geometry, at their places among the pairs of the latter."""
+        body, d = self._body, self._body.dimension
+        geometry[places // BLOCK, d + 1, places % BLOCK] = weights
+        if body.share.divided:
+            geometry[places // BLOCK, d + 2, places % BLOCK] = weights * body.share.own[body.bonds.first[pairs]]
 
     def fill_end_shares(self, end_shares: np.ndarray, places: np.ndarray, pairs: np.ndarray, own: np.ndarray | None = None) -> None:
         """Write the shares that pairs have of the volumes of both their ends, shape (n_blocks, 2, BLOCK); ghosts have no volume.
@@ -194,11 +190,12 @@ class BondShares:
         n, d, chunks = len(body), body.dimension, kinematics.chunks
         gather = sum_moments[d].bind(moments, *self.pairs_of_points, stresses, chunks=chunks)
         total = np.zeros_like(self._node_parts) if len(ghosts) else np.empty_like(body.points)
-        common = forces, stresses, *self.pairs_of_points
-        sums = [point_forces[d].bind(*common, *self._of_points, unit, 0, self._node_parts, total, chunks=chunks)]
+        sum_forces = sum_pair_forces[d].bind(forces, *self.pairs_of_points, unit, total, chunks=chunks)
+        add_own = add_node_forces[d].bind(stresses, *self._of_points, unit, 0, self._node_parts, total, chunks=chunks)
+        passes = [weigh_moments[d].bind(stresses, kinematics.inverse_shape, body.volumes, chunks=chunks), sum_forces, add_own]
         if len(ghosts):
-            sums.append(point_forces[d].bind(*common, *self._of_ghosts, unit, n, self._node_parts, total, chunks=chunks))
-        weigh_and_sum = Chain(weigh_moments[d].bind(stresses, kinematics.inverse_shape, body.volumes, chunks=chunks), *sums)
+            passes.append(add_node_forces[d].bind(stresses, *self._of_ghosts, unit, n, self._node_parts, total, chunks=chunks))
+        weigh_and_sum = Chain(*passes)
 
         def to_points(out: np.ndarray, on_ghosts: tuple[np.ndarray, np.ndarray] | None = None) -> int:
             gather()
@@ -208,8 +205,9 @@ class BondShares:
             body.share.fill(stresses[:n])
             beside = None if others_of is None else others_of(stresses[:n])
             if not len(ghosts):
-                sums[0].give("out", out)
-            _, *without_force = weigh_and_sum()
+                sum_forces.give("out", out)
+                add_own.give("out", out)
+            _, _, *without_force = weigh_and_sum()
             if len(ghosts):
                 if on_ghosts is not None:
                     on_ghosts[1][:] = total[n:]
@@ -234,10 +232,10 @@ class BondShares:
         n, d, chunks = len(body), body.dimension, kinematics.chunks
         passes = [
             weigh_moments[d].bind(moments, kinematics.inverse_shape, body.volumes, chunks=chunks),
-            add_node_forces[d].bind(moments, *self._of_points, 0, self._node_parts, forces, chunks=chunks),
+            add_node_forces[d].bind(moments, *self._of_points, 1.0, 0, self._node_parts, forces, chunks=chunks),
         ]
         if len(ghosts):
-            passes.append(add_node_forces[d].bind(moments, *self._of_ghosts, n, self._node_parts, forces, chunks=chunks))
+            passes.append(add_node_forces[d].bind(moments, *self._of_ghosts, 1.0, n, self._node_parts, forces, chunks=chunks))
         weigh_and_add = Chain(*passes)
 
         def to_points() -> None:
@@ -247,10 +245,3 @@ class BondShares:
             ghosts.fold_forces(forces)
 
         return to_points
-
-
-def _pointers(numbers: np.ndarray, count: int) -> np.ndarray:
-    """Return where the entries of each number begin in a sorted list of them."""
-    pointers = np.zeros(count + 1, dtype=np.uint64)
-    pointers[1:] = np.cumsum(np.bincount(numbers, minlength=count))
-    return pointers

@@ -39,7 +39,8 @@ class LinearisedDilatation:
     """
 
     def __init__(self, binding: Binding, shares: BondShares, smoothing: Smoothing, dilatations: np.ndarray, pairs: SelectivePairs) -> None:
-        body, bonds, ghosts, kinematics = binding.body, binding.body.bonds, binding.body.ghosts, binding.kinematics
+        kinematics, body = binding.kinematics, binding.kinematics.body
+        bonds, ghosts = body.bonds, body.ghosts
         chunks, first, second = kinematics.chunks, pairs.points.first, pairs.points.second
         self._body, self._law, self._unit, self._dilatations = body, pairs.points.law, pairs.unit, dilatations
         self._smoothing, gradient_ghosts = smoothing.in_single_precision(), kinematics.gradient_ghosts
@@ -48,7 +49,7 @@ class LinearisedDilatation:
         derivatives = aligned_rows((len(first), length), np.float32)
         by_pair, means = np.zeros(len(first), dtype=np.float32), np.zeros(n, dtype=np.float32)
         self._linearise = dilatation.volume_derivatives[d].bind(
-            kinematics.positions, kinematics.gradients, first, second, pairs.geometry, pairs.buffers, derivatives, chunks=chunks
+            kinematics.positions, kinematics.gradients, (first, second, pairs.geometry), pairs.buffers, derivatives, chunks=chunks
         )
 
         displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))

@@ -1,4 +1,4 @@
-"""Homogeneous states of a small body by any force model: what a simulation gives where a test piece is stretched evenly."""
+"""Homogeneous states of a small body by any force model: the results of a simulation in which a test piece is stretched evenly."""
 
 from __future__ import annotations
 
@@ -13,33 +13,35 @@ from .protocol import ForceModel
 from .settings import ForceSettings
 
 SPACING = 0.25
-"""Of the points of the unit square or cube."""
+"""Spacing of the points of the unit square or cube."""
 
 TOLERANCE = 1e-9
-"""Of the free stretches of a state, relative."""
+"""Relative tolerance of the free stretches of a state."""
 
 MOST_STEPS = 30
-"""Of the search for them."""
+"""Most steps of the search for them."""
 
 
-def nominal_stresses(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> np.ndarray:
-    """Nominal stresses of a test piece by a force model bound to a small body, which is stretched evenly.
+def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return nominal stresses of a test piece by a force model bound to a small body, which is stretched evenly.
 
-    The positions are given; what nothing holds is found: the thickness by the force model itself, or, of a model of bodies in space, as
-    the stretch at which it has no stress, and the sides in uniaxial tension likewise.
+    The positions are given, and the free stretches are found: the thickness by the force model itself, or in three dimensions as the
+    stretch at which it has no stress, and the sides in uniaxial tension likewise.
 
     Parameters
     ----------
     model : ForceModel
     law : Law
-        Of the body.
+        Law of the body.
     stretches : ndarray, shape (n, 2)
         Along the stress and across it; the latter is NaN where nothing holds the sides.
 
     Returns
     -------
-    ndarray, shape (n,)
+    stresses : ndarray, shape (n,)
         P11, in the unit of the shear modulus; NaN where the model has no such state.
+    beyond : ndarray, shape (n,)
+        Distance of each state beyond the model's domain (`Domain.deviation`).
 
     Raises
     ------
@@ -49,16 +51,11 @@ def nominal_stresses(model: ForceModel, law: Law, stretches: Sequence[tuple[floa
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> from pdsurrogate.forces.homogeneous import nominal_stresses
-    >>> stress = nominal_stresses(pds.load_surrogate("neo-hookean"), pds.materials.NeoHookean(), [(1.5, float("nan"))])
+    >>> from pdsurrogate.forces.homogeneous import nominal_states
+    >>> stress, _ = nominal_states(pds.load_surrogate("neo-hookean"), pds.materials.NeoHookean(), [(1.5, float("nan"))])
     >>> round(float(stress[0]), 3)
     1.05
     """
-    return nominal_states(model, law, stretches)[0]
-
-
-def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return `nominal_stresses`, and by how much each state is beyond the model's domain (`Domain.deviation`), each of shape (n,)."""
     plane = "stress" if "stress" in model.honoured("stress").get("plane", ("stress",)) else "space"
     points = grid((0.0,) * dimension_of(plane), (1.0,) * dimension_of(plane), SPACING)
     body = Body(points, np.full(len(points), 1 / len(points)), 3.015 * SPACING, SPACING)
@@ -88,21 +85,16 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
 
 
 def _relaxed(stress_at, at: np.ndarray, free: list[int]) -> np.ndarray:
-    """Stresses where those along the free axes, which share one stretch, are zero, by the secant method; NaN if it does not come there."""
-    stress = stress_at(at)
+    """Return the stresses where those along the free axes, which share one stretch, are zero, by the secant method; NaN if it fails."""
+    stress, at = stress_at(at), at.copy()
     if not free:
         return stress
-    before, residual = at[free[0]] * (1 + 1e-4), stress[free].mean()
-    at, previous = at.copy(), None
+    before, moved = at[free[0]], at[free[0]] * (1 + 1e-4)
     for _ in range(MOST_STEPS):
-        if previous is None:
-            moved = before
-        else:
-            moved = at[free[0]] - residual * (at[free[0]] - previous[0]) / (residual - previous[1])
-        previous = at[free[0]], residual
-        at[free] = moved
+        previous, at[free] = stress[free].mean(), moved
         stress = stress_at(at)
         residual = stress[free].mean()
-        if abs(moved / previous[0] - 1) < TOLERANCE or residual == previous[1]:
+        if abs(moved / before - 1) < TOLERANCE or residual == previous:
             return stress
+        before, moved = moved, moved - residual * (moved - before) / (residual - previous)
     return np.full_like(stress, np.nan)

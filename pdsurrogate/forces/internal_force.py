@@ -1,9 +1,11 @@
-"""A body with its materials, bound to the terms of the internal force: all that solvers, measures, tests and runs may ask of it."""
+"""Internal force on a body: the sum of the terms of its materials."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import reduce
+from operator import add
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +14,7 @@ from ..body import Body
 from .interfaces import YIELDING, Interfaces
 from .kinematics import Kinematics
 from .settings import ForceSettings
-from .term import Binding, Release, StateArray
+from .term import Binding, Release
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import LinearOperator
@@ -22,9 +24,9 @@ if TYPE_CHECKING:
 
 
 class InternalForce:
-    """The internal force on the points of a body: the sum of the terms of its materials, which are one or several.
+    """Internal force on the points of a body: the sum of the terms of its one or several materials.
 
-    Force models make it by `ForceModel.bind`, and `bind_portions` for a body of several materials.
+    `ForceModel.bind` makes it for a body of one material, and `bind_portions` for a body of several.
 
     Parameters
     ----------
@@ -63,14 +65,16 @@ class InternalForce:
         Whether there are displacements from point to point that it does not resist.
     learnt_thickness : bool
         Whether J3 of the points is found with a learnt force, and not by the law.
-    learnt : Learnt
-        How far the state is from what the models have learnt.
+    learnt : Term
+        Term that knows how far the state is from what the models have learnt: `domain_deviation`, `beyond_data`, `member_deviation`.
     stiffness_moduli : float or ndarray, shape (n,)
         Shear modulus of the stiffness around a point: of several materials the mean over the bonds of a point, each of both its ends, since
         bonds across an interface stiffen all that they reach.
     force_scale : float or ndarray, shape (n,)
         Shear modulus by which the force on a point is measured: of several materials the greatest among the point and those that it is
         bonded to, since forces and their rounding are that large.
+    states : list of StateArray
+        All arrays that the next evaluation starts from, apart from positions and broken bonds.
     state_rows : dict of str
         What each array of `state_arrays` has a row for, see `StateArray`.
     evaluations : int
@@ -102,11 +106,13 @@ class InternalForce:
         self.terms = [kind(binding) for kind in kinds]
         self._further = np.empty_like(body.points) if len(kinds) > 1 else None
         self._forms = any(term.needs_gradients for term in self.terms)
-        first = self.terms[0]
-        self.correction, self.learnt = first.correction, first.learnt
+        self._watches = [watch for term in self.terms for watch in term.watches]
+        self.learnt = first = self.terms[0]
+        self.correction = first.correction
         self.has_tangent = all(term.has_tangent for term in self.terms)
         self.zero_energy_modes = all(term.zero_energy_modes for term in self.terms)
         self.nearly_incompressible, self.learnt_thickness = first.nearly_incompressible, first.learnt_thickness
+        self.states = [array for term in self.terms for array in term.state]
         self.state_rows = {array.name: array.rows for array in self.states}
         self.evaluations = self.pairs_outside = self.timed = 0
         self.seconds = 0.0
@@ -129,7 +135,7 @@ class InternalForce:
         return stiffness, greatest
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Internal force on every point per unit thickness at positions (n, d), written to `out` (n, d).
+        """Write the internal force on every point per unit thickness at positions (n, d) to `out` (n, d).
 
         Raises
         ------
@@ -139,29 +145,25 @@ class InternalForce:
             If bonds are outside the domain of a model, and the policy is to stop.
         """
         self.evaluations += 1
-        began, share, error = time.perf_counter(), self.body.share, None
+        began, error = time.perf_counter(), None
+        for watch in self._watches:
+            watch.found = 0
         try:
             with self.portions[0].model.guarded():
                 self._kinematics.place(positions, self._forms)
                 self._add_up([term.find for term in self.terms], out)
-        except RuntimeError as found:  # about the state, the domain, or a force of the user's own
-            if not share.divided:
-                raise
+        except RuntimeError as found:  # about the state, or a force of the user's own
             error = found
-        finally:
-            for term in self.terms:
-                self.pairs_outside += term.pairs_outside
-                term.pairs_outside = 0
-        share.agree(error)
-        if share.divided:
-            for watch in (watch for term in self.terms for watch in term.watches):
-                watch.settle()
-        share.clear(out)
+        self.pairs_outside += sum(watch.found for watch in self._watches)
+        for watch in self._watches:
+            watch.settle()
+        self.body.share.agree(error)
+        self.body.share.clear(out)
         self.seconds += time.perf_counter() - began
         self.timed += 1
 
     def _add_up(self, writers: Sequence[Callable[[np.ndarray], object]], out: np.ndarray) -> None:
-        """Write the sum of what functions write."""
+        """Write the sum of the forces that functions write."""
         first, *others = writers
         first(out)
         for write in others:
@@ -169,7 +171,7 @@ class InternalForce:
             out += self._further
 
     def pass_bonds(self, out: np.ndarray) -> None:
-        """Repeat the part of an evaluation that follows the points' own states, in the states last found; to time it by itself."""
+        """Repeat the part of an evaluation that follows the points' own states, in the states last found; its time is that of the bonds."""
         self._add_up([term.pass_bonds for term in self.terms], out)
 
     def place(self, positions: np.ndarray) -> None:
@@ -194,7 +196,7 @@ class InternalForce:
 
     @property
     def supported(self) -> np.ndarray:
-        """Which points have bonds enough for a deformation gradient, bool, shape (n,); for others F is the identity."""
+        """Flags of the points that have bonds enough for a deformation gradient, bool, shape (n,); for others F is the identity."""
         return self._kinematics.supported[: len(self.body)] != 0
 
     def volume_ratios(self) -> np.ndarray:
@@ -225,8 +227,7 @@ class InternalForce:
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """Return the force on the first point of given pairs, by default of all, in the state last evaluated, shape (k, d)."""
         chosen = slice(len(self.body.bonds.first)) if pairs is None else pairs
-        first, *others = self.terms
-        return sum((term.pair_forces(chosen) for term in others), first.pair_forces(chosen))
+        return reduce(add, (term.pair_forces(chosen) for term in self.terms))
 
     def forces_beside_pairs(self) -> np.ndarray | None:
         """Return forces on the points in the state last evaluated that no pair exerts, shape (n, d); None where there are none."""
@@ -238,11 +239,6 @@ class InternalForce:
         f are the forces that a plane exerts, and y the places where it does; None for a force without energy.
         """
         return self.terms[0].levers_on_planes()
-
-    @property
-    def states(self) -> list[StateArray]:
-        """All arrays that the next evaluation starts from, apart from positions and broken bonds."""
-        return [array for term in self.terms for array in term.state]
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """Return the values of `states` by name.
@@ -257,21 +253,18 @@ class InternalForce:
 
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d); on a rank, its share."""
-        first, *others = self.terms
-        return sum((term.mean_stress() for term in others), first.mean_stress())
+        return reduce(add, (term.mean_stress() for term in self.terms))
 
     def energy(self) -> float:
         """Return the stored energy per unit thickness in the state last evaluated, for a force that `has_energy`."""
-        first, *others = self.terms
-        return sum((term.energy() for term in others), first.energy())
+        return reduce(add, (term.energy() for term in self.terms))
 
     def tangent(self, positions: np.ndarray) -> LinearOperator:
         """Return the second derivative of the energy at positions (n, d), for a force that `has_tangent`.
 
         It is symmetric and of shape (n d, n d), in the order of ``positions.ravel()``; one product costs about one force evaluation.
         """
-        first, *others = self.terms
-        return sum((term.tangent(positions) for term in others), first.tangent(positions))
+        return reduce(add, (term.tangent(positions) for term in self.terms))
 
     def linearised_dilatation(self) -> LinearisedDilatation:
         """Return how the points' volume changes with the positions, for a force that is `nearly_incompressible`."""
@@ -309,7 +302,7 @@ class InternalForce:
         """Return energy and forces at the positions last set; NaN for the energy where there is none."""
         forces = np.zeros_like(self.body.points)
         self._kinematics.form_gradients()
-        self._add_up([term.pass_bonds for term in self.terms], forces)
+        self.pass_bonds(forces)
         return Release(self.energy(), forces)
 
     def collapsed_pairs(self) -> np.ndarray:
@@ -318,9 +311,9 @@ class InternalForce:
 
     @property
     def fraction_outside(self) -> float:
-        """Share of all pair evaluations so far that were outside the model's domain; pairs across an interface count twice."""
-        share, watches = self.body.share, [watch for term in self.terms for watch in term.watches]
-        outside, pairs = share.total(self.pairs_outside), share.total(sum(watch.n_pairs for watch in watches))
+        """Fraction of all pair evaluations so far that were outside the model's domain; pairs across an interface count twice."""
+        total = self.body.share.total
+        outside, pairs = total(self.pairs_outside), total(sum(watch.n_pairs for watch in self._watches))
         return outside / max(1, self.evaluations * pairs)
 
 

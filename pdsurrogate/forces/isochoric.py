@@ -1,15 +1,16 @@
-"""The isochoric energy of a bond, exact or learnt, for the pass over the pairs."""
+"""Isochoric energy of a bond, exact or learnt, for the pass over the pairs."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
-from ..engine.block_arrays import BLOCK
 from ..kernels.isochoric_energy import N_SIZES, OUTSIDE
 from ..kernels.selective_energy import RESULT_ROWS, evaluate_isochoric_energy
 from ..materials import PLANES, Law
+from .protocol import by_blocks
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class IsochoricEnergy:
     @property
     def arguments(self) -> tuple:
         """Arguments of kernels that evaluate the energy."""
-        return self.address, self.sizes, self.weights, self.response, self.parameters
+        return self.address, (self.sizes, self.weights, self.response, self.parameters)
 
     def count_outside(self) -> int:
         """Return the number of states found outside the domain since the last call."""
@@ -56,15 +57,7 @@ class IsochoricEnergy:
 
     def evaluate(self, *state) -> np.ndarray:
         """Return the result at states given as three vectors of n numbers, shape (4, n); these states are not counted."""
-        states, n = np.stack(state).astype(self.precision), len(state[0])
-        found, counted = np.empty((RESULT_ROWS, n)), self.sizes.copy()
-        for at in range(0, n, BLOCK):
-            size = min(BLOCK, n - at)
-            # The first state fills up the block, so that all of it are states.
-            rows = np.repeat(states[:, at : at + 1], BLOCK, axis=1)
-            result = np.empty((RESULT_ROWS, BLOCK), self.precision)
-            rows[:, :size] = states[:, at : at + size]
-            evaluate_isochoric_energy(*self.arguments, rows, result)
-            found[:, at : at + size] = result[:, :size]
+        counted = self.sizes.copy()
+        found = by_blocks(partial(evaluate_isochoric_energy, *self.arguments), np.stack(state), RESULT_ROWS, self.precision)
         self.sizes[:] = counted
         return found

@@ -116,10 +116,9 @@ class Kinematics:
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True
         self.body.ghosts.fill(reached)
-        outer = self._outer_pairs
-        own = [bonds.pair_of[bonds.pointers[i] : bonds.pointers[i + 1]] for i in touched]
+        own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self._outer_pairs
         beside = self.body.share.beside_halo(bonds.first, bonds.second)  # where other ranks may have broken pairs that are not here
-        return np.unique(np.concatenate([*own, outer[reached[bonds.second[outer]]], beside]))
+        return np.unique(np.concatenate([own, outer[reached[bonds.second[outer]]], beside]))
 
     @cached_property
     def pair_entries(self) -> tuple[np.ndarray, np.ndarray]:
@@ -196,6 +195,18 @@ class Kinematics:
         """Return F of the body's points, shape (n, d, d)."""
         self.form_gradients()
         return matrices(self.gradients[: len(self.body)])
+
+
+def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
+    """Return where the entries of each number begin in a sorted list of them."""
+    return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
+
+
+def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the numbers of the entries of given rows, row by row."""
+    starts = pointers[rows].astype(np.int64)
+    counts = pointers[rows + 1].astype(np.int64) - starts
+    return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
 
 
 def matrices(columns: np.ndarray) -> np.ndarray:

@@ -1,32 +1,29 @@
-"""What all learnt bond forces share: features in, outputs made into a force, a domain, a material."""
+"""Learnt bond forces: features in, outputs made into a force, a domain, a material."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
-from ..engine.compile import call_block, kernel
+from ..engine.block_arrays import TRACTION_ROWS
 from ..kernels.bond_state import along_and_across, lateral_stretch
-from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..materials import Law
 from .agreement import bond_states, check_agreement
-from .analytic import bond_arrays
-from .bond_force import BondStates, ForceSurrogate
-from .members import bond_deviations
+from .bond_force import AnalyticBondForce, BondStates, ForceSurrogate, bond_arrays
+from .members import greatest_deviations
 from .protocol import CompiledBondForce, Domain, Member
-
-N_OUTPUTS = 2
-"""Outputs of every learnt bond force; its feature set says what they mean."""
 
 
 @dataclass(frozen=True, repr=False)
 class LearntBondForce(ForceSurrogate):
-    """A learnt map from features of a bond to its dimensionless force.
+    """Learnt map from features of a bond to its dimensionless force.
+
+    A model that consists of arrays alone names them in `arrays`, fields that follow those of this class, and checks them in `check_arrays`.
 
     Parameters
     ----------
@@ -34,9 +31,9 @@ class LearntBondForce(ForceSurrogate):
     feature_set : str
         One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
     at_rest : ndarray, shape (2,)
-        Taken off the outputs.
+        Subtracted from the outputs.
     domain : Domain
-        Where it was trained.
+        States on which it was trained.
     law : str
         Name of the law that it describes.
     shape : mapping
@@ -45,7 +42,7 @@ class LearntBondForce(ForceSurrogate):
         Relative errors on the plane-stress surface, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
         of the training states; None without a card.
     members : tuple of Member, optional
-        Of its committee, where a run is to tell their deviation.
+        Members of its committee, in a run that reports their deviation.
     """
 
     name: str
@@ -58,39 +55,50 @@ class LearntBondForce(ForceSurrogate):
     members: tuple[Member, ...] = field(default=(), kw_only=True)
 
     kind: ClassVar[str]
+    arrays: ClassVar[tuple[str, ...]] = ()
     default_precision: ClassVar[str] = "float32"
 
     @property
     def facts(self) -> dict[str, str]:
-        """What a person wants to know of it first, in words."""
-        stretches = f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}"
-        error = {} if self.stated is None else {"RMS error": f"{self.stated['rms']:.2g}"}
-        return {**super().facts, "law": self.law, **self.shape, "stretches": stretches, **error}
+        """Main properties in words."""
+        return {**super().facts, **learnt_facts(self)}
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name} of {self.law}>"
 
     @abstractmethod
     def outputs(self, features: np.ndarray) -> np.ndarray:
-        """Outputs, before `at_rest` is taken off, for features of shape (n, n_features); shape (n, 2)."""
+        """Return the outputs, before `at_rest` is subtracted, for features of shape (n, n_features); shape (n, 2)."""
 
     @abstractmethod
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
-        """Address of the block function, its sizes and weights, and the rows of working memory it needs.
+        """Return the address of the block function, its sizes and weights, and the rows of working memory that it needs.
 
         The last `N_OUTPUTS` weights are `at_rest`.
         """
 
+    def payload(self) -> dict[str, np.ndarray | str]:
+        """Return the arrays of doubles and the names from which `from_payload` builds the same model."""
+        return {key: getattr(self, key) for key in ("feature_set", *self.arrays, "at_rest")}
+
     @classmethod
-    @abstractmethod
-    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> LearntBondForce:
-        """Build a model from what `payload` gave.
+    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
+        """Build a model from its payload.
 
         Raises
         ------
         ValueError
             If anything is missing, of the wrong shape, or not finite.
         """
+        check_payload(cls.kind, payload, {"feature_set": FEATURE_SETS}, (*cls.arrays, "at_rest"))
+        check_shape(payload["at_rest"], "at_rest", (N_OUTPUTS,))
+        arrays = {key: payload[key] for key in cls.arrays}
+        found = cls(name, payload["feature_set"], payload["at_rest"], domain, law, dict(shape), **arrays)
+        found.check_arrays()
+        return found
+
+    def check_arrays(self) -> None:
+        """Raise ValueError if an array of `arrays` is not of the right shape."""
 
     @property
     def features(self) -> tuple[str, ...]:
@@ -103,7 +111,6 @@ class LearntBondForce(ForceSurrogate):
         return FEATURE_SETS[self.feature_set].gives_transverse
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Dimensionless (t_n, t_tau) of theory (9); see `ForceSurrogate.bond_force`."""
         stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
         U_mm = lateral_stretch(a, b, J)
@@ -115,21 +122,25 @@ class LearntBondForce(ForceSurrogate):
         return along_and_across(T_nn, T_nm, a, b, stretch)
 
     def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        """Return the greatest deviation of the members' bond force (`bond_deviations`), shape (n,)."""
-        return bond_deviations(self, law, states)
+        def force_of(model: LearntBondForce, law: Law, some: slice) -> np.ndarray:
+            of = states.chosen(some)
+            inside = of.has_stretch_tensor & (model.domain.beyond_bounds(of.stretches, of.J**2 * of.C33) <= 0)
+            force = np.empty((len(inside), N_OUTPUTS))
+            for which, source in ((inside, model), (~inside, AnalyticBondForce(law))):
+                if which.any():
+                    force[which] = source.bond_force(*of.chosen(which).quantities())
+            return force
+
+        return greatest_deviations(self, law, force_of, len(states.a))
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Block function and packed weights in the given precision."""
-        address, sizes, weights, work_rows = self.packed(dtype)
-        features = FEATURE_SETS[self.feature_set]
+        """Return the block function and packed weights in the given precision."""
+        features, found = FEATURE_SETS[self.feature_set], CompiledBondForce(*self.packed(dtype))
         if features.anchored is not None and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9:
-            # Zero at rest is made zero as the kernel rounds it: take off what it gives there, beyond what is taken off already.
-            states = np.ones((STATE_ROWS, BLOCK), dtype=dtype)
-            states[1] = 0
-            work, traction = np.zeros((work_rows, BLOCK), dtype=dtype), np.zeros((TRACTION_ROWS, BLOCK), dtype=dtype)
-            evaluate_block(address, states, sizes, weights, work, traction)
-            weights[features.anchored - N_OUTPUTS] += traction[0, 0] / traction.dtype.type(features.rest_factor)
-        return CompiledBondForce(address, sizes, weights, work_rows, features.needs_length)
+            # Zero at rest is made zero as the kernel rounds it: its value there is subtracted, beyond what is subtracted already.
+            rest = found.evaluate(np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T, TRACTION_ROWS)[0, 0]
+            found.weights[features.anchored - N_OUTPUTS] += found.weights.dtype.type(rest / features.rest_factor)
+        return replace(found, needs_length=features.needs_length)
 
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material, or its forces are not those of the law as it is now."""
@@ -137,10 +148,11 @@ class LearntBondForce(ForceSurrogate):
         check_agreement(self, law, bond_states, self.bond_force, "analytic")
 
 
-@kernel
-def evaluate_block(address, states, sizes, weights, work, result):
-    """Evaluate a block; learnt models ask nothing of the material law, so none is handed over."""
-    call_block(address, states, sizes, weights, 0, work, work, work, result)
+def learnt_facts(model) -> dict[str, str]:
+    """Return what a learnt model describes, in words."""
+    stretches = f"{model.domain.least_stretch:g} to {model.domain.greatest_stretch:g}"
+    error = {} if model.stated is None else {"RMS error": f"{model.stated['rms']:.2g}"}
+    return {"law": model.law, **model.shape, "stretches": stretches, **error}
 
 
 def check_described(model, law: Law, shape: Mapping[str, float], exact: str) -> None:
@@ -176,29 +188,36 @@ def check_described(model, law: Law, shape: Mapping[str, float], exact: str) -> 
             )
 
 
-def checked_feature_set(payload: dict) -> str:
-    """The feature set named by a payload.
+def check_payload(kind: str, payload: dict, names: Mapping[str, Collection[str]], arrays: Sequence[str]) -> None:
+    """Check that a payload consists of known names and of arrays of finite doubles.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the model.
+    payload : dict
+    names : mapping
+        Names that are known, by key.
+    arrays : sequence of str
+        Keys of the arrays.
 
     Raises
     ------
     ValueError
-        If it is unknown.
+        If anything is missing, or anything else is there.
     """
-    if not isinstance(payload["feature_set"], str) or payload["feature_set"] not in FEATURE_SETS:
-        raise ValueError(f"unknown feature set {payload['feature_set']!r}")
-    return payload["feature_set"]
+    if set(payload) != {*names, *arrays}:
+        raise ValueError(f"{kind}: the payload has {', '.join([*names, *arrays])}, not {', '.join(payload)}")
+    for key, known in names.items():
+        if not isinstance(payload[key], str) or payload[key] not in known:
+            raise ValueError(f"unknown {key.replace('_', ' ')} {payload[key]!r}")
+    for key in arrays:
+        value = payload[key]
+        if not isinstance(value, np.ndarray) or value.dtype != np.float64 or not np.isfinite(value).all():
+            raise ValueError(f"{key} is not an array of finite doubles")
 
 
-def checked_array(value, what: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
-    """An array of finite doubles.
-
-    Raises
-    ------
-    ValueError
-        If it is anything else, or of another shape.
-    """
-    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or not np.isfinite(value).all():
-        raise ValueError(f"{what} is not an array of finite doubles")
-    if shape is not None and value.shape != shape:
-        raise ValueError(f"{what} has shape {value.shape}, not {shape}")
-    return value
+def check_shape(array: np.ndarray, what: str, shape: tuple[int, ...]) -> None:
+    """Raise ValueError if an array has another shape."""
+    if array.shape != shape:
+        raise ValueError(f"{what} has shape {array.shape}, not {shape}")

@@ -8,52 +8,50 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from ..engine.block_arrays import BLOCK
 from ..engine.compile import block_function_of, isochoric_energy_signature
 from ..kernels import isochoric_energy as kernel
 from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.domain import distance_coefficients
 from ..kernels.energy_density import (
     ENERGY_ROWS,
-    INVARIANT_ROWS,
     N_CONSTANTS,
     NETWORK_WORK_ROWS,
     network_energy_density,
     pack_network,
-    pack_units,
 )
+from ..kernels.network import GROUP, pack_units
 from ..materials import PLANES, Law
-from .agreement import check_agreement, invariant_states, isochoric_states, isochoric_stresses
+from .agreement import check_agreement, invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
 from .bond_energy import EnergySurrogate
 from .energy_density import EnergyDerivatives
 from .isochoric import IsochoricEnergy
-from .learnt import check_described, checked_array, evaluate_block
-from .members import point_deviations
+from .learnt import check_described, check_payload, check_shape, learnt_facts
+from .members import CHUNK, greatest_deviations
 from .pair_energy import PairEnergy
 from .protocol import CompiledBondForce, Domain, ForceModel, Member
 from .settings import OUTSIDE_POLICIES, PRECISIONS
 from .term import Term
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
-"""What an energy network sees: the logarithms of the area ratio and of cosh(log lambda_1/lambda_2); both vanish at rest."""
+"""Features of an energy network: the logarithms of the area ratio and of cosh(log lambda_1/lambda_2); both vanish at rest."""
 
 ISOCHORIC_FEATURES = ("log(I1bar/3)", "log(I2bar/3)")
-"""What a network of the isochoric energy sees.  Near rest both are quadratic in the strains and nearly equal.  A law of principal stretches
+"""Features of a network of the isochoric energy. Near rest both are quadratic in the strains and nearly equal. A law of principal stretches
 is smooth in them there too, as every smooth symmetric function of three logarithms with sum zero is of their second and third elementary
 symmetric functions."""
 
-CHUNK = 65_536
-"""States evaluated at once in NumPy."""
+ARRAYS = ("hidden_weights", "hidden_biases", "output_weights")
+"""Arrays of a network of an energy, as in its payload."""
 
 
 def energy_shape(law: Law) -> dict[str, float]:
-    """The dimensionless parameters that the plane-stress energy of a law depends on: with C33 condensed out, the bulk modulus is one."""
+    """Return the dimensionless parameters of the plane-stress energy of a law: with C33 condensed out, the bulk modulus is one."""
     return {**law.shape, "bulk_modulus/shear_modulus": law.bulk_modulus / law.shear_modulus}
 
 
 @dataclass(frozen=True, repr=False)
 class LearntEnergy(ForceModel):
-    """A network of one hidden layer for an energy of two invariants.
+    """Network of one hidden layer for an energy of two invariants.
 
     Parameters
     ----------
@@ -73,7 +71,7 @@ class LearntEnergy(ForceModel):
         Relative errors of the stress, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
         of the training states; None without a card.
     members : tuple of Member, optional
-        Of its committee, where a run is to tell their deviation.
+        Members of its committee, in a run that reports their deviation.
     """
 
     name: str
@@ -93,53 +91,42 @@ class LearntEnergy(ForceModel):
 
     @property
     def facts(self) -> dict[str, str]:
-        """What a person wants to know of it first, in words."""
-        stretches = f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}"
-        error = {} if self.stated is None else {"RMS error": f"{self.stated['rms']:.2g}"}
-        return {**super().facts, "law": self.law, **self.shape, "stretches": stretches, **error}
+        """Main properties in words."""
+        return {**super().facts, **learnt_facts(self)}
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name} of {self.law}>"
 
     @property
     def size(self) -> str:
-        """The model's size in words, for tables."""
+        """Return the size of the model in words, for tables."""
         return f"{self.output_weights.size} units"
 
     def payload(self) -> dict[str, np.ndarray | str]:
-        """Arrays of doubles and names that `from_payload` builds the same model from."""
-        return {
-            "activation": self.activation,
-            "hidden_weights": self.hidden_weights,
-            "hidden_biases": self.hidden_biases,
-            "output_weights": self.output_weights,
-        }
+        """Return the arrays of doubles and the name from which `from_payload` builds the same model."""
+        return {key: getattr(self, key) for key in ("activation", *ARRAYS)}
 
     @classmethod
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
-        """Build a model from what `payload` gave.
+        """Build a model from its payload.
 
         Raises
         ------
         ValueError
             If anything is missing, of the wrong shape, or not finite.
         """
-        keys = ("hidden_weights", "hidden_biases", "output_weights")
-        if set(payload) != {"activation", *keys}:
-            raise ValueError(f"an energy network's payload has activation, {', '.join(keys)}")
-        if not isinstance(payload["activation"], str) or payload["activation"] not in SMOOTH:
-            raise ValueError(f"unknown activation {payload['activation']!r}")
-        output = checked_array(payload["output_weights"], "output_weights")
-        if output.ndim != 1 or output.size == 0:
-            raise ValueError(f"output_weights has shape {output.shape}, not that of a vector")
-        biases = checked_array(payload["hidden_biases"], "hidden_biases", output.shape)
-        weights = checked_array(payload["hidden_weights"], "hidden_weights", (2, output.size))
-        return cls(name, payload["activation"], weights, biases, output, domain, law, dict(shape))
+        check_payload(cls.kind, payload, {"activation": SMOOTH}, ARRAYS)
+        units = payload["output_weights"].shape
+        if len(units) != 1 or units == (0,):
+            raise ValueError(f"output_weights has shape {units}, not that of a vector")
+        check_shape(payload["hidden_biases"], "hidden_biases", units)
+        check_shape(payload["hidden_weights"], "hidden_weights", (2, *units))
+        return cls(name=name, **payload, domain=domain, law=law, shape=dict(shape))
 
 
 @dataclass(frozen=True, repr=False)
 class EnergyNetwork(LearntEnergy, EnergySurrogate):
-    """A network for psi(tr C, J) of a sheet under plane stress, without energy and stress at rest by construction.
+    """Network for psi(tr C, J) of a sheet under plane stress, without energy and stress at rest by construction.
 
     Its features are `ENERGY_FEATURES` and its parameters those of `LearntEnergy`; the shape is that of `energy_shape`.
 
@@ -158,12 +145,12 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
 
     @property
     def _at_rest(self) -> tuple[float, float]:
-        """Sum over the units and its derivative by log J at rest, which are taken off."""
+        """Sum over the units and its derivative by log J at rest, which are subtracted."""
         value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
         return float((value * self.output_weights).sum()), float((slope * self.output_weights * self.hidden_weights[0]).sum())
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
-        """Energy and derivatives in NumPy; see `EnergySurrogate`.  The law is not asked: the network has learnt it."""
+        """Return the energy and its derivatives in NumPy, see `EnergySurrogate`; the network has learnt the law and does not use it."""
         trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
         rows = np.empty((6, J.size))
         for at in range(0, J.size, CHUNK):
@@ -190,19 +177,15 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
         )
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Block function and packed weights in the given precision."""
-        sizes, weights = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, 0.0, 0.0, dtype)
-        address = network_energy_density(ACTIVATIONS[self.activation], dtype).address
-        # Zero at rest is made zero as the kernel rounds it: take off what it gives there.
-        states = np.ones((INVARIANT_ROWS, BLOCK), dtype=dtype)
-        states[0] = 2
-        work, result = np.zeros((NETWORK_WORK_ROWS, BLOCK), dtype=dtype), np.zeros((ENERGY_ROWS, BLOCK), dtype=dtype)
-        evaluate_block(address, states, sizes, weights, work, result)
-        weights[-N_CONSTANTS] = result[0, 0]
+        """Return the block function and packed weights in the given precision."""
+        packed = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, dtype)
+        found = CompiledBondForce(network_energy_density(ACTIVATIONS[self.activation], dtype).address, *packed, NETWORK_WORK_ROWS)
+        # Zero at rest is made zero as the kernel rounds it: its values there are subtracted.
+        energy, by_trace, by_area = found.evaluate(np.array([[2.0], [1.0]]), ENERGY_ROWS)[:, 0].astype(dtype)
         # 2 psi_I + psi_J = dpsi/dlog J at rest, of which psi_I is half of dpsi/dlog(tr C/(2 J)).
-        weights[-N_CONSTANTS + 1] = result[2, 0] + 2 * result[1, 0]
-        weights[-N_CONSTANTS + 2] = weights[-N_CONSTANTS + 1]
-        return CompiledBondForce(address, sizes, weights, NETWORK_WORK_ROWS)
+        slope = by_area + 2 * by_trace
+        found.weights[-N_CONSTANTS:] = energy, slope
+        return found
 
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material, or its stress is not that of the law as it is now."""
@@ -216,7 +199,7 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
 
 @dataclass(frozen=True, repr=False)
 class IsochoricNetwork(LearntEnergy):
-    """A network for W(I1bar, I2bar), which serves plane strain, space and every bulk modulus: U(J) is the law's own.
+    """Network for W(I1bar, I2bar), which serves plane strain, space and every bulk modulus: U(J) is the law's own.
 
     Its features are `ISOCHORIC_FEATURES` and its parameters those of `LearntEnergy`; the shape is the law's, and a domain's stretches are
     the isochoric principal stretches.  Stress vanishes at rest, as that of every function of these invariants, and so does the energy.
@@ -238,7 +221,7 @@ class IsochoricNetwork(LearntEnergy):
 
     @property
     def honours(self) -> Mapping[str, tuple]:
-        # At plane stress every bond would ask it in every step of a Newton iteration for the thickness.
+        # Under plane stress every bond would evaluate it in every step of a Newton iteration for the thickness.
         return {
             "precision": PRECISIONS,
             "correction": ("none",),
@@ -255,7 +238,7 @@ class IsochoricNetwork(LearntEnergy):
         return (PairEnergy,)
 
     def isochoric_derivatives(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """W and its derivatives by I1bar and I2bar, of states of one shape, in NumPy."""
+        """Return W and its derivatives by I1bar and I2bar at states of one shape, in NumPy."""
         I1, I2 = (np.asarray(value, dtype=float)[..., None] for value in (I1, I2))
         w1, w2, v = *self.hidden_weights, self.output_weights
         value, slope, _ = ACTIVATIONS[self.activation](np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases)
@@ -266,7 +249,7 @@ class IsochoricNetwork(LearntEnergy):
 
     @property
     def _at_rest(self) -> float:
-        """Sum over the units at rest, which is taken off."""
+        """Sum over the units at rest, which is subtracted."""
         return float((ACTIVATIONS[self.activation](self.hidden_biases)[0] * self.output_weights).sum())
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
@@ -278,11 +261,21 @@ class IsochoricNetwork(LearntEnergy):
         guard = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
         distances = distance_coefficients(self.domain.least_stretch, self.domain.greatest_stretch)
         weights = np.concatenate([distances.ravel(), [self._at_rest], units])
-        return replace(exact, address=block.address, sizes=np.array([len(units) // 4, guard, 0]), weights=weights, precision=precision)
+        return replace(exact, address=block.address, sizes=np.array([len(units) // GROUP, guard, 0]), weights=weights, precision=precision)
 
     def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
-        """Return the greatest deviation of the members at three principal stretches of product 1 (`point_deviations`), shape (n,)."""
-        return point_deviations(self, law, stretches)
+        """Return the greatest deviation of the members' principal Kirchhoff stresses at stretches of product 1, shape (n,)."""
+
+        def stresses_of(model: IsochoricNetwork, law: Law, some: slice) -> np.ndarray:
+            squares = stretches[some].T ** 2
+            I1, I2 = squares.sum(axis=0), (1 / squares).sum(axis=0)
+            inside = model.domain.beyond_bounds(stretches[some]) <= 0
+            slopes = np.empty((2, len(I1)))
+            slopes[:, inside] = model.isochoric_derivatives(I1[inside], I2[inside])[1:]
+            slopes[:, ~inside] = isochoric_slopes(law, I1[~inside], I2[~inside])
+            return isochoric_stresses(squares, *slopes)
+
+        return greatest_deviations(self, law, stresses_of, len(stretches))
 
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material, or its stress is not that of the law as it is now."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
+from itertools import islice
 
 import numpy as np
 
@@ -14,10 +15,7 @@ from ..materials import PLANES, Law, plane_stress
 from .errors import InvalidState, at_point
 from .kinematics import Kinematics, matrices
 from .settings import ROTATION, ROTATIONS
-from .steps import Steps
-
-if TYPE_CHECKING:
-    from .surrogate_thickness import SurrogateThickness
+from .steps import Step, Steps
 
 
 class MaterialPoints:
@@ -58,8 +56,8 @@ class MaterialPoints:
         (cos, sin, J, C33), which bond forces read; empty in space.
     response, parameters
         Compiled response of the law and its parameters.
-    surrogate_thickness : SurrogateThickness or None
-        Solver of the plane-stress condition that replaces the law.
+    state_pass : BoundPass or None
+        Pass that finds volume ratios and records with a learnt force, in place of the law.
     """
 
     def __init__(
@@ -74,7 +72,7 @@ class MaterialPoints:
         body = kinematics.body
         self._kinematics, self.law, self.whole = kinematics, law, own is None
         self.response, self.parameters = PLANES[kinematics.plane].response.block(law), law.parameters
-        self.surrogate_thickness: SurrogateThickness | None = None
+        self.state_pass: BoundPass | None = None
         self._found_at = -1
         if own is None:
             self.numbers = self.pairs = slice(None)
@@ -114,10 +112,14 @@ class MaterialPoints:
         self.gradients[self._others] = interfaces.seen_gradients[others]
 
     @cached_property
-    def steps(self) -> list:
-        """Steps that find the states from the gradients, bound at their first use, when it is known who solves for the thickness."""
-        passes = [self._state_pass(), *([self._turn] if self._turn else [])]
-        return passes if self.whole else [self._take_ratios, *passes, self._keep_ratios]
+    def _passes(self) -> list[BoundPass]:
+        """Passes that find the states, bound at their first use, when it is known whether `state_pass` replaces the law."""
+        return [self.state_pass or self._pass_of_law(), *([self._turn] if self._turn else [])]
+
+    @property
+    def steps(self) -> list[Step]:
+        """Steps that find the states from the gradients; they count the points without a state."""
+        return self._passes if self.whole else [self._take_ratios, *self._passes, self._keep_ratios]
 
     @cached_property
     def _find(self) -> Steps:
@@ -129,17 +131,15 @@ class MaterialPoints:
     def _keep_ratios(self) -> None:
         self.kept_ratios[self.numbers] = self.volume_ratios
 
-    def _state_pass(self) -> BoundPass:
-        """Bind the pass that finds volume ratios and records, and counts the points without a state."""
-        kinematics, law = self._kinematics, (self.response.address, self.parameters)
-        arrays, chunks = (self.gradients, self.volume_ratios), kinematics.chunks
+    def _pass_of_law(self) -> BoundPass:
+        """Bind the pass that finds volume ratios and records by the law."""
+        kinematics, arrays = self._kinematics, (self.gradients, self.volume_ratios)
         if kinematics.plane == "space":
-            return node_state.volume_ratios[3].bind(*arrays, chunks=chunks)
+            return node_state.volume_ratios[3].bind(*arrays, chunks=kinematics.chunks)
         if kinematics.plane == "strain":
-            return node_state.held_states.bind(*arrays, self.records, chunks=chunks)
-        if self.surrogate_thickness is not None:
-            return self.surrogate_thickness.bind(*arrays, *law, self.records, chunks)
-        return node_state.node_states.bind(*arrays, *law, kinematics.scratch, self.records, chunks=chunks)
+            return node_state.held_states.bind(*arrays, self.records, chunks=kinematics.chunks)
+        law = self.response.address, self.parameters, kinematics.scratch
+        return node_state.node_states.bind(*arrays, *law, self.records, chunks=kinematics.chunks)
 
     def find(self) -> None:
         """Bring gradients, volume ratios and records up to date.
@@ -153,9 +153,9 @@ class MaterialPoints:
         if self._found_at != self._kinematics.changes:
             have_states([self], self._find())
 
-    def note(self, counts: list[int]) -> bool:
-        """Record that the steps have run with the given counts; return whether all points have a state."""
-        found = not sum(counts)
+    def note(self, counts: Iterator[int]) -> bool:
+        """Take the counts of its own passes; return whether all points have a state."""
+        found = not sum(islice(counts, len(self._passes)))
         self._found_at = self._kinematics.changes if found else -1
         if not found:
             self.kept_ratios[:] = 1.0  # so that a later evaluation starts afresh
@@ -173,9 +173,9 @@ class MaterialPoints:
 
         # Images too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
         F = matrices(self.gradients)
-        broken = np.flatnonzero(~np.isfinite(F).all(axis=(1, 2)))
-        if len(broken):
-            return at(int(broken[0]), "its deformation gradient is not finite")
+        finite = np.isfinite(F).all(axis=(1, 2))
+        if not finite.all():
+            return at(int(finite.argmin()), "its deformation gradient is not finite")
         J = np.linalg.det(F)
         if J.min() <= 0:
             return at(int(J.argmin()), f"det F = {J.min():.3g}: the material is turned inside out there")
@@ -200,12 +200,8 @@ def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]
     InvalidState
         Where a point has no state; names it.
     """
-    unsolved = []
-    for points in materials:
-        own = sum(isinstance(step, BoundPass) for step in points.steps)
-        if not points.note(counts[:own]):
-            unsolved.append(points)
-        counts = counts[own:]
+    left = iter(counts)
+    unsolved = [points for points in materials if not points.note(left)]
     if unsolved:
         raise InvalidState(unsolved[0].diagnose())
-    return counts
+    return list(left)

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import ClassVar
 
 import numpy as np
 
 from ..kernels.activations import ACTIVATIONS
-from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..kernels.network import MOST_HIDDEN, N_WORK_ROWS, network_block, network_outputs, pack
-from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
+from .learnt import LearntBondForce, check_payload, check_shape
 from .protocol import Domain
 
 LAYER = ("weights", "biases")
-"""What a layer consists of, in this order; a payload has both with the layer's number behind."""
+"""Parts of a layer, in this order; a payload has both with the layer's number behind."""
 
 
 @dataclass(frozen=True, repr=False)
 class NetworkForce(LearntBondForce):
-    """A network that maps features of a bond to its dimensionless force.
+    """Network that maps features of a bond to its dimensionless force.
 
     Parameters
     ----------
@@ -55,29 +56,23 @@ class NetworkForce(LearntBondForce):
         return block.address, sizes, weights, int(sizes[N_WORK_ROWS])
 
     def payload(self) -> dict[str, np.ndarray | str]:
-        names = {"feature_set": self.feature_set, "activation": self.activation}
         layers = {f"{key}_{n}": array for n, layer in enumerate(self.layers) for key, array in zip(LAYER, layer, strict=True)}
-        return {**names, **layers, "at_rest": self.at_rest}
+        return {"feature_set": self.feature_set, "activation": self.activation, **layers, "at_rest": self.at_rest}
 
     @classmethod
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> NetworkForce:
         n_layers = sum(key.startswith(LAYER[0]) for key in payload)
-        numbered = [[f"{key}_{n}" for key in LAYER] for n in range(n_layers)]
-        if set(payload) != {"feature_set", "activation", "at_rest"}.union(*numbered):
-            raise ValueError("a network's payload has feature_set, activation, at_rest, and weights_N and biases_N of every layer N")
-        feature_set = checked_feature_set(payload)
-        if not isinstance(payload["activation"], str) or payload["activation"] not in ACTIVATIONS:
-            raise ValueError(f"unknown activation {payload['activation']!r}")
+        keys = [[f"{key}_{n}" for key in LAYER] for n in range(n_layers)]
+        names = {"feature_set": FEATURE_SETS, "activation": ACTIVATIONS}
+        check_payload(cls.kind, payload, names, [*chain(*keys), "at_rest"])
         if not 2 <= n_layers <= MOST_HIDDEN + 1:
             raise ValueError(f"a network has one to {MOST_HIDDEN} hidden layers and an output layer")
-        layers, width = [], len(FEATURE_SETS[feature_set].names)
-        for number, keys in enumerate(numbered):
-            weights, biases = (checked_array(payload[key], key) for key in keys)
+        layers, width = tuple(tuple(payload[key] for key in pair) for pair in keys), len(FEATURE_SETS[payload["feature_set"]].names)
+        for number, (weights, biases) in enumerate(layers):
             if weights.ndim != 2 or biases.shape != weights.shape[1:] or weights.shape[0] != width or biases.size == 0:
                 raise ValueError(f"layer {number} has weights {weights.shape} and biases {biases.shape} after a layer of {width}")
-            layers.append((weights, biases))
             width = biases.size
         if width != N_OUTPUTS:
             raise ValueError(f"a bond-force network has {N_OUTPUTS} outputs, this one {width}")
-        at_rest = checked_array(payload["at_rest"], "at_rest", (N_OUTPUTS,))
-        return cls(name, feature_set, at_rest, domain, law, dict(shape), payload["activation"], tuple(layers))
+        check_shape(payload["at_rest"], "at_rest", (N_OUTPUTS,))
+        return cls(name, payload["feature_set"], payload["at_rest"], domain, law, dict(shape), payload["activation"], layers)

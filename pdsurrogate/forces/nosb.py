@@ -9,11 +9,9 @@ import numpy as np
 from ..engine.block_arrays import aligned_rows
 from ..kernels import nosb
 from ..materials import PLANES, solid
-from .errors import InvalidState, at_point
+from .errors import at_point
 from .kinematics import matrices
-from .material_points import have_states
 from .protocol import ForceModel
-from .steps import Steps
 from .term import Binding, Term
 
 
@@ -25,57 +23,34 @@ class PointStress(Term):
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
         kinematics, body, bonds, d = self.kinematics, self.body, self.body.bonds, self.body.dimension
-        self.materials = [binding.points_of(number) for number in range(len(binding.portions))]
-        self._stresses = aligned_rows((len(body.all_points), d * d))
+        self._stresses, self._parts, passes = aligned_rows((len(body.all_points), d * d)), [], []
         self._broken = np.zeros(len(bonds.first), dtype=bool)
-        # P K^-1 of points and images, of one material written where it belongs.
-        self._parts = [self._stresses if points.whole else aligned_rows((len(points.numbers), d * d)) for points in self.materials]
-        passes = [
-            nosb.weighted_stresses[d].bind(
-                points.gradients,
-                points.volume_ratios,
-                kinematics.inverse_shape[points.numbers],
-                points.law.shear_modulus,
-                points.response.address,
-                points.parameters,
-                kinematics.scratch,
-                stresses,
-                chunks=kinematics.chunks,
-            )
-            for points, stresses in zip(self.materials, self._parts, strict=True)
-        ]
+        for points in map(self.points_of, range(len(binding.portions))):
+            # P K^-1 of points and images; of one material it is written where it belongs.
+            stresses = self._stresses if points.whole else aligned_rows((len(points.numbers), d * d))
+            state = points.gradients, points.volume_ratios, kinematics.inverse_shape[points.numbers]
+            law = points.law.shear_modulus, points.response.address, points.parameters, kinematics.scratch
+            passes.append(nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks))
+            self._parts.append(stresses)
         sums = self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
-        self._sum = nosb.nosb_forces[d].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
-        steps = [*passes, self._sum] if binding.whole else [*passes, self._collect, self._sum]
-        self._find_forces = Steps(body.share, *steps)
-        self._find_all = Steps(body.share, *(step for points in self.materials for step in points.steps), *steps)
+        to_points = nosb.nosb_forces[d].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
+        self.bind_steps(*passes, *([] if binding.whole else [self._collect]), to_points)
 
     def _collect(self) -> None:
+        """Copy the stresses of each material's points to those of the body."""
         for points, stresses in zip(self.materials, self._parts, strict=True):
             self._stresses[points.numbers] = stresses
 
-    def find(self, out: np.ndarray) -> None:
-        self._sum.give("out", out)
-        *_, without_force = have_states(self.materials, self._find_all())
-        if without_force:
-            self._diagnose()
-        self.check_finite(out, without_force)
-
-    def pass_bonds(self, out: np.ndarray) -> None:
-        self._sum.give("out", out)
-        self._find_forces()
-
-    def _diagnose(self) -> None:
-        """Raise InvalidState if a point is known to have no stress, with the reason."""
-        if self.kinematics.plane == "stress":  # there a law ends at the thickness, which is found before
-            return
+    def diagnose(self, out: np.ndarray) -> str:
         F = self.kinematics.deformation_gradients()
-        for portion in self.binding.portions:
+        # Under plane stress a law ends at the thickness, which is found before.
+        for portion in () if self.kinematics.plane == "stress" else self.binding.portions:
             numbers = np.arange(len(F))[portion.points]
             for i in numbers[np.argsort(-np.linalg.norm(F[numbers], axis=(1, 2)))][:100]:
                 reason = solid.why_no_energy(portion.law, F[i])
                 if reason:
-                    raise InvalidState(at_point(self.body, int(i), f"{portion.law.name}: it has no stress: {reason}"))
+                    return at_point(self.body, int(i), f"{portion.law.name}: it has no stress: {reason}")
+        return super().diagnose(out)
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         bonds, body = self.body.bonds, self.body
@@ -90,7 +65,7 @@ class PointStress(Term):
 
 
 class NOSBForce(ForceModel):
-    """NOSB PD: t_i = w P_i K_i^-1 x.  Exact in homogeneous deformation; blind to modes that leave F alone.
+    """NOSB PD: t_i = w P_i K_i^-1 x. Exact in homogeneous deformation; blind to modes that leave F alone.
 
     Examples
     --------

@@ -1,6 +1,8 @@
-"""The energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
+"""Energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
@@ -16,12 +18,12 @@ from .errors import InvalidState, at_point
 from .kinematics import matrices
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
-from .term import Binding, DomainWatch, Learnt, Term, whole_volume
+from .term import Binding, Term, whole_volume
 from .volume_energy import VolumeEnergy
 
 
 class PairEnergy(Term):
-    """The energy of all pairs, each a function of its deformation gradient F_ij.
+    """Energy of all pairs, each a function of its deformation gradient F_ij.
 
     Under plane stress it is all of the energy. Where volumes are held, the energy is selective: isochoric at the pairs, and volumetric at
     the points (`VolumeEnergy`), which does not lock. Of several materials, each sees the bond and its ends as if the other moved as itself
@@ -45,65 +47,55 @@ class PairEnergy(Term):
         if self.selective is None:
             self.selective = binding.settings.plane != "stress"
         self.shares = BondShares(self.kinematics, binding.precision)
-        geometries = []
-        for number, portion in enumerate(binding.portions):
-            pairs, weights = self._pairs_of(number)
-            points = binding.points_of(number, pairs)
-            # The volumes of the pairs are found from the geometry of a selective energy.
-            geometries.append(self.shares.geometry(points.pairs, weights, "float64" if self.selective else binding.precision))
-            self.materials.append(points)
-            n_pairs = binding.count(points.pairs)
-            self.watches.append(DomainWatch(portion.model, n_pairs, binding.outside, "energy", "energy", body.share))
-        self.volume: VolumeEnergy | None = None
-        self._bind(geometries)
-        n_pairs, self._unit, others = len(bonds.first), 1.0, None
-        if whole:
-            (part,) = self._parts
-            self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
-            self.learnt = LearntPoints(self)
+        self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]
+        self._domain = self._model.domain if whole else None
+        owners = None if whole else binding.portion_of[self.kinematics.owners()]
+        own_bonds = [None if whole else owners == number for number in range(len(models))]
+        weights = [self._see(number, own) for number, own in enumerate(own_bonds)]
+        each, self.volume = list(zip(models, self.materials, weights, strict=True)), None
+        if self.selective:
+            volumes = [np.ones(len(points.first)) for points in self.materials]
+            all_volumes = volumes[0] if whole else np.concatenate(volumes)
+            starts = np.cumsum([0, *map(len, volumes)])
+            volumes = (all_volumes[start:end] for start, end in pairwise(starts))
+            further = zip(volumes, own_bonds, strict=True)
+            self._parts = [SelectivePairs(binding, self.shares, *one, *more) for one, more in zip(each, further, strict=True)]
+            self.volume = VolumeEnergy(binding, self.shares, self._parts, all_volumes)
         else:
-            self._forces, self._moments = (aligned_rows((n_pairs, size), binding.precision) for size in (d, d * d))
+            self._parts = [PairEnergies(binding, self.shares, *one) for one in each]
+        steps = self.volume.steps if self.selective else []
+        self._find = Steps(body.share, *steps, *(part.find for part in self._parts))
+        for model, points in zip(models, self.materials, strict=True):
+            self.watch(model, points, "energy", "energy")
+        if whole:
+            (part,), others = self._parts, None
+            self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
+        else:
+            self._forces, self._moments = (aligned_rows((len(bonds.first), size), binding.precision) for size in (d, d * d))
             total = len(body.all_points)
             self._seen_forces, self._seen_moments, others = np.zeros((total, d)), np.zeros((total, d * d)), self._on_jumps
+            self._unit = 1.0
         self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
         self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, others)
         self.has_tangent = whole and binding.precision == "float64" and not self.selective
         self.nearly_incompressible = whole and self.selective
 
-    def _pairs_of(self, number: int) -> tuple[np.ndarray | None, np.ndarray]:
-        """Return the pairs in which a material has energy, None if these are all, and the volumes for which they count."""
-        binding, bonds, shares = self.binding, self.body.bonds, self.shares
-        if binding.whole:
-            return None, shares.bond_weights
-        own = binding.portion_of[self.kinematics.owners()] == number
+    def _see(self, number: int, own: np.ndarray | None) -> np.ndarray:
+        """Bind the points of a material and the pairs in which it has energy; return the volumes for which these pairs count."""
+        shares, bonds = self.shares, self.body.bonds
+        if own is None:
+            self.points_of(number)
+            return shares.bond_weights
         weights = np.bincount(bonds.pair_of, shares.bond_shares * own, len(bonds.first))
-        pairs = np.flatnonzero(weights)
-        return pairs, weights[pairs]
-
-    def _bind(self, geometries: list[np.ndarray]) -> None:
-        """Bind the passes over the pairs of all materials."""
-        binding, models = self.binding, [portion.model for portion in self.binding.portions]
-        each = zip(models, self.materials, geometries, strict=True)
-        if not self.selective:
-            self._parts = [PairEnergies(binding, *of_material) for of_material in each]
-            self._find = Steps(self.body.share, *(part.find for part in self._parts))
-            return
-        starts = np.cumsum([0, *(len(points.first) for points in self.materials)])
-        volumes, owners, self._parts = np.ones(starts[-1]), None if binding.whole else binding.portion_of[self.kinematics.owners()], []
-        for number, of_material in enumerate(each):
-            part = SelectivePairs(binding, *of_material, volumes[starts[number] : starts[number + 1]])
-            pairs = np.arange(len(self.body.bonds.first))[part.points.pairs]
-            self.shares.fill_end_shares(part.end_shares, np.arange(len(pairs)), pairs, None if owners is None else owners == number)
-            self._parts.append(part)
-        self.volume = VolumeEnergy(binding, self.shares, self._parts, volumes)
-        self._find = Steps(self.body.share, *self.volume.steps, *(part.find for part in self._parts))
+        return weights[self.points_of(number, np.flatnonzero(weights)).pairs]
 
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self.pass_bonds(out)
         self.report(outside)
         if invalid or not np.isfinite(self._energy):
-            raise InvalidState(self._diagnose())
-        self.check_finite(out, without_force)
+            raise InvalidState(self._without_energy())
+        if without_force:
+            raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Find energy and forces from the gradients.
@@ -118,8 +110,7 @@ class PairEnergy(Term):
         self._find()
         outside, _, invalid = zip(*(part.counts() for part in self._parts), strict=True)
         if not any(invalid):
-            of_points = [self.volume.energy(number) if self.volume else 0.0 for number in range(len(self._parts))]
-            self._energy = sum(part.unit * (part.energy() + volume) for part, volume in zip(self._parts, of_points, strict=True))
+            self._energy = sum(part.unit * part.energy() for part in self._parts)
         if not self.binding.whole:
             self._collect()
         return list(outside), sum(invalid), self._to_points(out)
@@ -214,26 +205,23 @@ class PairEnergy(Term):
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self.shares.strength[pairs] = 0.0
         around = self.shares.renew(changed)
-        self.shares.renew_geometry(self._parts[0].geometry, around)
+        self.shares.put_weights(self._parts[0].geometry, around, around, self.shares.bond_weights[around])
         if self.volume is not None:
             self.volume.renew(around)
 
     def collapsed_pairs(self) -> np.ndarray:
         """Return the pairs that were turned inside out, or pressed below a third of their area or volume."""
         part = self._parts[0]
-        if self.selective:
-            J = part.volumes[: len(self.body.bonds.first)]
-        elif part.counts()[1]:
-            J = _areas(*self._columns())
-        else:
-            return np.empty(0, dtype=np.int64)
+        if not self.selective and not part.counts()[1]:
+            return super().collapsed_pairs()
+        J = part.volumes[: len(self.body.bonds.first)] if self.selective else np.linalg.det(self._gradients()[1])
         return np.flatnonzero((self.shares.bond_weights > 0) & ~(J > bond_energy.COLLAPSED))
 
     def volume_ratios(self) -> np.ndarray:
         if self.volume is None:
             return super().volume_ratios()
         self.kinematics.form_gradients()
-        self.body.share.agree(InvalidState(self._diagnose()) if self.volume.find_dilatations() else None)
+        self.body.share.agree(InvalidState(self._without_energy()) if self.volume.find_dilatations() else None)
         found = self.volume.dilatations.copy()
         if not self.binding.whole:
             found[self.binding.portion_of[: len(found)] == len(self.materials)] = 1.0
@@ -269,11 +257,10 @@ class PairEnergy(Term):
             raise ValueError("a tangent is formed for one material under plane stress in float64 only")
         kinematics, body, part, n, chunks = self.kinematics, self.body, self._parts[0], len(self.body), self.kinematics.chunks
         kinematics.place(positions)
-        c, e = self._columns()
-        weights = self.shares.bond_weights
-        alive = weights > 0
-        trace = np.where(alive, (c * c).sum(axis=1) + (e * e).sum(axis=1), 2.0)
-        energy = part.energy_derivatives(trace, np.where(alive, _areas(c, e), 1.0))
+        directions, F = self._gradients()
+        c, e = (np.einsum("bij,bj->bi", F, along) for along in (directions, np.stack([-directions[:, 1], directions[:, 0]], axis=1)))
+        weights, rest = self.shares.bond_weights, np.array([2.0, 1.0])
+        energy = part.energy_derivatives(*np.where(weights > 0, plane_stress.invariants(F), rest[:, None]))
         derivatives = energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area
         rows = np.zeros((9, len(part.geometry) * BLOCK))
         rows[:, : len(weights)] = *c.T, *e.T, *(weights * value for value in derivatives)
@@ -299,33 +286,40 @@ class PairEnergy(Term):
 
         return LinearOperator((2 * n, 2 * n), multiply, multiply, dtype=float)
 
-    def _reference_bonds(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return directions and lengths of all pairs at rest, and the vectors between their ends over these lengths."""
-        bonds, body, positions = self.body.bonds, self.body, self.kinematics.positions
-        vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
-        length = np.linalg.norm(vectors, axis=1)[:, None]
-        return vectors / length, length, (positions[bonds.second] - positions[bonds.first]) / length
+    def domain_deviation(self) -> np.ndarray | None:
+        return None if self._domain is None else self._domain.deviation(self._stretches())
 
-    def _mean_gradients(self) -> np.ndarray:
-        """Return the mean of the gradients of both ends of all pairs."""
+    def beyond_data(self) -> np.ndarray | None:
+        if not self.selective or self._domain is None or self._domain.hull is None:
+            return None
+        return self._domain.beyond_data(self._stretches()[self.body.share.own])
+
+    def member_deviation(self) -> np.ndarray | None:
+        if not self.selective or not self._model.members:
+            return None
+        return self._unit * self._model.member_deviations(self.materials[0].law, self._stretches())
+
+    def _stretches(self) -> np.ndarray:
+        """Return the principal stretches of the points; for a selective energy all three, over the cube root of their product."""
+        stretches = principal_stretches(self.kinematics.deformation_gradients())
+        if not self.selective:
+            return stretches
+        J = stretches.prod(axis=1, keepdims=True)
+        # In the plane the third one is held at 1.
+        return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
+
+    def _gradients(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return directions n and deformation gradients F_ij of all pairs, shapes (n_pairs, d) and (n_pairs, d, d) (theory (27))."""
         self.kinematics.form_gradients()
         bonds, gradients = self.body.bonds, self.kinematics.gradients
-        return matrices(gradients[bonds.first] + gradients[bonds.second]) / 2
+        vectors, between = (at[bonds.second] - at[bonds.first] for at in (self.body.all_points, self.kinematics.positions))
+        length = np.linalg.norm(vectors, axis=1)[:, None]
+        n, F = vectors / length, matrices(gradients[bonds.first] + gradients[bonds.second]) / 2
+        return n, F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
 
-    def _columns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return c = F_ij n and e = F_ij m of every pair in the plane, shape (n_pairs, 2) each."""
-        n, _, along = self._reference_bonds()
-        return along, np.einsum("bij,bj->bi", self._mean_gradients(), np.stack([-n[:, 1], n[:, 0]], axis=1))
-
-    def _gradients(self) -> np.ndarray:
-        """Return F_ij of every pair, shape (n_pairs, d, d) (theory (27))."""
-        n, _, along = self._reference_bonds()
-        F = self._mean_gradients()
-        return F + (along - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
-
-    def _diagnose(self) -> str:
+    def _without_energy(self) -> str:
         """Return a message that says which bond has no energy, and why."""
-        F = self._gradients()
+        _, F = self._gradients()
         with np.errstate(invalid="ignore"):  # numbers that are not finite are looked for
             bonds, alive, J = self.body.bonds, self.shares.bond_weights > 0, np.linalg.det(F)
         broken = alive & ~np.isfinite(J)
@@ -355,39 +349,3 @@ class PairEnergy(Term):
         except ValueError as error:
             return str(error)
         return None
-
-
-class LearntPoints(Learnt):
-    """How far the points of a body of one material are from what the model of its energy has learnt."""
-
-    def __init__(self, term: PairEnergy) -> None:
-        self._term, self._model = term, term.binding.portions[0].model
-
-    def domain_deviation(self) -> np.ndarray | None:
-        return None if self._model.domain is None else self._model.domain.deviation(self._stretches())
-
-    def beyond_data(self) -> np.ndarray | None:
-        if not self._term.selective or self._model.domain is None or self._model.domain.hull is None:
-            return None
-        body = self._term.body
-        return self._model.domain.beyond_data(self._stretches()[body.share.own])
-
-    def member_deviation(self) -> np.ndarray | None:
-        if not self._term.selective or not self._model.members:
-            return None
-        law = self._term.materials[0].law
-        return law.shear_modulus * self._model.member_deviations(law, self._stretches())
-
-    def _stretches(self) -> np.ndarray:
-        """Return the principal stretches of the points; for a selective energy all three, over the cube root of their product."""
-        stretches = principal_stretches(self._term.kinematics.deformation_gradients())
-        if not self._term.selective:
-            return stretches
-        J = stretches.prod(axis=1, keepdims=True)
-        # In the plane the third one is held at 1.
-        return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
-
-
-def _areas(c: np.ndarray, e: np.ndarray) -> np.ndarray:
-    """Return det F_ij in the plane from its columns along and across the bond."""
-    return c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]

@@ -1,4 +1,4 @@
-"""Passes that find the energies of the pairs of one material, and what they exert: all of the energy, or its isochoric part."""
+"""Passes that find the energies of the pairs of one material, and their forces: all of the energy, or its isochoric part."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from ..kernels.bond_force import FALL_BACK, UNGUARDED
 from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..materials import plane_stress
+from .bond_shares import BondShares
 from .energy_density import EnergyDerivatives, blended
 from .material_points import MaterialPoints
 from .protocol import EVERYWHERE
@@ -17,18 +18,21 @@ from .term import Binding
 
 
 class PairEnergies:
-    """The pass over the pairs of a material that finds all of their energy under plane stress.
+    """Pass over the pairs of a material that finds all of their energy under plane stress.
 
     Parameters
     ----------
     binding : Binding
+    shares : BondShares
     model : EnergySurrogate
     points : MaterialPoints
-    geometry : ndarray
-        See `BondShares.geometry`.
+    weights : ndarray
+        Volumes for which these pairs count.
 
     Attributes
     ----------
+    geometry : ndarray
+        See `BondShares.geometry`.
     unit : float
         Shear modulus of the material.
     forces : ndarray, shape (n_blocks * BLOCK, 2)
@@ -37,37 +41,27 @@ class PairEnergies:
     find : BoundPass
     """
 
-    def __init__(self, binding: Binding, model, points: MaterialPoints, geometry: np.ndarray) -> None:
-        self.model, self.points, self.geometry, self._outside = model, points, geometry, binding.outside
-        self.unit, precision, chunks, domain = points.law.shear_modulus, binding.precision, binding.kinematics.chunks, model.domain
-        self._compiled = compiled = model.compiled(precision)
-        self._exact = analytic_energy_density(precision)
+    def __init__(self, binding: Binding, shares: BondShares, model, points: MaterialPoints, weights: np.ndarray) -> None:
+        kinematics, precision, domain = binding.kinematics, binding.precision, model.domain
+        self.model, self.points, self._outside, self.unit = model, points, binding.outside, points.law.shear_modulus
+        self.geometry, threads = shares.geometry(points.pairs, weights, precision), kinematics.chunks.threads
+        compiled = model.compiled(precision)
         guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(binding.outside, bond_energy.COUNTED) if domain else UNGUARDED
-        self._counts, self._energies = np.zeros((chunks.number, 3), dtype=np.int64), np.zeros(len(geometry))
+        self._counts, self._energies = np.zeros((kinematics.chunks.number, 3), dtype=np.int64), np.zeros(len(self.geometry))
         self.forces, self.moments = aligned_rows((len(points.first), 2), precision), aligned_rows((len(points.first), 4), precision)
+        buffers = aligned_rows((threads, bond_energy.BUFFER_ROWS, BLOCK), precision), aligned_rows((threads, 4, BLOCK))
         self.find = bond_energy.pair_energies.bind(
             points.positions,
             points.gradients,
-            points.first,
-            points.second,
-            geometry,
+            (points.first, points.second, self.geometry),
             compiled.address,
-            compiled.sizes,
-            compiled.weights,
-            self._exact.address,
-            points.response.address,
-            points.parameters,
+            analytic_energy_density(precision).address,
+            (compiled.sizes, compiled.weights, points.response.address, points.parameters),
             guard,
             (domain or EVERYWHERE).limits(precision),
-            aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK), precision),
-            aligned_rows((chunks.threads, 4, BLOCK)),
-            aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),
-            binding.kinematics.scratch,
-            self._counts,
-            self._energies,
-            self.forces,
-            self.moments,
-            chunks=chunks,
+            (*buffers, compiled.memory(threads, precision), kinematics.scratch),
+            (self._counts, self._energies, self.forces, self.moments),
+            chunks=kinematics.chunks,
         )
 
     def energy(self) -> float:
@@ -88,21 +82,18 @@ class PairEnergies:
 
 
 class SelectivePairs:
-    """The passes over the pairs of a material that find their volumes, their isochoric energy, and the forces of that and of pressures.
+    """Passes over the pairs of a material that find their volumes, their isochoric energy, and the forces of that and of pressures.
 
-    The energies of the pairs and what they exert may be in single precision. Their volumes are not: a pressure is K/mu times the error of
-    one.
+    Energies and forces of the pairs may be in single precision. Their volumes are not: a pressure is K/mu times the error of one.
 
     Parameters
     ----------
-    binding : Binding
-    model : ForceModel
-        Model with an `isochoric_energy`.
-    points : MaterialPoints
-    geometry : ndarray
-        See `BondShares.geometry`.
+    binding, shares, model, points, weights
+        As those of `PairEnergies`; the model has an `isochoric_energy`.
     volumes : ndarray, shape (n_blocks * BLOCK,)
         For det F_ij.
+    own : ndarray of bool, shape (n_bonds,), or None
+        Directed bonds of the material's points; None if these are all.
 
     Attributes
     ----------
@@ -114,6 +105,8 @@ class SelectivePairs:
         As those of `PairEnergies`, in the precision of the isochoric energy.
     buffers : ndarray
         Working memory in doubles.
+    volume_energies : ndarray
+        Volumetric energies of blocks of the material's points, over the shear modulus (`VolumeEnergy`).
     end_shares : ndarray, shape (n_blocks, 2, BLOCK)
         Shares of the volumes of both ends, see `BondShares.fill_end_shares`.
     find_volumes : BoundPass
@@ -121,35 +114,32 @@ class SelectivePairs:
     find : BoundPass
     """
 
-    def __init__(self, binding: Binding, model, points: MaterialPoints, geometry: np.ndarray, volumes: np.ndarray) -> None:
+    def __init__(
+        self, binding: Binding, shares: BondShares, model, points: MaterialPoints, weights: np.ndarray, volumes: np.ndarray, own
+    ) -> None:
         dimension, chunks = points.positions.shape[1], binding.kinematics.chunks
-        self.model, self.points, self.geometry, self.volumes, self.unit = model, points, geometry, volumes, points.law.shear_modulus
+        self.model, self.points, self.volumes, self.unit = model, points, volumes, points.law.shear_modulus
+        self.geometry = geometry = shares.geometry(points.pairs, weights, "float64")  # the volumes are found from it
         self.isochoric = isochoric = model.isochoric_energy(points.law, binding.settings.plane, binding.outside, binding.precision)
-        self.pressures = np.zeros(len(points.positions))
+        self.pressures, self.volume_energies = np.zeros(len(points.positions)), np.zeros(0)
         self.end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))
+        pairs = np.arange(len(binding.kinematics.body.bonds.first))[points.pairs]
+        shares.fill_end_shares(self.end_shares, np.arange(len(pairs)), pairs, own)
         self.buffers = aligned_rows((chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1)
         precision = isochoric.precision
         in_its_precision = self.buffers if precision == "float64" else aligned_rows(self.buffers.shape, precision, 1)
         self.forces = aligned_rows((len(points.first), dimension), precision)
         self.moments = aligned_rows((len(points.first), dimension**2), precision)
         places, pairs = (points.positions, points.gradients), (points.first, points.second, geometry)
-        self.find_volumes = selective_energy.pair_volumes[dimension].bind(*places, *pairs, self.buffers, volumes, chunks=chunks)
+        self.find_volumes = selective_energy.pair_volumes[dimension].bind(*places, pairs, self.buffers, volumes, chunks=chunks)
+        results = self._energies, self.forces, self.moments
         self.find = selective_energy.pair_energies[dimension].bind(
-            *places,
-            self.pressures,
-            *pairs,
-            self.end_shares,
-            *isochoric.arguments,
-            in_its_precision,
-            self._energies,
-            self.forces,
-            self.moments,
-            chunks=chunks,
+            *places, self.pressures, pairs, self.end_shares, *isochoric.arguments, in_its_precision, results, chunks=chunks
         )
 
     def energy(self) -> float:
-        """Return the isochoric energy last found, over the shear modulus."""
-        return float(sum_in_order(self._energies))
+        """Return the energy last found, over the shear modulus."""
+        return float(sum_in_order(self._energies)) + float(sum_in_order(self.volume_energies))
 
     def counts(self) -> tuple[int, int, int]:
         """Return the number of pairs outside the domain of a learnt energy since the last call; those inside out are found before."""

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..kernels.polynomial import MOST_DEGREE, pack, polynomial_block
-from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
-from .protocol import Domain
+from .learnt import LearntBondForce, check_shape
 
 
 @dataclass(frozen=True, repr=False)
 class PolynomialForce(LearntBondForce):
-    """A sum of products of Chebyshev polynomials in two features.
+    """Sum of products of Chebyshev polynomials in two features.
 
     Parameters
     ----------
     centre, half_width : ndarray, shape (2,)
-        Features are mapped to (x - centre)/half_width, [-1, 1] where it was trained.
+        Features are mapped to (x - centre)/half_width, which is in [-1, 1] for the training states.
     coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
-        Of T_i(x1) T_j(x2), by output.
+        Coefficients of T_i(x1) T_j(x2), by output.
 
     Examples
     --------
@@ -37,6 +35,7 @@ class PolynomialForce(LearntBondForce):
     coefficients: np.ndarray
 
     kind: ClassVar[str] = "bond-force-polynomial"
+    arrays: ClassVar[tuple[str, ...]] = ("centre", "half_width", "coefficients")
 
     @property
     def size(self) -> str:
@@ -52,29 +51,16 @@ class PolynomialForce(LearntBondForce):
         block = polynomial_block(FEATURE_SETS[self.feature_set], counts, dtype)
         return block.address, np.zeros(1, dtype=np.int64), weights, 0
 
-    def payload(self) -> dict[str, np.ndarray | str]:
-        return {
-            "feature_set": self.feature_set,
-            "centre": self.centre,
-            "half_width": self.half_width,
-            "coefficients": self.coefficients,
-            "at_rest": self.at_rest,
-        }
-
-    @classmethod
-    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> PolynomialForce:
-        if set(payload) != {"feature_set", "centre", "half_width", "coefficients", "at_rest"}:
-            raise ValueError("a polynomial's payload has feature_set, centre, half_width, coefficients and at_rest")
-        feature_set = checked_feature_set(payload)
-        if len(FEATURE_SETS[feature_set].names) != 2:
-            raise ValueError(f"a polynomial takes two features, {feature_set} are {len(FEATURE_SETS[feature_set].names)}")
-        centre, half_width = (checked_array(payload[key], key, (2,)) for key in ("centre", "half_width"))
-        if not (half_width > 0).all():
+    def check_arrays(self) -> None:
+        count = len(self.features)
+        if count != 2:
+            raise ValueError(f"a polynomial takes two features, {self.feature_set} are {count}")
+        for key in ("centre", "half_width"):
+            check_shape(getattr(self, key), key, (2,))
+        if not (self.half_width > 0).all():
             raise ValueError("half_width must be positive")
-        coefficients = checked_array(payload["coefficients"], "coefficients")
-        if coefficients.ndim != 3 or coefficients.shape[0] != N_OUTPUTS:
-            raise ValueError(f"coefficients have shape {coefficients.shape}, not ({N_OUTPUTS}, degree + 1, degree + 1)")
-        if not all(1 <= length <= MOST_DEGREE + 1 for length in coefficients.shape[1:]):
+        shape = self.coefficients.shape
+        if len(shape) != 3 or shape[0] != N_OUTPUTS:
+            raise ValueError(f"coefficients have shape {shape}, not ({N_OUTPUTS}, degree + 1, degree + 1)")
+        if not all(1 <= length <= MOST_DEGREE + 1 for length in shape[1:]):
             raise ValueError(f"the degrees must be 0 to {MOST_DEGREE}")
-        at_rest = checked_array(payload["at_rest"], "at_rest", (N_OUTPUTS,))
-        return cls(name, feature_set, at_rest, domain, law, dict(shape), centre, half_width, coefficients)

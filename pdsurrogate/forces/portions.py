@@ -43,7 +43,7 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     families = {portion.model.family: portion.model.name for portion in portions}
     if len(families) > 1:
         raise ValueError(f"the materials of a body take force models of one kind, not {' and '.join(sorted(families.values()))}")
-    if settings.breakable:
+    if settings.breakable and (len(portions) > 1 or len(rigid)):
         raise ValueError("bonds that break (fracture) are taken in a body of one material only: leave out fracture or materials")
     merged = _merged(portions)
     if len(merged) > 1 and (asked := [portion.model.name for portion in merged if portion.model.members]):

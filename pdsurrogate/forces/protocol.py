@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
+from ..engine.compile import call_block, kernel
 from ..html_tables import html_facts
 from ..kernels.bond_state import LEAST_NORMAL_STRETCH
 from ..materials import Law
@@ -92,23 +94,43 @@ EVERYWHERE = Domain(0.0, np.inf, 0.0, np.inf)
 """All states in which a bond has a stretch tensor."""
 
 
+@kernel
+def _call(address, arguments):
+    """Call the block function at an address."""
+    call_block(address, *arguments)
+
+
+def by_blocks(evaluate: Callable[[np.ndarray, np.ndarray], object], states: np.ndarray, n_rows: int, dtype) -> np.ndarray:
+    """Return the result, shape (n_rows, n), of a function of blocks of states and results for any number of states (rows, n)."""
+    n = states.shape[1]
+    found = np.empty((n_rows, n))
+    for at in range(0, n, BLOCK):
+        size = min(BLOCK, n - at)
+        # The first state fills up the block, so that all of it are states.
+        rows, result = np.repeat(states[:, at : at + 1], BLOCK, axis=1).astype(dtype), np.zeros((n_rows, BLOCK), dtype)
+        rows[:, :size] = states[:, at : at + size]
+        evaluate(rows, result)
+        found[:, at : at + size] = result[:, :size]
+    return found
+
+
 @dataclass(frozen=True)
 class CompiledBondForce:
-    """A bond force ready for the bond pass.
+    """Block function of a bond force or an energy, ready for the pass over the pairs.
 
     Attributes
     ----------
     address : int
-        Of the block function (`pdsurrogate.engine.compile.bond_force_signature`).
+        Address of the block function (`pdsurrogate.engine.compile.bond_force_signature`).
     sizes : ndarray of int64
     weights : ndarray, in the precision of the bond pass
     work_rows : int
         Rows of working memory that it needs, in that precision.
     needs_length : bool
-        Whether it reads the last row of its states, l/horizon, which is filled for nobody else.
+        Whether it reads the last row of its states, l/horizon, which is not filled otherwise.
     asks_law : bool
-        Whether it asks the response that the pass hands over, which says what the thickness does.  The force of every other is that of a
-        thickness without stress; plane strain adds the pressure to it (`pdsurrogate.forces.plane_strain`).
+        Whether it uses the response that the pass hands over, which includes the state of the thickness. Every other force is that of a
+        thickness without stress; plane strain adds the pressure to it (`pdsurrogate.forces.bond_force.in_plane_strain`).
     """
 
     address: int
@@ -117,6 +139,29 @@ class CompiledBondForce:
     work_rows: int
     needs_length: bool = False
     asks_law: bool = False
+
+    @property
+    def arguments(self) -> tuple[int, np.ndarray, np.ndarray]:
+        """Arguments of kernels that evaluate the force."""
+        return self.address, self.sizes, self.weights
+
+    def memory(self, threads: int, dtype) -> np.ndarray:
+        """Return working memory for every thread."""
+        return aligned_rows((threads, max(self.work_rows, 1), BLOCK), dtype)
+
+    def evaluate(self, states: np.ndarray, n_rows: int, response: int = 0, parameters: np.ndarray | None = None) -> np.ndarray:
+        """Return the result, shape (n_rows, n), at states (rows, n), in double; for checking, not for speed.
+
+        `response` and `parameters` are those of the law, which models without a law of their own need.
+        """
+        dtype = self.weights.dtype
+        law = response, np.zeros(1) if parameters is None else parameters
+        memory = self.memory(1, dtype)[0], np.zeros((SCRATCH_ROWS, BLOCK))
+
+        def evaluate(rows: np.ndarray, result: np.ndarray) -> None:
+            _call(self.address, (rows, self.sizes, self.weights, *law, *memory, result))
+
+        return by_blocks(evaluate, states, n_rows, dtype)
 
 
 @dataclass(frozen=True)

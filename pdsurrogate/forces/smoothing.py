@@ -9,6 +9,7 @@ from ..body import Body
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import dilatation, selective_energy
+from .kinematics import entries_of, pointers_to
 
 SLAB = 4_000_000
 """Pairs that are looked at together while a body is prepared, so that passing arrays stay small beside the body's own."""
@@ -49,8 +50,7 @@ class Smoothing:
         rows = np.concatenate([first, second[within]])
         order = np.argsort(rows, kind="stable")
         rows, self._columns = rows[order], np.concatenate([second, first[within]])[order]
-        self._pointers = np.zeros(n + 1, dtype=np.uint64)
-        self._pointers[1:] = np.cumsum(np.bincount(rows, minlength=n))
+        self._pointers = pointers_to(rows, n)
         self._volumes, self._most = body.volumes, 1 - 0.5**body.dimension
         raw = np.concatenate([weights, weights[within]])[order]
         self._share = body.share
@@ -64,7 +64,7 @@ class Smoothing:
 
     def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
         """The pass that smooths values at the points (n,) into the first n of another array."""
-        return selective_energy.smooth.bind(self._pointers, self._columns, self._weights, self._own, values, out, chunks=chunks)
+        return selective_energy.smooth.bind((self._pointers, self._columns, self._weights, self._own), values, out, chunks=chunks)
 
     def in_single_precision(self) -> SinglePrecisionSmoothing:
         """The same for what needs no more digits."""
@@ -96,10 +96,9 @@ class Smoothing:
         return self._most / np.maximum(shares, self._most)
 
     def _entries(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Entries of given rows, and which row each is of."""
-        starts = self._pointers[rows].astype(np.int64)
-        counts = self._pointers[rows + 1].astype(np.int64) - starts
-        return np.repeat(rows, counts), np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+        """Return the row of every entry of given rows, and the numbers of these entries."""
+        counts = np.diff(self._pointers).astype(np.int64)[rows]
+        return np.repeat(rows, counts), entries_of(self._pointers, rows)
 
 
 class SinglePrecisionSmoothing:
@@ -122,10 +121,9 @@ class SinglePrecisionSmoothing:
 
     def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
         """See `Smoothing.bind`."""
-        return selective_energy.smooth.bind(*self._matrix, values, out, chunks=chunks)
+        return selective_energy.smooth.bind(self._matrix, values, out, chunks=chunks)
 
     def bind_sum(self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks) -> BoundPass:
         """The pass that writes a multiple of the smoothed values, plus three others (factor, values), of which `out` may be one."""
-        (of_first, first), (of_second, second), (of_third, third) = others
-        rest = factor, first, float(of_first), second, float(of_second), third, float(of_third)
-        return dilatation.smooth_and_add.bind(*self._matrix, values, *rest, out, chunks=chunks)
+        others = tuple((float(of_other), other) for of_other, other in others)
+        return dilatation.smooth_and_add.bind(self._matrix, values, factor, others, out, chunks=chunks)

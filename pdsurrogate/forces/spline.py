@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import ClassVar
 
 import numpy as np
 
-from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..kernels.spline import FEATURES, SUPPORT, WORK_ROWS, cubic_weights, pack, spline_block
-from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
-from .protocol import Domain
+from .learnt import LearntBondForce, check_shape
 
 MOST_COEFFICIENTS = 2**20
-"""Of a table: so many places are counted exactly in single precision, too."""
+"""Most entries of a table: so many places are counted exactly in single precision, too."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SplineForce(LearntBondForce):
-    """A cubic spline of two or three features, with two continuous derivatives; beyond its box it has the value at the box's edge.
+    """Cubic spline of two or three features, with two continuous derivatives; beyond its box it has the value at the box's edge.
 
     Parameters
     ----------
     low, step : ndarray, shape (n,)
         Lower end of the box by feature, and the width of a cell.
     coefficients : ndarray, shape (2, cells_1 + 3, …, cells_n + 3)
-        Of the B-splines, by output.
+        Coefficients of the B-splines, by output.
 
     Examples
     --------
@@ -41,6 +39,7 @@ class SplineForce(LearntBondForce):
     coefficients: np.ndarray
 
     kind: ClassVar[str] = "bond-force-spline"
+    arrays: ClassVar[tuple[str, ...]] = ("low", "step", "coefficients")
 
     @property
     def size(self) -> str:
@@ -62,32 +61,15 @@ class SplineForce(LearntBondForce):
         sizes, weights = pack(self.low, self.step, self.coefficients, self.at_rest, dtype)
         return spline_block(FEATURE_SETS[self.feature_set], dtype).address, sizes, weights, WORK_ROWS
 
-    def payload(self) -> dict[str, np.ndarray | str]:
-        return {
-            "feature_set": self.feature_set,
-            "low": self.low,
-            "step": self.step,
-            "coefficients": self.coefficients,
-            "at_rest": self.at_rest,
-        }
-
-    @classmethod
-    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> SplineForce:
-        if set(payload) != {"feature_set", "low", "step", "coefficients", "at_rest"}:
-            raise ValueError("a spline's payload has feature_set, low, step, coefficients and at_rest")
-        feature_set = checked_feature_set(payload)
-        count = len(FEATURE_SETS[feature_set].names)
+    def check_arrays(self) -> None:
+        count, shape = len(self.features), self.coefficients.shape
         if count not in FEATURES:
-            raise ValueError(f"a spline takes two or three features, {feature_set} are {count}")
-        low, step = (checked_array(payload[key], key, (count,)) for key in ("low", "step"))
-        if not (step > 0).all():
+            raise ValueError(f"a spline takes two or three features, {self.feature_set} are {count}")
+        for key in ("low", "step"):
+            check_shape(getattr(self, key), key, (count,))
+        if not (self.step > 0).all():
             raise ValueError("step must be positive")
-        coefficients = checked_array(payload["coefficients"], "coefficients")
-        if coefficients.ndim != 1 + count or coefficients.shape[0] != N_OUTPUTS or min(coefficients.shape[1:]) < SUPPORT:
-            raise ValueError(
-                f"coefficients have shape {coefficients.shape}, not {N_OUTPUTS} and at least {SUPPORT} by each of {count} features"
-            )
-        if coefficients.size > MOST_COEFFICIENTS:
-            raise ValueError(f"there are {coefficients.size} coefficients, at most {MOST_COEFFICIENTS} are taken")
-        at_rest = checked_array(payload["at_rest"], "at_rest", (N_OUTPUTS,))
-        return cls(name, feature_set, at_rest, domain, law, dict(shape), low, step, coefficients)
+        if len(shape) != 1 + count or shape[0] != N_OUTPUTS or min(shape[1:]) < SUPPORT:
+            raise ValueError(f"coefficients have shape {shape}, not {N_OUTPUTS} and at least {SUPPORT} by each of {count} features")
+        if self.coefficients.size > MOST_COEFFICIENTS:
+            raise ValueError(f"there are {self.coefficients.size} coefficients, at most {MOST_COEFFICIENTS} are taken")

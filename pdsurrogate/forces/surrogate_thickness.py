@@ -8,54 +8,32 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import surrogate_thickness
-from ..materials import Law, plane_stress
+from ..materials import plane_stress
+from .material_points import MaterialPoints
 from .protocol import CompiledBondForce, Domain
 
 TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
 """Relative step of J3 at which the iteration ends, a few times what rounding in the force leaves of it at K = 10 mu."""
 
 
-class SurrogateThickness:
-    """J3 of all points from a learnt bond force (`pdsurrogate.kernels.surrogate_thickness`).
+def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain: Domain, precision: str, chunks: Chunks) -> BoundPass:
+    """Bind the pass that finds volume ratios and records of points with a learnt force, and counts the points without a state.
 
-    Parameters
-    ----------
-    compiled : CompiledBondForce
-        Of a model that knows T_mm.
-    domain : Domain
-        Its domain; points outside are left to the law.
-    law : Law
-    precision : str
-        Of the model.
-    chunks : Chunks
-        Of the pass.
+    The model of the force knows T_mm; points outside its domain are left to the law.
     """
-
-    def __init__(self, compiled: CompiledBondForce, domain: Domain, law: Law, precision: str, chunks: Chunks) -> None:
-        self._compiled = compiled
-        self._domain = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
-        self._volumetric = plane_stress.volumetric_block(law)
-        self._tolerance = TOLERANCE[str(np.dtype(precision))]
-        self._buffers = aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
-        self._work = aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision)
-        self._scratch = aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
-
-    def bind(self, gradients, volume_ratios, response: int, parameters, records, chunks: Chunks) -> BoundPass:
-        """The pass that brings `volume_ratios` and `records` up to date, and counts the points without a state."""
-        return surrogate_thickness.surrogate_node_states.bind(
-            gradients,
-            volume_ratios,
-            response,
-            self._volumetric.address,
-            parameters,
-            self._compiled.address,
-            self._compiled.sizes,
-            self._compiled.weights,
-            self._domain,
-            self._tolerance,
-            self._buffers,
-            self._work,
-            self._scratch,
-            records,
-            chunks=chunks,
-        )
+    return surrogate_thickness.surrogate_node_states.bind(
+        points.gradients,
+        points.volume_ratios,
+        plane_stress.volumetric_block(points.law).address,
+        compiled.address,
+        (compiled.sizes, compiled.weights, points.response.address, points.parameters),
+        np.stack([domain.limits("float64"), domain.interior.limits("float64")]),
+        TOLERANCE[str(np.dtype(precision))],
+        (
+            aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1),
+            compiled.memory(chunks.threads, precision),
+            aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1),
+        ),
+        points.records,
+        chunks=chunks,
+    )

@@ -1,4 +1,4 @@
-"""What a term of the internal force is: what it needs of the points, what it adds, and which state it keeps."""
+"""Terms of the internal force: what each needs of the points, what it adds, and which state it keeps."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ from ..materials import PLANES
 from ..ranks import Share
 from .errors import InvalidState, OutsideDomain, OutsideDomainWarning, locate
 from .kinematics import Kinematics
-from .material_points import MaterialPoints
+from .material_points import MaterialPoints, have_states
 from .settings import OUTSIDE, ForceSettings
+from .steps import Step, Steps
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import LinearOperator
 
     from .dilatation import LinearisedDilatation
-    from .protocol import Portion
+    from .protocol import ForceModel, Portion
 
 
 @dataclass(frozen=True)
 class StateArray:
-    """An array that a bound force keeps from one evaluation to the next: in checkpoints, on ranks, and on request in results.
+    """Array that a bound force keeps from one evaluation to the next: in checkpoints, on ranks, and on request in results.
 
     Attributes
     ----------
     name : str
     rows : {"points", "images", "bonds", "pairs"}
-        What it has a row for: every point, every point and image, every directed bond, or every pair.
+        What the array has a row for: every point, every point and image, every directed bond, or every pair.
     values : ndarray
         Changed in place.
     shown : bool
@@ -47,16 +48,8 @@ class StateArray:
 
 
 @dataclass(frozen=True)
-class Release:
-    """Stored energy that the body loses, and forces on the points, shape (n, d), that vanish, when bonds break."""
-
-    energy: float
-    forces: np.ndarray
-
-
-@dataclass(frozen=True)
 class Kept:
-    """Declaration of a `StateArray`: what it has a row for, the shape and type of a row, and its value at rest."""
+    """Declaration of a `StateArray`: its rows, the shape and type of a row, its value at rest, and whether results show it."""
 
     name: str
     rows: str
@@ -73,8 +66,16 @@ class Kept:
 
 
 @dataclass(frozen=True)
+class Release:
+    """Stored energy that the body loses, and forces on the points, shape (n, d), that vanish, when bonds break."""
+
+    energy: float
+    forces: np.ndarray
+
+
+@dataclass(frozen=True)
 class Binding:
-    """A body with its materials, and the settings of the evaluation: all that a term is bound to.
+    """Body with its materials, and the settings of the evaluation: all that a term is bound to.
 
     Attributes
     ----------
@@ -94,46 +95,26 @@ class Binding:
     portion_of: np.ndarray | None
 
     @property
-    def body(self) -> Body:
-        """Body of the kinematics."""
-        return self.kinematics.body
-
-    @property
     def outside(self) -> str:
-        """What happens to pairs outside the domain of a model."""
+        """Policy for pairs outside the domain of a model."""
         return self.settings.outside or OUTSIDE
 
     @property
     def whole(self) -> bool:
-        """Whether all points are of one portion."""
+        """Return whether all points are of one portion."""
         return self.portion_of is None
-
-    def points_of(self, number: int, pairs: np.ndarray | None = None) -> MaterialPoints:
-        """Return the points of a portion, and those that it sees through the given pairs of the body."""
-        own = None if self.whole else self.portion_of == number
-        settings = self.settings
-        return MaterialPoints(self.kinematics, self.portions[number].law, self.precision, settings.rotation, own, pairs)
-
-    def pairs_of(self, number: int) -> np.ndarray | None:
-        """Return the numbers of the pairs with an end in a portion; None if these are all."""
-        bonds = self.body.bonds
-        return None if self.whole else np.flatnonzero((self.portion_of[np.stack([bonds.first, bonds.second])] == number).any(axis=0))
-
-    def count(self, pairs: np.ndarray | slice) -> int:
-        """Return how many of some pairs are counted on this rank."""
-        first = self.body.bonds.first[pairs]
-        return int(np.count_nonzero(self.body.share.own[first]))
 
 
 class Term(ABC):
-    """A term of the internal force, bound to a body and its materials.
+    """Term of the internal force, bound to a body and its materials.
 
-    A term derives from this class, declares what it is by class attributes, and writes the forces in `pass_bonds`.
+    A term derives from this class, declares what it is by class attributes, and binds its steps with `bind_steps`. A term whose forces do
+    not follow from steps alone defines `find` and `pass_bonds` itself.
 
     Attributes
     ----------
     needs_gradients : bool
-        Whether it needs the deformation gradients of the points; states of the points by their laws it asks for itself (`materials`).
+        Whether it needs the deformation gradients of the points; states of the points by their laws come with `points_of`.
     keeps : tuple of Kept
         Declared state, of which `kept` has the arrays by name.
     has_energy : bool
@@ -148,12 +129,11 @@ class Term(ABC):
         Whether J3 of the points is found with a learnt force, and not by the law.
     correction : str
         Correction of incomplete horizons.
+    state : list of StateArray
+        Arrays that the next evaluation starts from, apart from positions and broken bonds.
     materials : list of MaterialPoints
         Points as each material sees them.
     watches : list of DomainWatch
-    pairs_outside : int
-        Pairs outside the domains of the models, summed over evaluations; it may be set back.
-    learnt : Learnt
     """
 
     needs_gradients: ClassVar[bool] = True
@@ -164,43 +144,63 @@ class Term(ABC):
     correction = "none"
 
     def __init__(self, binding: Binding) -> None:
-        self.binding, self.kinematics, self.body = binding, binding.kinematics, binding.body
-        self.declared = [kept.allocate(self.body) for kept in self.keeps]
-        self.kept = {array.name: array.values for array in self.declared}
+        self.binding, self.kinematics, self.body = binding, binding.kinematics, binding.kinematics.body
+        self.state = [kept.allocate(self.body) for kept in self.keeps]
+        self.kept = {array.name: array.values for array in self.state}
         self.materials: list[MaterialPoints] = []
         self.watches: list[DomainWatch] = []
-        self.pairs_outside = 0
-        self.learnt = Learnt()
 
-    @property
-    def state(self) -> list[StateArray]:
-        """Arrays that the next evaluation starts from, apart from positions and broken bonds."""
-        names = ["volume_ratios"] if self.binding.whole else [f"volume_ratios_{number}" for number in range(len(self.materials))]
-        return [
-            *(StateArray(name, "images", points.kept_ratios) for name, points in zip(names, self.materials, strict=True)),
-            *self.declared,
-        ]
+    def points_of(self, number: int, pairs: np.ndarray | None = None) -> MaterialPoints:
+        """Bind the points of a portion, and those that it sees through the given pairs of the body; they become part of the state."""
+        binding = self.binding
+        own, end = (None, "") if binding.whole else (binding.portion_of == number, f"_{number}")
+        points = MaterialPoints(self.kinematics, binding.portions[number].law, binding.precision, binding.settings.rotation, own, pairs)
+        self.materials.append(points)
+        self.state.append(StateArray(f"volume_ratios{end}", "images", points.kept_ratios))
+        return points
 
-    @abstractmethod
+    def watch(self, model: ForceModel, points: MaterialPoints, quantity: str, stand_in: str) -> None:
+        """Count the pairs of some points that are outside the domain of a model, see `DomainWatch`."""
+        first, share = self.body.bonds.first[points.pairs], self.body.share
+        n_pairs = int(np.count_nonzero(share.own[first]))
+        self.watches.append(DomainWatch(model, n_pairs, self.binding.outside, (quantity, stand_in), share))
+
+    def bind_steps(self, *steps: Step) -> None:
+        """Bind the steps of an evaluation, which follow the states of the points; the last is the pass that writes the forces to `out`."""
+        share, states = self.body.share, [step for points in self.materials for step in points.steps]
+        self._sum, self._find_forces, self._find_all = steps[-1], Steps(share, *steps), Steps(share, *states, *steps)
+
     def find(self, out: np.ndarray) -> None:
         """Write the forces on the points, shape (n, d), in the state of the kinematics.
+
+        The first steps count, model by model, the pairs outside the model's domain.
 
         Raises
         ------
         InvalidState
             Where the state has no force; names a point.
         """
+        self._sum.give("out", out)
+        *counts, without_force = have_states(self.materials, self._find_all())
+        self.report(counts)
+        if without_force:
+            raise InvalidState(self.diagnose(out))
 
-    @abstractmethod
     def pass_bonds(self, out: np.ndarray) -> object:
         """Write the forces in the states of the points last found, without looking at them; for timings, and for what bonds release."""
+        self._sum.give("out", out)
+        self._find_forces()
 
     @abstractmethod
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         """Return the force on the first point of given pairs in the state last evaluated, shape (k, d)."""
 
+    def diagnose(self, out: np.ndarray) -> str:
+        """Return a message about a point without a finite force."""
+        return locate(self.body, out, "the force on it is not finite")
+
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
-        """Drop broken pairs; `changed` are all pairs with a changed horizon.  Of a model that honours `ForceSettings.breakable`."""
+        """Drop broken pairs, in a model that honours `ForceSettings.breakable`; `changed` are all pairs with a changed horizon."""
         raise NotImplementedError
 
     def forces_beside_pairs(self) -> np.ndarray | None:
@@ -255,7 +255,10 @@ class Term(ABC):
         return found
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
-        """See `InternalForce.stress_and_energy`; here by the laws, at the volume ratios and bulk stresses of the force."""
+        """Return stress and energy of the points by their laws, at the volume ratios and bulk stresses of the force.
+
+        See `InternalForce.stress_and_energy`.
+        """
         n, plane = len(self.body), self.kinematics.plane
         F, J3 = self.kinematics.deformation_gradients(), self.volume_ratios()
         bulk = None if plane == "stress" else self.bulk_stresses()
@@ -265,23 +268,6 @@ class Term(ABC):
             found = PLANES[plane].stress_and_energy(portion.law, F[at], J3[at], None if bulk is None else bulk[at])
             stress[at], energy[at] = found
         return stress, energy
-
-    def report(self, outside: Sequence[int]) -> None:
-        """Count the pairs outside the domain of each model, and apply the policy; on a body in shares that is done later."""
-        self.pairs_outside += sum(outside)
-        for watch, found in zip(self.watches, outside, strict=True):
-            watch.found = found
-            if not self.body.share.divided:
-                watch.settle()
-
-    def check_finite(self, out: np.ndarray, without_force: int) -> None:
-        """Raise InvalidState, naming a point, if any point has no finite force."""
-        if without_force:
-            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
-
-
-class Learnt:
-    """How far the state of a body is from what its models have learnt; here for models that have learnt nothing."""
 
     def domain_deviation(self) -> np.ndarray | None:
         """Return how far the points are beyond the domain of the model (`Domain.deviation`), shape (n,); None if it has no domain."""
@@ -301,6 +287,11 @@ class Learnt:
         """
         return None
 
+    def report(self, outside: Sequence[int]) -> None:
+        """Note the number of pairs outside the domain of each model."""
+        for watch, found in zip(self.watches, outside, strict=False):
+            watch.found = found
+
 
 class DomainWatch:
     """Counter of the pairs outside the domain of a model, which stops or warns according to the policy.
@@ -312,7 +303,7 @@ class DomainWatch:
         Pairs in one evaluation of the model.
     outside : str
         See `ForceSettings`.
-    quantity, stand_in : str
+    names : tuple of str
         Names, for messages, of what the model gives, and of what would replace it.
     share : Share
 
@@ -322,13 +313,12 @@ class DomainWatch:
         Pairs outside in the last evaluation.
     """
 
-    def __init__(self, model, n_pairs: int, outside: str, quantity: str, stand_in: str, share: Share) -> None:
-        self._model, self.n_pairs, self._share, self._policy = model, n_pairs, share, outside
-        self._quantity, self._stand_in, self._warned = quantity, stand_in, False
-        self.found = 0
+    def __init__(self, model: ForceModel, n_pairs: int, outside: str, names: tuple[str, str], share: Share) -> None:
+        self._model, self.n_pairs, self._share, self._policy, self._names = model, n_pairs, share, outside, names
+        self.found, self._warned = 0, False
 
     def settle(self) -> None:
-        """Apply the policy to the pairs found; on a body in shares once all ranks have evaluated.
+        """Apply the policy to the pairs found, once all ranks have evaluated.
 
         Raises
         ------
@@ -338,12 +328,13 @@ class DomainWatch:
         found = self._share.total(self.found) if self._policy in ("raise", "warn") else 0
         if not found:
             return
+        quantity, stand_in = self._names
         what = f"{found} of {self._share.total(self.n_pairs)} bonds are outside the domain of {self._model.name}, {self._model.domain}"
         if self._policy == "raise":
-            raise OutsideDomain(f"{what}; outside=fallback would use the exact {self._stand_in} for them")
+            raise OutsideDomain(f"{what}; outside=fallback would use the exact {stand_in} for them")
         if not self._warned:
             self._warned = True
-            warnings.warn(f"{what}: its {self._quantity} there is extrapolated", OutsideDomainWarning, stacklevel=5)
+            warnings.warn(f"{what}: its {quantity} there is extrapolated", OutsideDomainWarning, stacklevel=3)
 
 
 def whole_volume(body: Body) -> float:

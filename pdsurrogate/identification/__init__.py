@@ -5,8 +5,7 @@ from .data import MODES, TestData, load_test_data, test_data_names
 from .energy import EnergyRegressor
 from .examination import Examination, TestDataWarning, examine, fit_to_tests
 from .regressor import LawRegressor, fitted_laws
-from .reporting import differences, figure, report
-from .selection import held_out_modes
+from .reporting import differences, figure, held_out_modes, report
 from .stress_regressor import free_sides, nominal_stress
 
 __all__ = [

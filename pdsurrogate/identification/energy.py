@@ -166,9 +166,9 @@ class EnergyRegressor(StressRegressor):
         for _ in range(ROUNDS):
             stretches = isochoric(X, volume)
             terms, weights = self._fitted(columns_of(stretches, X[:, 0], chosen), y, root, chosen)
-            if not sum(stiffness_of(terms, weights)) > 0:
+            if not stiffness_of(terms, weights) > 0:
                 warnings.warn("no rubber has such stresses: they do not rise with the stretch, and next to nothing is fitted", stacklevel=2)
-                terms, weights = [2.0], np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
+                terms, weights = np.array([[0, 2.0]]), np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
             before, (law, volume) = volume, self._law_and_volume(terms, weights, X, volume)
             if np.abs(volume - before).max() < 1e-9:
                 break
@@ -195,8 +195,7 @@ class EnergyRegressor(StressRegressor):
         """Return the relative error in the groups left out for each dictionary, from small to large ones."""
         rows = []
         for invariants, greatest, least in product(INVARIANTS, POSITIVE, NEGATIVE):
-            terms = [*dictionary(greatest, least, self.offset), *invariants]
-            error = self._left_out(X, y, root, groups, terms)
+            error = self._left_out(X, y, root, groups, terms_of(dictionary(greatest, least, self.offset), invariants))
             rows.append({"greatest": greatest, "least": -least, "invariants": len(invariants), "relative_rms": error})
         return rows
 
@@ -206,7 +205,7 @@ class EnergyRegressor(StressRegressor):
         for invariants in INVARIANTS:
             rows = [row for row in self.cross_validation_ if row["invariants"] == len(invariants)]
             row = _first_as_good(rows, [row["relative_rms"] for row in rows])
-            terms, error = [*dictionary(row["greatest"], -row["least"], self.offset), *invariants], row["relative_rms"]
+            terms, error = terms_of(dictionary(row["greatest"], -row["least"], self.offset), invariants), row["relative_rms"]
             if len(np.unique(groups)) > 2:
                 # Enough modes to judge interpolation between them as well as extrapolation.
                 error = np.sqrt(error * self._left_out(X, y, root, fifths_of(X), terms))
@@ -216,25 +215,21 @@ class EnergyRegressor(StressRegressor):
     def _left_out(self, X, y, root, groups, terms) -> float:
         """Return the relative RMS error in all groups, each predicted by a fit to the others at constant volume."""
         columns, error, size, kinds = columns_of(isochoric(X, np.ones_like(y)), X[:, 0], terms), 0.0, 0.0, np.unique(groups)
-        numbers = np.arange(len(terms))
         for kind in kinds if len(kinds) > 1 else ():
             left = groups == kind
-            kept, weights = self._fitted(columns[~left], y[~left], root[~left], numbers)
+            kept, weights = self._fitted(columns[~left], y[~left], root[~left], np.arange(len(terms)))
             error += ((root[left] * (columns[left][:, kept] @ weights - y[left])) ** 2).sum()
             size += ((root[left] * y[left]) ** 2).sum()
         return float(np.sqrt(error / size)) if size > 0 else 0.0
 
-    def _fitted(self, columns, y, root, terms) -> tuple[list, np.ndarray]:
+    def _fitted(self, columns, y, root, terms) -> tuple[np.ndarray, np.ndarray]:
         """Return the terms with a positive weight, and the weights."""
-        columns, kept = root[:, None] * columns, np.arange(len(terms))
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0] = 1.0  # data at rest have no stress
+        kept = np.arange(len(terms))
         while True:
-            weights = nnls(columns[:, kept] / size[kept], root * y)[0]
+            weights, size = scaled_weights(columns[:, kept], y, root)
             some = weights > 1e-9 * max(weights.max(), 1e-300)
             if some.sum() <= self.max_terms:
-                kept, weights = kept[some], weights[some]
-                return [terms[number] for number in kept], weights / size[kept]
+                return terms[kept[some]], weights[some] / size[some]
             # Without the term of the least contribution to the stress.
             kept = np.delete(kept[some], weights[some].argmin())
 
@@ -243,7 +238,7 @@ class EnergyRegressor(StressRegressor):
         exponents, powers, invariants = parted(terms, weights)
         # A term of Ogden's law is mu_k/alpha_k (...): mu_k alpha_k is the weight.
         parameters = tuple((powers / exponents).tolist()), tuple(exponents.tolist())
-        bulk = self._bulk(sum(stiffness_of(terms, weights)))
+        bulk = self._bulk(stiffness_of(terms, weights))
         if not invariants:
             law = Ogden(None, bulk, *parameters)
         else:
@@ -253,11 +248,19 @@ class EnergyRegressor(StressRegressor):
         return law, np.where(np.isfinite(found), found, volume)
 
 
-def parted(terms, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict]:
+def scaled_weights(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return non-negative weights of columns scaled to unit size that fit y, and the sizes; `root` are roots of the weights of rows."""
+    columns = root[:, None] * columns
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0  # data at rest have no stress
+    return nnls(columns / size, root * y)[0], size
+
+
+def parted(terms: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return the exponents, their weights, and the weights of the powers of invariants by (1 or 2, power)."""
-    powers = np.array([not isinstance(term, tuple) for term in terms])
-    exponents = np.array([float(term) for term in terms if not isinstance(term, tuple)])
-    return exponents, weights[powers], {term: float(weights[k]) for k, term in enumerate(terms) if isinstance(term, tuple)}
+    plain = terms[:, 0] == 0
+    invariants = {(int(which), int(power)): float(weight) for (which, power), weight in zip(terms[~plain], weights[~plain], strict=True)}
+    return terms[plain, 1], weights[plain], invariants
 
 
 def _first_as_good(choices, errors):
@@ -268,15 +271,13 @@ def _first_as_good(choices, errors):
 
 def _name_of(term) -> str:
     """Return the name of the weight of a term."""
-    if not isinstance(term, tuple):
-        return f"weight of exponent {term:g}"
-    return f"weight of {('I1bar - 3', 'I2bar^1.5 - 3 sqrt 3')[term[0] - 1]} to the power {term[1]}"
+    which, power = term
+    return f"weight of {('exponent', 'I1bar - 3 to the power', 'I2bar^1.5 - 3 sqrt 3 to the power')[int(which)]} {power:g}"
 
 
-def stiffness_of(terms, weights) -> list[float]:
-    """Return the contribution of each term to the shear modulus at rest."""
-    own = [0.5 if not isinstance(term, tuple) else {(1, 1): 2.0, (2, 1): SECOND_AT_REST}.get(term, 0.0) for term in terms]
-    return [float(part * weight) for part, weight in zip(own, weights, strict=True)]
+def stiffness_of(terms: np.ndarray, weights: np.ndarray) -> float:
+    """Return the shear modulus at rest of a sum of terms; of the invariants only I2bar^1.5 to the power 1 contributes."""
+    return float(weights[terms[:, 0] == 0].sum() / 2 + SECOND_AT_REST * weights[(terms == (2, 1)).all(axis=1)].sum())
 
 
 def isochoric(X: np.ndarray, volume: np.ndarray) -> np.ndarray:
@@ -341,25 +342,25 @@ def dictionary(greatest: float, least: float, offset: float = 0.0) -> np.ndarray
     return np.concatenate([-sizes[sizes <= least][::-1] - offset, sizes[sizes <= greatest] + offset])
 
 
+def terms_of(exponents, invariants=()) -> np.ndarray:
+    """Return terms as rows of two numbers: 0 and an exponent of the stretches, or 1 or 2 and the power of an invariant."""
+    return np.array([*((0.0, exponent) for exponent in exponents), *invariants])
+
+
 def columns_of(stretches: np.ndarray, first: np.ndarray, terms) -> np.ndarray:
     """Return the nominal stress along the first stretch of each term with unit weight, shape (n_samples, n_terms).
 
     `stretches` are isochoric, shape (n_samples, 3), the last one that of the thickness, which is free of stress; `first` are the stretches
-    along the stress with their part of the volume. Terms are exponents, or invariants with their power as in `INVARIANTS`.
+    along the stress with their part of the volume. `terms` are those of `terms_of`.
     """
-    powers = np.array([term for term in terms if not isinstance(term, tuple)])
-    along, across = stretches[:, :1], stretches[:, 2:]
-    columns = [(along**powers - across**powers) / powers]
-    squares = stretches**2
-    for which, power in (term for term in terms if isinstance(term, tuple)):
-        if which == 1:
-            slope = power * (squares.sum(axis=1) - 3) ** (power - 1)
-            columns.append((slope * 2 * (squares[:, 0] - squares[:, 2]))[:, None])
-        else:
-            I2 = (1 / squares).sum(axis=1)
-            slope = power * (I2**1.5 - SECOND_AT_REST) ** (power - 1) * 1.5 * np.sqrt(I2)
-            columns.append((slope * 2 * (1 / squares[:, 2] - 1 / squares[:, 0]))[:, None])
-    return np.hstack(columns) / first[:, None]
+    (which, powers), squares = terms.T, stretches**2
+    (along, _, across), I1, I2 = squares.T[:, :, None], squares.sum(axis=1)[:, None], (1 / squares).sum(axis=1)[:, None]
+    # The measures of the invariants of which terms are powers, and their slopes along the first stretch.
+    measures = {1: (I1 - 3, 2 * (along - across)), 2: (I2**1.5 - SECOND_AT_REST, 3 * np.sqrt(I2) * (1 / across - 1 / along))}
+    columns = (stretches[:, :1] ** powers - stretches[:, 2:] ** powers) / powers
+    for kind, (measure, slope) in measures.items():
+        columns[:, which == kind] = powers[which == kind] * measure ** (powers[which == kind] - 1) * slope
+    return columns / first[:, None]
 
 
 def fifths_of(X) -> np.ndarray:

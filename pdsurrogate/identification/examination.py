@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 
 from .data import BIAXIAL, TestData
-from .energy import INVARIANTS, NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric
+from .energy import INVARIANTS, NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric, scaled_weights, terms_of
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
@@ -44,7 +43,7 @@ LEAST_FACTOR = 1.5
 POOR = 0.9
 """R^2 of a mode below which a fit is called poor."""
 
-TERMS = [*dictionary(POSITIVE[-1], NEGATIVE[-1]), *INVARIANTS[1]]
+TERMS = terms_of(dictionary(POSITIVE[-1], NEGATIVE[-1]), INVARIANTS[1])
 """Terms of an energy that stands for all those that physics allows: powers of stretches, of their inverses, and of the first invariant."""
 
 REWEIGHTINGS = 12
@@ -290,10 +289,8 @@ def _robust(data: TestData, shifted: np.ndarray | None = None) -> tuple[np.ndarr
 
 def _nonnegative(columns, stress, root) -> np.ndarray:
     """Return the non-negative weights of columns that fit stresses, with the roots of the weights of the rows."""
-    columns = root[:, None] * columns
-    size = np.linalg.norm(columns, axis=0)
-    size[size == 0] = 1.0
-    return nnls(columns / size, root * stress)[0] / size
+    weights, size = scaled_weights(columns, stress, root)
+    return weights / size
 
 
 def _relative(stress, predicted, floor) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from heapq import nsmallest
-from itertools import combinations
+from itertools import combinations, product
 from numbers import Integral, Real
 from typing import ClassVar
 
@@ -157,33 +157,23 @@ class LawRegressor(StressRegressor):
 
     def _starts(self, X, y, root):
         """Return the unknowns of a law other than Ogden's, and their values at each start."""
-        law = LAWS[self.law]
-        names = tuple(law.bounds)
-        low, high = (np.array([law.bounds[name][side] for name in names]) for side in (0, 1))
-        logarithmic = low > 0
+        law, scale = LAWS[self.law], max(np.abs(y).max(), 1e-300)
+        low, high = np.array([(1e-6 * scale, 1e6 * scale), *law.bounds.values()]).T
 
         def law_of(values):
             modulus = float(values[0])
             return law(modulus, self._bulk(modulus), *map(float, values[1:]))
 
-        scale = max(np.abs(y).max(), 1e-300)
-        unknowns = Unknowns(
-            ("shear_modulus", *names),
-            np.array([1e-6 * scale, *low]),
-            np.array([1e6 * scale, *high]),
-            np.array([True, *logarithmic]),
-            law_of,
-        )
+        unknowns = Unknowns(("shear_modulus", *law.bounds), low, high, low > 0, law_of)
         candidates = []
-        for shape in _grid(low, high, logarithmic):
+        for shape in _grid(low[1:], high[1:]):
             try:
                 unit = incompressible_stress(law_of([1.0, *shape]), X)
             except ValueError:
                 continue
             if not np.isfinite(unit).all():
                 continue
-            modulus = (root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300)
-            modulus = max(modulus, unknowns.low[0])
+            modulus = max((root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0])
             candidates.append((((root * (modulus * unit - y)) ** 2).sum(), np.array([modulus, *shape])))
         return [(unknowns, start) for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])]
 
@@ -218,17 +208,15 @@ class LawRegressor(StressRegressor):
             yield Unknowns(names, low, high, logarithmic, law_of), np.concatenate([moduli, exponents])
 
 
-def _grid(low, high, logarithmic) -> np.ndarray:
+def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return candidates for the dimensionless parameters of a law, shape (number of candidates, number of parameters)."""
-    if not len(low):
-        return np.zeros((1, 0))
     per_axis = 60 if len(low) == 1 else 25
     axes = []
-    for least, greatest, in_logarithm in zip(low, high, logarithmic, strict=True):
-        if in_logarithm:
+    for least, greatest in zip(low, high, strict=True):
+        if least > 0:
             axes.append(np.geomspace(least, greatest, per_axis))
         else:
             # Dense about 0, where most dimensionless coefficients of rubber lie.
             spread = np.geomspace(1e-5, 1, per_axis // 2)
             axes.append(np.unique(np.concatenate([-spread * max(-least, 0), [0.0], spread * max(greatest, 0)])))
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(low))
+    return np.array(list(product(*axes)))

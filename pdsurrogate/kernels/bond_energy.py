@@ -46,40 +46,19 @@ together faster than sound: below a third the volumetric energy makes a bond sti
 
 
 @Pass
-def pair_energies(
-    thread,
-    chunk,
-    chunks,
-    positions,
-    gradients,
-    first,
-    second,
-    geometry,
-    energy_density,
-    sizes,
-    weights,
-    exact,
-    response,
-    parameters,
-    guard,
-    domain,
-    buffers,
-    sums,
-    work,
-    scratch,
-    counts,
-    energies,
-    forces,
-    moments,
-):
+def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
     """Compute the energy of the pairs and their parts of the force and of the points' S; dimensionless, times volume.
 
-    Each block holds `geometry` (4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has several materials or ranks, the part of V_b whose
-    energy counts here. Outputs: `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs, 2), V_b P n/l on the first point; `moments`
-    (pairs, 4), S by columns; `counts` (n_chunks, 3), the pairs outside the domain, those with det F_ij <= COLLAPSED, and those with det
-    F_ij <= 0 or NaN. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` holds the limits of
-    `pdsurrogate.kernels.domain`.
+    `pairs` are the numbers of the first and second points and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body
+    has several materials or ranks, the part of V_b whose energy counts here. `energy_density`, `exact` and `constants` are the block
+    functions and their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` holds the limits of
+    `pdsurrogate.kernels.domain`. `memory` is a buffer, sums of the ends' gradients, work and scratch. The results are: `counts` (n_chunks,
+    3), the pairs outside the domain, those with det F_ij <= COLLAPSED, and those with det F_ij <= 0 or NaN; `energies` (n_blocks,), the
+    sums of V_b psi; `forces` (pairs, 2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
     """
+    first, second, geometry = pairs
+    buffers, sums, work, scratch = memory
+    counts, energies, forces, moments = results
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
     buffer = buffers[thread]
@@ -130,7 +109,7 @@ def pair_energies(
             small += int(few)
             for k in range(BLOCK):
                 bad += 0 if states[1, k] > zero else 1
-        call_block(energy_density, states, sizes, weights, response, parameters, work[thread], scratch[thread], result)
+        call_block(energy_density, states, constants, work[thread], scratch[thread], result)
         if guard != UNGUARDED:
             found = zero
             near = zero
@@ -143,7 +122,7 @@ def pair_energies(
             if found > zero:
                 count += int(found)
             if guard == FALL_BACK and near > zero:
-                call_block(exact, states, sizes, weights, response, parameters, work[thread], scratch[thread], exact_result)
+                call_block(exact, states, constants, work[thread], scratch[thread], exact_result)
                 for k in range(BLOCK):
                     share, by_trace, by_J, _, _, _ = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
                     if share >= 1.0:

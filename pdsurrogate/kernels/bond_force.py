@@ -30,44 +30,26 @@ records; and the number of rows in all.
 
 
 @Pass
-def pair_forces(
-    thread,
-    chunk,
-    chunks,
-    positions,
-    records,
-    first,
-    second,
-    geometry,
-    bond_force,
-    sizes,
-    weights,
-    analytic_bond_force,
-    response,
-    parameters,
-    guard,
-    domain,
-    buffers,
-    work,
-    scratch,
-    forces,
-):
+def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, exact, constants, guard, domain, memory, forces):
     """Compute the dimensionless force on the first point of every pair; return the number of pairs outside the domain.
 
     A pair is evaluated once, since its averaged state is the same seen from either end. Pairs without force (normal_factor = 0: padding,
     broken bonds, points without support) are given the undeformed state, so that they neither give NaN nor count.
-    `records` (n, 4) holds (cos, sin, J, C33) of the points; `geometry` (n_blocks, 4 to 6, BLOCK) comes from `reference_state.pair_rows`,
-    with `COUNTED_ROW`; `domain` (2, 7) holds the limits of the domain and of its interior, see `pdsurrogate.kernels.domain`; `bond_force`,
-    `analytic_bond_force` and `response` are addresses of block functions; `buffers` and `work` are in the model's precision, `scratch` in
-    double.
+
+    `records` (n, 4) holds (cos, sin, J, C33) of the points. `pairs` are the numbers of the first and second points and the geometry
+    (n_blocks, 4 to 6, BLOCK) from `reference_state.pair_rows`, with `COUNTED_ROW`. `bond_force` and `exact` are addresses of block
+    functions, and `constants` the sizes, weights, response and parameters that both take. `domain` (2, 7) holds the limits of the domain
+    and of its interior, see `pdsurrogate.kernels.domain`. `memory` is a buffer and work in the model's precision, and scratch in double.
     """
+    first, second, geometry = pairs
+    buffers, work, scratch = memory
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
     buffer = buffers[thread]
     states = block_rows(buffer[:BOND])
     bond = block_rows(buffer[BOND:TRACTION])
     traction = block_rows(buffer[TRACTION:EXACT_TRACTION])
-    exact = block_rows(buffer[EXACT_TRACTION:MEANS])
+    exact_traction = block_rows(buffer[EXACT_TRACTION:MEANS])
     means = block_rows(buffer[MEANS:BUFFER_ROWS])
     real = buffer.dtype.type
     zero, half, one, tiny = real(0.0), real(0.5), real(1.0), real(1e-30)
@@ -106,14 +88,14 @@ def pair_forces(
         if geometry.shape[1] > 4:
             for k in range(BLOCK):
                 states[5, k] = reference[4, k]
-        call_block(bond_force, states, sizes, weights, response, parameters, work[thread], scratch[thread], traction)
+        call_block(bond_force, states, constants, work[thread], scratch[thread], traction)
         if guard != UNGUARDED:
             # The count has the precision of the loop, since another width would halve its speed.  Pairs without force are inside.
             near = zero
             for k in range(BLOCK):
                 near += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
             if near > zero:
-                call_block(analytic_bond_force, states, sizes, weights, response, parameters, work[thread], scratch[thread], exact)
+                call_block(exact, states, constants, work[thread], scratch[thread], exact_traction)
                 for k in range(BLOCK):
                     a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
                     if reference[2, k] > zero and reference[counted, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:
@@ -126,7 +108,7 @@ def pair_forces(
                         # A sum with a factor 0 would not do: outside its domain a model may give NaN.
                         for row in range(3):
                             learnt = share * traction[row, k] if share > zero else zero
-                            traction[row, k] = learnt + (one - share) * exact[row, k]
+                            traction[row, k] = learnt + (one - share) * exact_traction[row, k]
         pair = pair_records(forces[at : at + BLOCK])
         for k in range(BLOCK):
             r1 = bond[0, k]

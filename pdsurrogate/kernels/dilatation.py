@@ -11,7 +11,7 @@ from ..engine.compile import widest_vectors
 from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import multiply_pairs, sum_scaled_records
 from .by_dimension import ByDimension
-from .selective_energy import gradient_of_bond
+from .selective_energy import gradient_of_bond, smoothed_value
 
 
 def record_length(dimension: int) -> int:
@@ -27,11 +27,12 @@ def volume_derivatives(algebra):
     length = dimension
 
     @Pass
-    def volume_derivatives(thread, chunk, chunks, positions, gradients, first, second, geometry, buffers, derivatives):
+    def volume_derivatives(thread, chunk, chunks, positions, gradients, pairs, buffers, derivatives):
         """Compute the derivatives of det F_ij of every pair by y, cof F_ij n/l, and by F_i + F_j, cof F_ij (I - n (x) n)/2 by columns.
 
         The other arguments are those of `selective_energy.pair_volumes`.
         """
+        first, second, geometry = pairs
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
         sums = block_rows(buffers[thread, 0:matrix])
@@ -132,16 +133,13 @@ def sum_pressures(algebra):
 
 
 @Pass
-def smooth_and_add(
-    chunk, chunks, pointers, columns, weights, own, values, factor, first, of_first, second, of_second, third, of_third, out
-):
-    """Compute ``factor * W values + of_first * first + of_second * second + of_third * third``; `out` may be one of these three.
+def smooth_and_add(chunk, chunks, smoothing, values, factor, others, out):
+    """Compute ``factor * W values`` plus the sum of three `others`, each a factor and values; `out` may be one of these three.
 
-    `pointers`, `columns`, `weights` and `own` describe the smoothing W, see `selective_energy.smooth`.
+    `smoothing` is the matrix W, see `selective_energy.smooth`.
     """
-    start, stop = share_of(own.shape[0], chunk, chunks)
+    (of_first, first), (of_second, second), (of_third, third) = others
+    start, stop = share_of(smoothing[3].shape[0], chunk, chunks)
     for i in range(start, stop):
-        total = own[i] * values[i]
-        for b in range(pointers[i], pointers[i + 1]):
-            total += weights[b] * values[columns[b]]
-        out[i] = np.float32(factor * total + of_first * first[i] + of_second * second[i] + of_third * third[i])
+        smoothed = smoothed_value(smoothing, values, i)
+        out[i] = np.float32(factor * smoothed + of_first * first[i] + of_second * second[i] + of_third * third[i])

@@ -5,11 +5,13 @@ no vector mathematics library, so ``math.log`` or ``math.exp`` would prevent vec
 otherwise, and measured over the stated range (``tests/kernels/test_elementary.py``).
 """
 
+import math
+
 import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..engine.compile import INLINE_OPTIONS, inline
+from ..engine.compile import INLINE_OPTIONS, inline, inlined
 from ..engine.intrinsics import bits_of, finite_quotient, real_of
 
 
@@ -42,22 +44,17 @@ def inverse_cube_root(x):
 
 @overload(inverse_cube_root, jit_options=INLINE_OPTIONS)
 def _inverse_cube_root(x):
-    if x == types.float32:
+    real, whole, guess, steps = (
+        (np.float32, np.int32, 1419967488.0, 3) if x == types.float32 else (np.float64, np.int64, 6142909891733356544.0, 5)
+    )
+    first, one, third = real(guess), real(1.0), real(1.0 / 3.0)
 
-        def implementation(x):
-            # A first guess within 6 % from the exponent bits, then Newton's iteration for r**-3 = x.
-            r = real_of(np.int32(np.float32(1419967488.0) - np.float32(bits_of(x)) * np.float32(1.0 / 3.0)))
-            for _ in range(3):
-                r = r + r * (np.float32(1.0) - x * r * r * r) * np.float32(1.0 / 3.0)
-            return r
-
-    else:
-
-        def implementation(x):
-            r = real_of(np.int64(6142909891733356544.0 - np.float64(bits_of(x)) * (1.0 / 3.0)))
-            for _ in range(5):
-                r = r + r * (1.0 - x * r * r * r) * (1.0 / 3.0)
-            return r
+    def implementation(x):
+        # A first guess within 6 % from the exponent bits, then Newton's iteration for r**-3 = x.
+        r = real_of(whole(first - real(bits_of(x)) * third))
+        for _ in range(steps):
+            r = r + r * (one - x * r * r * r) * third
+        return r
 
     return implementation
 
@@ -99,6 +96,31 @@ def logarithm(x):
     return np.log(x)
 
 
+def _polynomial(coefficients, real=np.float64):
+    """Return the function that evaluates a polynomial in one precision by Horner's rule, from its lowest coefficient on."""
+    names = {f"c{n}": real(coefficient) for n, coefficient in enumerate(coefficients)}
+    *others, nested = names
+    for name in reversed(others):
+        nested = f"{name} + x * ({nested})"
+    return inlined(eval(f"lambda x: {nested}", names))
+
+
+# Fitted for the least largest relative error of log(1 + f) = f - f^2/2 + f^3 P(f), 3e-8 before rounding.
+_LOGARITHM_32 = _polynomial(
+    (
+        0.3333390951156616,
+        -0.2500133812427521,
+        0.19963061809539795,
+        -0.165775865316391,
+        0.1491478681564331,
+        -0.1426747590303421,
+        0.08700359612703323,
+    ),
+    np.float32,
+)
+_ARTANH = _polynomial([1.0 / n for n in range(3, 23, 2)])
+
+
 @overload(logarithm, jit_options=INLINE_OPTIONS)
 def _logarithm(x):
     # x = m 2**e with m in [sqrt(1/2), sqrt(2)).
@@ -109,14 +131,7 @@ def _logarithm(x):
             # Each step is cut to 32 bits: numba's integer arithmetic has 64, which would halve the vector width.
             exponent = np.int32(np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23))
             f = real_of(np.int32(bits - np.int32(exponent << np.int32(23)))) - np.float32(1.0)
-            # log(1 + f) = f - f^2/2 + f^3 P(f), P fitted for the least largest relative error, 3e-8 before rounding.
-            p = np.float32(-0.1426747590303421) + f * np.float32(0.08700359612703323)
-            p = np.float32(0.1491478681564331) + f * p
-            p = np.float32(-0.165775865316391) + f * p
-            p = np.float32(0.19963061809539795) + f * p
-            p = np.float32(-0.2500133812427521) + f * p
-            p = np.float32(0.3333390951156616) + f * p
-            p = f + f * f * (f * p - np.float32(0.5))
+            p = f + f * f * (f * _LOGARITHM_32(f) - np.float32(0.5))
             return np.float32(exponent) * np.float32(0.6931471805599453) + p
 
     else:
@@ -127,17 +142,7 @@ def _logarithm(x):
             exponent = (bits - np.int64(0x3FE6A09E667F3BCD)) >> np.int64(52)
             m = real_of(np.int64(bits - (exponent << np.int64(52))))
             s = (m - 1.0) / (m + 1.0)
-            t = s * s
-            series = 1.0 / 19.0 + t * (1.0 / 21.0)
-            series = 1.0 / 17.0 + t * series
-            series = 1.0 / 15.0 + t * series
-            series = 1.0 / 13.0 + t * series
-            series = 1.0 / 11.0 + t * series
-            series = 1.0 / 9.0 + t * series
-            series = 1.0 / 7.0 + t * series
-            series = 1.0 / 5.0 + t * series
-            series = 1.0 / 3.0 + t * series
-            return np.float64(exponent) * 0.6931471805599453 + 2.0 * (s + s * t * series)
+            return np.float64(exponent) * 0.6931471805599453 + 2.0 * (s + s * s * s * _ARTANH(s * s))
 
     return implementation
 
@@ -150,22 +155,21 @@ def exponential(x):
     return np.exp(np.clip(x, -708.0, 709.0))
 
 
+_TAYLOR_32 = _polynomial([1 / math.factorial(n) for n in range(8)], np.float32)
+_TAYLOR_64 = _polynomial([1 / math.factorial(n) for n in range(14)])
+
+
 @overload(exponential, jit_options=INLINE_OPTIONS)
 def _exponential(x):
-    # x = k log 2 + r with |r| <= log(2)/2; e**r by its Taylor polynomial; 2**k through the exponent bits.
+    # x = k log 2 + r with |r| <= log(2)/2; e**r by its Taylor polynomial; 2**k through the exponent bits. The multiples k of the first
+    # part of log 2 are exact.
     if x == types.float32:
 
         def implementation(x):
             x = min(max(x, np.float32(-87.0)), np.float32(88.0))
             k = np.floor(x * np.float32(1.4426950408889634) + np.float32(0.5))
             r = x - k * np.float32(0.693359375) - k * np.float32(-2.12194440e-4)
-            p = np.float32(1.0 / 720.0) + r * np.float32(1.0 / 5040.0)
-            p = np.float32(1.0 / 120.0) + r * p
-            p = np.float32(1.0 / 24.0) + r * p
-            p = np.float32(1.0 / 6.0) + r * p
-            p = np.float32(0.5) + r * p
-            p = np.float32(1.0) + r * (np.float32(1.0) + r * p)
-            return p * real_of(np.int32((np.int32(k) + np.int32(127)) << np.int32(23)))
+            return _TAYLOR_32(r) * real_of(np.int32((np.int32(k) + np.int32(127)) << np.int32(23)))
 
     else:
 
@@ -173,19 +177,7 @@ def _exponential(x):
             x = min(max(x, -708.0), 709.0)
             k = np.floor(x * 1.4426950408889634 + 0.5)
             r = x - k * 6.93145751953125e-1 - k * 1.42860682030941723212e-6
-            p = 1.0 / 479001600.0 + r * (1.0 / 6227020800.0)
-            p = 1.0 / 39916800.0 + r * p
-            p = 1.0 / 3628800.0 + r * p
-            p = 1.0 / 362880.0 + r * p
-            p = 1.0 / 40320.0 + r * p
-            p = 1.0 / 5040.0 + r * p
-            p = 1.0 / 720.0 + r * p
-            p = 1.0 / 120.0 + r * p
-            p = 1.0 / 24.0 + r * p
-            p = 1.0 / 6.0 + r * p
-            p = 0.5 + r * p
-            p = 1.0 + r * (1.0 + r * p)
-            return p * real_of(np.int64((np.int64(k) + np.int64(1023)) << np.int64(52)))
+            return _TAYLOR_64(r) * real_of(np.int64((np.int64(k) + np.int64(1023)) << np.int64(52)))
 
     return implementation
 

@@ -13,8 +13,15 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..engine.compile import INLINE_OPTIONS
+from ..engine.block_arrays import BLOCK, column_like, put_column
+from ..engine.compile import INLINE_OPTIONS, expanded, inlined
 from .elementary import inverse_cube_root, logarithm, quotient
+
+N_OUTPUTS = 2
+"""Number of outputs of a learnt bond force, since T_mm follows from T_nn and T_nm (theory (16)); the feature set defines their meaning."""
+
+MOST_SHARED = 2
+"""Greatest number of values that the functions of a feature set share."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +135,24 @@ def isochoric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
     q = (T_nn - a * T_nm / b) / (a + U_mm)
     p = T_nm / b + q
     return p / c, q * J + C33 * p
+
+
+def write_tractions(features: FeatureSet):
+    """Return the function that replaces the outputs in the first two rows of a block by tractions, `at_rest` subtracted.
+
+    `kept` holds the shared values of the block's states, and `shared` those of one of them.
+    """
+    traction_of = inlined(features.traction)
+
+    @expanded
+    def write(states, kept, shared, at_rest, traction):
+        rest0, rest1 = at_rest[0], at_rest[1]
+        for k in range(BLOCK):
+            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+            again = column_like(kept, k, shared)
+            put_column(traction, k, traction_of(again, traction[0, k] - rest0, traction[1, k] - rest1, a, b, U_mm, J, C33))
+
+    return write
 
 
 FEATURE_SETS: dict[str, FeatureSet] = {

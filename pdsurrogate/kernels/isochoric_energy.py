@@ -16,8 +16,8 @@ from ..engine.compile import call_block, widest_vectors
 from ..engine.intrinsics import add_to
 from .domain import BLEND, exact_share_at
 from .elementary import logarithm, select
-from .energy_density import unit_sums
 from .feature_sets import like
+from .network import GROUP, unit_sums
 
 ROWS = 4
 """Rows of the result: p, q, r (r is the stress across the plane of a sheet) and the energy W."""
@@ -50,7 +50,7 @@ def network_block(activation, invariants, of_invariants):
         result = carray(result, (ROWS, BLOCK))
         sizes = carray(sizes, (N_SIZES,))
         units, guard = sizes[UNITS], sizes[GUARD]
-        weights = carray(weights, (FIRST_UNIT + 4 * units,))
+        weights = carray(weights, (FIRST_UNIT + GROUP * units,))
         one = like(states[0, 0], 1.0)
         zero = like(one, 0.0)
         third = like(one, 1.0 / 3.0)

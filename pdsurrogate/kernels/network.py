@@ -1,8 +1,8 @@
-"""Multilayer perceptrons of one to three hidden layers as bond-force block functions, and their NumPy twin.
+"""Multilayer perceptrons: packed weights, the sums of their hidden units, and bond-force block functions with their NumPy twin.
 
-Units are packed in groups of four, whose weights are scalars of the inner loop over bonds: a state is loaded once for four units, and an
-accumulator is written once for four. Inputs are padded to a multiple of four with zero weights, except a pair of inputs to a single hidden
-layer.
+Units are packed in groups of four, whose weights are scalars of the inner loop over a block: a state is loaded once for four units, and an
+accumulator is written once for four. Networks of a bond force have one to three hidden layers; their inputs are padded to a multiple of
+four with zero weights, except a pair of inputs to a single hidden layer.
 """
 
 from functools import cache
@@ -10,30 +10,79 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
-from ..engine.compile import bond_force_signature, compile_block_function, inlined, kernel, widest_vectors
-from .feature_sets import FeatureSet
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column
+from ..engine.compile import bond_force_signature, compile_block_function, expanded, inlined, kernel, widest_vectors
+from ..engine.intrinsics import tuple_of
+from .algebra import entries, total
+from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
 GROUP = 4
+"""Units that are evaluated together: a state is loaded, and an accumulator written, once for all of them."""
+
+SQUARE = GROUP * GROUP
+"""Weights between a group of inputs and a group of units."""
 
 PAIR = 2
 """Number of inputs that a single hidden layer takes without padding."""
 
-N_OUTPUTS = 2
-"""Number of outputs of every bond-force network; the feature set defines their meaning."""
-
+PAIR_WEIGHTS = (PAIR + 2) * GROUP
+"""Weights of a group of units with a pair of inputs and one output: biases, weights of both inputs, output weights."""
 
 MOST_HIDDEN = 3
-"""Greatest number of hidden layers."""
-
-MOST_SHARED = 2
-"""Greatest number of values that the functions of a feature set share."""
+"""Greatest number of hidden layers, which `N_SIZES` holds the widths of."""
 
 N_WEIGHTS, N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2, 3
 """Places in a network's sizes: length of its weights, rows of working memory, hidden layers, then the widths of inputs and hidden layers.
 """
 
 N_SIZES = WIDTHS + 1 + MOST_HIDDEN
+
+
+def groups_of(rows):
+    """Return the columns of a matrix in groups of four, padded with zeros, each group as a vector row by row."""
+    padded = np.pad(rows, ((0, 0), (0, -rows.shape[1] % GROUP)))
+    return [padded[:, at : at + GROUP].ravel() for at in range(0, padded.shape[1], GROUP)]
+
+
+def units_of(n_inputs):
+    """Return the function ``units(w, x)`` of four units before their activation, from a tuple of weights and a tuple of inputs."""
+    sums = [[f"w[{r}]", *(f"w[{GROUP * (q + 1) + r}] * x[{q}]" for q in range(n_inputs))] for r in range(GROUP)]
+    return entries("w, x", [total(terms) for terms in sums])
+
+
+column_of_pair, column_of_group = (entries("rows, k", [f"rows[{r}, k]" for r in range(count)]) for count in (PAIR, GROUP))
+units_of_pair, units_of_group = units_of(PAIR), units_of(GROUP)
+
+
+def pack_units(hidden_weights, hidden_biases, output_weights):
+    """Return the weights of hidden units with two features and one output as a vector, for `unit_sums`."""
+    return np.concatenate(groups_of(np.vstack([hidden_biases, hidden_weights, output_weights])))
+
+
+def unit_sums(activation):
+    """Return a function that adds a hidden layer of two features to the first row of sums, and its derivatives by them to the next two.
+
+    ``sums[0] += sum of v a(b + p x + q u)`` over the units; `weights` begin with those of `pack_units`.
+    """
+    activate = inlined(activation)
+    converted = entries("x, w", [f"like(x, w[{n}])" for n in range(PAIR_WEIGHTS)])
+
+    @expanded
+    def add_units(features, weights, units, sums):
+        for at in range(0, GROUP * units, PAIR_WEIGHTS):
+            w = converted(sums[0, 0], tuple_of(weights[at : at + PAIR_WEIGHTS], PAIR_WEIGHTS))
+            for k in range(BLOCK):
+                z = units_of_pair(w, column_of_pair(features, k))
+                a0, d0, _ = activate(z[0])
+                a1, d1, _ = activate(z[1])
+                a2, d2, _ = activate(z[2])
+                a3, d3, _ = activate(z[3])
+                d0, d1, d2, d3 = w[12] * d0, w[13] * d1, w[14] * d2, w[15] * d3
+                sums[0, k] += w[12] * a0 + w[13] * a1 + w[14] * a2 + w[15] * a3
+                sums[1, k] += w[4] * d0 + w[5] * d1 + w[6] * d2 + w[7] * d3
+                sums[2, k] += w[8] * d0 + w[9] * d1 + w[10] * d2 + w[11] * d3
+
+    return add_units
 
 
 def pack(layers, at_rest, dtype):
@@ -50,16 +99,9 @@ def pack(layers, at_rest, dtype):
     n_inputs = hidden[0][0].shape[0]
     widths = [n_inputs if n_inputs == PAIR and len(hidden) == 1 else _padded(n_inputs)] + [_padded(biases.size) for _, biases in hidden]
     parts = []
-    for (weights, biases), n_in, n_out in zip(hidden, widths[:-1], widths[1:], strict=True):
-        W = np.zeros((n_in, n_out))
-        W[: weights.shape[0], : weights.shape[1]] = weights
-        B = np.zeros(n_out)
-        B[: biases.size] = biases
-        for group in range(0, n_out, GROUP):
-            parts += [B[group : group + GROUP], W[:, group : group + GROUP].ravel()]
-    V = np.zeros((widths[-1], N_OUTPUTS))
-    V[: output_weights.shape[0]] = output_weights
-    parts += [V[group : group + GROUP].T.ravel() for group in range(0, widths[-1], GROUP)]
+    for (weights, biases), n_in in zip(hidden, widths[:-1], strict=True):
+        parts += groups_of(np.vstack([biases, np.pad(weights, ((0, n_in - weights.shape[0]), (0, 0)))]))
+    parts += groups_of(output_weights.T)
     packed = np.concatenate([*parts, output_biases, at_rest]).astype(dtype)
     sizes = np.zeros(N_SIZES, dtype=np.int64)
     sizes[:WIDTHS] = packed.size, sum(widths) + MOST_SHARED + GROUP, len(hidden)
@@ -87,33 +129,41 @@ def _pre_activations(rows, n_rows, weights, z):
     widest_vectors()
     rows = block_rows(rows)
     z = block_rows(z)
+    biases = tuple_of(weights, GROUP)
     for k in range(BLOCK):
-        z[0, k] = weights[0]
-        z[1, k] = weights[1]
-        z[2, k] = weights[2]
-        z[3, k] = weights[3]
+        put_column(z, k, biases)
     for q in range(0, n_rows, GROUP):
-        w = weights[GROUP + GROUP * q : GROUP + GROUP * (q + GROUP)]
-        w00, w01, w02, w03 = w[0], w[1], w[2], w[3]
-        w10, w11, w12, w13 = w[4], w[5], w[6], w[7]
-        w20, w21, w22, w23 = w[8], w[9], w[10], w[11]
-        w30, w31, w32, w33 = w[12], w[13], w[14], w[15]
+        w = tuple_of(weights[GROUP * (1 + q) :], SQUARE)
+        inputs = block_rows(rows[q : q + GROUP])
         for k in range(BLOCK):
-            x0 = rows[q, k]
-            x1 = rows[q + 1, k]
-            x2 = rows[q + 2, k]
-            x3 = rows[q + 3, k]
-            z[0, k] += w00 * x0 + w10 * x1 + w20 * x2 + w30 * x3
-            z[1, k] += w01 * x0 + w11 * x1 + w21 * x2 + w31 * x3
-            z[2, k] += w02 * x0 + w12 * x1 + w22 * x2 + w32 * x3
-            z[3, k] += w03 * x0 + w13 * x1 + w23 * x2 + w33 * x3
+            put_column(z, k, units_of_group(column_of_group(z, k) + w, column_of_group(inputs, k)))
+
+
+def add_outputs(activate, column, units, n_weights):
+    """Return the function that adds four units of the last hidden layer to both outputs; ``units(weights, column)`` precede activation."""
+    n_outputs = GROUP * N_OUTPUTS
+
+    @expanded
+    def add(rows, weights, output_weights, outputs):
+        w = tuple_of(weights, n_weights)
+        v = tuple_of(output_weights, n_outputs)
+        for k in range(BLOCK):
+            z = units(w, column(rows, k))
+            z0, z1, z2, z3 = activate(z[0])[0], activate(z[1])[0], activate(z[2])[0], activate(z[3])[0]
+            outputs[0, k] += v[0] * z0 + v[1] * z1 + v[2] * z2 + v[3] * z3
+            outputs[1, k] += v[4] * z0 + v[5] * z1 + v[6] * z2 + v[7] * z3
+
+    return add
 
 
 @cache
 def network_block(features: FeatureSet, activation, dtype):
     """Return the block function of networks with a feature set and an activation; `sizes` and `weights` from `pack` are arguments of it."""
-    shared_of, inputs, traction_of = inlined(features.shared), inlined(features.inputs), inlined(features.traction)
-    activate = inlined(activation)
+    shared_of, inputs = inlined(features.shared), inlined(features.inputs)
+    activate, put_tractions = inlined(activation), write_tractions(features)
+    add_from_pair = add_outputs(activate, column_of_pair, units_of_pair, GROUP * (1 + PAIR))
+    add_from_group = add_outputs(activate, column_of_group, units_of_group, GROUP * (1 + GROUP))
+    add_from_units = add_outputs(activate, column_of_group, inlined(lambda w, x: x), GROUP)
 
     def network(states, sizes, weights, response, parameters, work, scratch, traction):
         widest_vectors()
@@ -132,9 +182,7 @@ def network_block(features: FeatureSet, activation, dtype):
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             put_column(kept, k, shared)
             put_column(rows, k, values)
-        for q in range(len(values), width):
-            for k in range(BLOCK):
-                rows[q, k] = 0
+        rows[len(values) : width] = 0
         at = 0
         free = width + MOST_SHARED
         for layer in range(1, n_hidden):
@@ -163,55 +211,13 @@ def network_block(features: FeatureSet, activation, dtype):
             w = weights[at : at + GROUP * (1 + width)]
             at += GROUP * (1 + width)
             v = weights[outputs + N_OUTPUTS * group : outputs + N_OUTPUTS * (group + GROUP)]
-            u0, u1, u2, u3 = v[0], v[1], v[2], v[3]
-            v0, v1, v2, v3 = v[4], v[5], v[6], v[7]
             if width == GROUP:
-                b0, b1, b2, b3 = w[0], w[1], w[2], w[3]
-                w00, w01, w02, w03 = w[4], w[5], w[6], w[7]
-                w10, w11, w12, w13 = w[8], w[9], w[10], w[11]
-                w20, w21, w22, w23 = w[12], w[13], w[14], w[15]
-                w30, w31, w32, w33 = w[16], w[17], w[18], w[19]
-                for k in range(BLOCK):
-                    x0 = rows[0, k]
-                    x1 = rows[1, k]
-                    x2 = rows[2, k]
-                    x3 = rows[3, k]
-                    z0 = activate(b0 + w00 * x0 + w10 * x1 + w20 * x2 + w30 * x3)[0]
-                    z1 = activate(b1 + w01 * x0 + w11 * x1 + w21 * x2 + w31 * x3)[0]
-                    z2 = activate(b2 + w02 * x0 + w12 * x1 + w22 * x2 + w32 * x3)[0]
-                    z3 = activate(b3 + w03 * x0 + w13 * x1 + w23 * x2 + w33 * x3)[0]
-                    traction[0, k] += u0 * z0 + u1 * z1 + u2 * z2 + u3 * z3
-                    traction[1, k] += v0 * z0 + v1 * z1 + v2 * z2 + v3 * z3
+                add_from_group(rows, w, v, traction)
             elif width == PAIR:
-                b0, b1, b2, b3 = w[0], w[1], w[2], w[3]
-                w00, w01, w02, w03 = w[4], w[5], w[6], w[7]
-                w10, w11, w12, w13 = w[8], w[9], w[10], w[11]
-                for k in range(BLOCK):
-                    x0 = rows[0, k]
-                    x1 = rows[1, k]
-                    z0 = activate(b0 + w00 * x0 + w10 * x1)[0]
-                    z1 = activate(b1 + w01 * x0 + w11 * x1)[0]
-                    z2 = activate(b2 + w02 * x0 + w12 * x1)[0]
-                    z3 = activate(b3 + w03 * x0 + w13 * x1)[0]
-                    traction[0, k] += u0 * z0 + u1 * z1 + u2 * z2 + u3 * z3
-                    traction[1, k] += v0 * z0 + v1 * z1 + v2 * z2 + v3 * z3
+                add_from_pair(rows, w, v, traction)
             else:
                 _pre_activations(rows, width, w, z)
-                for k in range(BLOCK):
-                    z0 = activate(z[0, k])[0]
-                    z1 = activate(z[1, k])[0]
-                    z2 = activate(z[2, k])[0]
-                    z3 = activate(z[3, k])[0]
-                    traction[0, k] += u0 * z0 + u1 * z1 + u2 * z2 + u3 * z3
-                    traction[1, k] += v0 * z0 + v1 * z1 + v2 * z2 + v3 * z3
-        rest0 = weights[last + 2]
-        rest1 = weights[last + 3]
-        for k in range(BLOCK):
-            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
-            again = column_like(kept, k, shared)
-            T_nn, T_nm, T_mm = traction_of(again, traction[0, k] - rest0, traction[1, k] - rest1, a, b, U_mm, J, C33)
-            traction[0, k] = T_nn
-            traction[1, k] = T_nm
-            traction[2, k] = T_mm
+                add_from_units(z, w, v, traction)
+        put_tractions(states, kept, shared, weights[last + 2 :], traction)
 
     return compile_block_function(network, bond_force_signature(np.dtype(dtype)))

@@ -2,13 +2,18 @@
 
 import numpy as np
 
-from ..engine.block_arrays import BLOCK, block_rows, quad_records
-from ..engine.compile import call_block, inline, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, put_column, put_row, quad_records
+from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
+from .algebra import algebra_of
 from .by_dimension import ByDimension
 from .elementary import inverse_square_root
 
+plane = algebra_of(2)
+
 MOST_ITERATIONS = 40
+"""Newton steps at most. Each changes J3 by at most a factor of two, so forty reach from any start to a value 10^12 times as large or small.
+"""
 
 SWELLING = 0.02
 """Relative growth of J3 in an iteration in which J3 is below the least that the law allows."""
@@ -50,6 +55,22 @@ def solve_volume_ratios(n, states, result, last, response, parameters, last_step
     return unsolved
 
 
+@inlined
+def thickness_squared(states, k):
+    """Return C33 = (J3/J)^2 of a state of a block."""
+    thickness = states[2, k] / states[1, k]
+    return thickness * thickness
+
+
+@inlined
+def rotation(F):
+    """Return the cosine and the sine of the rotation of a plane gradient."""
+    c = F[0] + F[3]
+    s = F[1] - F[2]
+    norm = inverse_square_root(c * c + s * s)
+    return c * norm, s * norm
+
+
 @ByDimension
 def volume_ratios(algebra):
     """Build the pass that computes det F of every point, for models that need nothing else of a point's state."""
@@ -80,21 +101,15 @@ def held_states(chunk, chunks, gradients, volume_ratios, records):
     """
     widest_vectors()
     start, stop = share_of(gradients.shape[0], chunk, chunks)
-    F = quad_records(gradients[start:stop])
+    F = plane.matrix_rows(gradients[start:stop])
     J3 = volume_ratios[start:stop]
     record = quad_records(records[start:stop])
     count = 0
     for k in range(stop - start):
-        trace = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
-        J = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
-        c = F[k, 0] + F[k, 3]
-        s = F[k, 1] - F[k, 2]
-        norm = inverse_square_root(c * c + s * s)
+        trace, J, _ = plane.response_state(plane.matrix_at(F, k), 1.0)
+        c, s = rotation(plane.matrix_at(F, k))
         J3[k] = J
-        record[k, 0] = c * norm
-        record[k, 1] = s * norm
-        record[k, 2] = J
-        record[k, 3] = 1.0
+        put_row(record, k, (c, s, J, 1.0))
         # NaN fails both comparisons.
         count += 0 if (J > 0.0) & (trace < np.inf) else 1
     return count
@@ -117,24 +132,16 @@ def node_states(thread, chunk, chunks, gradients, volume_ratios, response, param
         at = block * BLOCK
         size = min(BLOCK, n - at)
         # Slices are used because the compiler would test an index at + k for a negative value, which prevents vectorisation.
-        F = quad_records(gradients[at : at + size])
+        F = plane.matrix_rows(gradients[at : at + size])
         J3 = volume_ratios[at : at + size]
         record = quad_records(records[at : at + size])
         for k in range(size):
-            states[0, k] = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
-            states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
-            states[2, k] = J3[k]
+            put_column(states, k, plane.response_state(plane.matrix_at(F, k), J3[k]))
         count += solve_volume_ratios(size, states, result, scratch[thread, 8], response, parameters)
         for k in range(size):
             J3[k] = states[2, k]
         # All four entries are written at once; written one by one they would be scattered.
         for k in range(size):
-            thickness = states[2, k] / states[1, k]
-            c = F[k, 0] + F[k, 3]
-            s = F[k, 1] - F[k, 2]
-            norm = inverse_square_root(c * c + s * s)
-            record[k, 0] = c * norm
-            record[k, 1] = s * norm
-            record[k, 2] = states[1, k]
-            record[k, 3] = thickness * thickness
+            c, s = rotation(plane.matrix_at(F, k))
+            put_row(record, k, (c, s, states[1, k], thickness_squared(states, k)))
     return count

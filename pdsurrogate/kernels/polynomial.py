@@ -15,9 +15,7 @@ from numba.extending import intrinsic
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
 from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
 from ..engine.intrinsics import tuple_of
-from .feature_sets import FeatureSet
-
-N_OUTPUTS = 2
+from .feature_sets import N_OUTPUTS, FeatureSet
 
 MOST_DEGREE = 24
 

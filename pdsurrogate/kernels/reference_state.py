@@ -5,22 +5,27 @@ These passes run once for a body without damage, and again for the points and pa
 
 import numpy as np
 
-from ..engine.block_arrays import BLOCK
+from ..engine.block_arrays import BLOCK, put_column
 from ..engine.passes import Pass, share_of
+from .algebra import algebra_of
 from .by_dimension import ByDimension
+
+plane = algebra_of(2)
 
 LEAST_SHAPE_QUALITY = 1e-3
 """Shape quality below which the bonds of a point do not span the plane or space. It is 1 for a full horizon, and about 0.6 at an intact
 corner: 0.59 in the plane, 0.61 in three dimensions at 1.75 spacings and 0.58 at 3.015.
 """
 
-NO_CORRECTION, SCALAR_CORRECTION, TENSOR_CORRECTION = 0, 1, 2
-CORRECTIONS = {"none": NO_CORRECTION, "scalar": SCALAR_CORRECTION, "tensor": TENSOR_CORRECTION}
+SCALAR_CORRECTION, TENSOR_CORRECTION = 1, 2
+CORRECTIONS = {"none": 0, "scalar": SCALAR_CORRECTION, "tensor": TENSOR_CORRECTION}
+"""Corrections of the bond force at incomplete horizons, by the names that settings use."""
 
 LEAST_TILT_STIFFNESS = 0.01
 """Regularisation epsilon of `bond_shares`: at an edge the mean bond shrinks from 0.42 to some 0.08 horizons."""
 
 MOST_NEWTON_STEPS = 100
+"""Steps of at most 1 towards the tilt: it is at most 1/`LEAST_TILT_STIFFNESS`, since epsilon times the tilt is the mean bond, at most 1."""
 
 
 @ByDimension
@@ -66,37 +71,27 @@ def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_sha
         b = pairs[r]
         i = first[b]
         j = second[b]
-        x1 = points[j, 0] - points[i, 0]
-        x2 = points[j, 1] - points[i, 1]
-        square = x1 * x1 + x2 * x2
+        x = plane.minus(plane.vector_at(points, j), plane.vector_at(points, i))
+        square = plane.dot(x, x)
         length = np.sqrt(square)
         normal_factor = 0.0
         tilt_factor = 0.0
         if supported[i] == 1 and supported[j] == 1:
-            a11 = inverse_shape[i, 0]
-            a12 = inverse_shape[i, 1]
-            a22 = inverse_shape[i, 2]
-            b11 = inverse_shape[j, 0]
-            b12 = inverse_shape[j, 1]
-            b22 = inverse_shape[j, 2]
+            A = plane.symmetric_at(inverse_shape, i)
+            B = plane.symmetric_at(inverse_shape, j)
             if correction == TENSOR_CORRECTION:
-                z1 = 0.5 * ((a11 + b11) * x1 + (a12 + b12) * x2)
-                z2 = 0.5 * ((a12 + b12) * x1 + (a22 + b22) * x2)
-                normal_factor = strength[b] * (z1 * x1 + z2 * x2) / square
-                tilt_factor = strength[b] * (z2 * x1 - z1 * x2) / square
+                z = plane.times(0.5, plane.symmetric_times_vector((A[0] + B[0], A[1] + B[1], A[2] + B[2]), x))
+                normal_factor = strength[b] * plane.dot(z, x) / square
+                tilt_factor = strength[b] * (z[1] * x[0] - z[0] * x[1]) / square
             elif correction == SCALAR_CORRECTION:
-                # fac = 2 kappa / tr K, and tr K = tr K^-1 / det K^-1.
-                trace_i = (a11 + a22) / (a11 * a22 - a12 * a12)
-                trace_j = (b11 + b22) / (b11 * b22 - b12 * b12)
-                normal_factor = strength[b] * (1.0 / trace_i + 1.0 / trace_j)
+                # fac = 2 kappa / tr K.
+                K, L = plane.inverse_symmetric(A), plane.inverse_symmetric(B)
+                normal_factor = strength[b] * (1.0 / (K[0] + K[2]) + 1.0 / (L[0] + L[2]))
             else:
                 normal_factor = strength[b] / kappa
         block = b // BLOCK
         lane = b - block * BLOCK
-        geometry[block, 0, lane] = x1 / square
-        geometry[block, 1, lane] = x2 / square
-        geometry[block, 2, lane] = normal_factor * length
-        geometry[block, 3, lane] = tilt_factor * length
+        put_column(geometry[block], lane, (x[0] / square, x[1] / square, normal_factor * length, tilt_factor * length))
         if geometry.shape[1] > 4:
             geometry[block, 4, lane] = length / horizon
 

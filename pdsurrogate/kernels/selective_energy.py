@@ -15,17 +15,20 @@ STATE_ROWS, RESULT_ROWS = 3, 4
 
 
 @inlined
-def _evaluate(energy, sizes, weights, response, parameters, states, result):
+def _evaluate(energy, constants, states, result):
     if energy == 0:
-        call_block(response, states, parameters, result)
+        call_block(constants[2], states, constants[3], result)
     else:
-        call_block(energy, states, sizes, weights, response, parameters, result)
+        call_block(energy, states, constants, result)
 
 
 @kernel
-def evaluate_isochoric_energy(energy, sizes, weights, response, parameters, states, result):
-    """Evaluate an isochoric energy over one block of states: a learnt one by its address, or the law's own if that is 0."""
-    _evaluate(energy, sizes, weights, response, parameters, states, result)
+def evaluate_isochoric_energy(energy, constants, states, result):
+    """Evaluate an isochoric energy over one block of states: a learnt one by its address, or the law's own if that is 0.
+
+    `constants` are sizes and weights of a learnt energy, and response and parameters of the law.
+    """
+    _evaluate(energy, constants, states, result)
 
 
 def buffer_rows(dimension: int) -> int:
@@ -60,12 +63,13 @@ def pair_volumes(algebra):
     matrix = algebra.MATRIX
 
     @Pass
-    def pair_volumes(thread, chunk, chunks, positions, gradients, first, second, geometry, buffers, volumes):
+    def pair_volumes(thread, chunk, chunks, positions, gradients, pairs, buffers, volumes):
         """Compute det F_ij of every pair; return the number of pairs where it is not positive or NaN.
 
-        `geometry` (n_blocks, d + 2 or d + 3, BLOCK) holds n, 1/l, the volume and, where a body has several materials or ranks, the part of
-        it counted here.
+        `pairs` are the numbers of the first and second points and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l, the volume and,
+        where a body has several materials or ranks, the part of it counted here.
         """
+        first, second, geometry = pairs
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
         sums = block_rows(buffers[thread])
@@ -103,15 +107,22 @@ def means_over_bonds(chunk, chunks, pointers, pair_of, shares, values, otherwise
         means[i] = total / whole if whole > 0.0 else otherwise
 
 
+@inlined
+def smoothed_value(smoothing, values, i):
+    """Return ``own * value + sum of weights * neighbours' values`` at a point, of a smoothing (pointers, columns, weights, own)."""
+    pointers, columns, weights, own = smoothing
+    total = own[i] * values[i]
+    for b in range(pointers[i], pointers[i + 1]):
+        total += weights[b] * values[columns[b]]
+    return total
+
+
 @Pass
-def smooth(chunk, chunks, pointers, columns, weights, own, values, out):
-    """Compute ``own * value + sum of weights * neighbours' values`` at the points of `own`, which are the first rows of `out`."""
-    start, stop = share_of(own.shape[0], chunk, chunks)
+def smooth(chunk, chunks, smoothing, values, out):
+    """Smooth values at points, which are the first rows of `out`; see `smoothed_value`."""
+    start, stop = share_of(smoothing[3].shape[0], chunk, chunks)
     for i in range(start, stop):
-        total = own[i] * values[i]
-        for b in range(pointers[i], pointers[i + 1]):
-            total += weights[b] * values[columns[b]]
-        out[i] = total
+        out[i] = smoothed_value(smoothing, values, i)
 
 
 @Pass
@@ -152,32 +163,15 @@ def pair_energies(algebra):
     length, volume = dimension, dimension + 1
 
     @Pass
-    def pair_energies(
-        thread,
-        chunk,
-        chunks,
-        positions,
-        gradients,
-        pressures,
-        first,
-        second,
-        geometry,
-        shares,
-        energy,
-        sizes,
-        weights,
-        response,
-        parameters,
-        buffers,
-        energies,
-        forces,
-        moments,
-    ):
+    def pair_energies(thread, chunk, chunks, positions, gradients, pressures, pairs, shares, energy, constants, buffers, results):
         """Compute the isochoric energy of the pairs and their parts of the force and of the points' S; dimensionless, times volume.
 
         The pressure of a pair is the sum of its ends' `pressures`, each times its share (`shares`, (n_blocks, 2, BLOCK)) of the end's
-        volume. `forces` receives P n/l on the first point, `moments` S = P (I - n (x) n)/2 by columns, `energies` the sums over each block.
+        volume. The results are: `energies`, the sums over each block; `forces`, P n/l on the first point; `moments`, S = P (I - n (x) n)/2
+        by columns.
         """
+        first, second, geometry = pairs
+        energies, forces, moments = results
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
         sums = block_rows(buffers[thread])
@@ -195,7 +189,7 @@ def pair_energies(algebra):
                 F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)
                 put_column(states, k, algebra.response_state(F, like(F[0], 1.0)))
-            _evaluate(energy, sizes, weights, response, parameters, states, result)
+            _evaluate(energy, constants, states, result)
             # The bonds are no longer needed: their first row is reused for the pressures.
             for k in range(BLOCK):
                 bonds[0, k] = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]

@@ -13,19 +13,17 @@ from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column
 from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
-from .feature_sets import FeatureSet, like
+from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, like, write_tractions
 
 FEATURES = (2, 3)
 """Numbers of features that a spline may have."""
 
-N_OUTPUTS = 2
-
 SUPPORT = 4
 """Number of B-splines that are non-zero in a cell; along a feature there are three more coefficients than cells."""
 
-MOST_FEATURES, MOST_SHARED = 3, 2
+MOST_FEATURES = FEATURES[-1]
 
 SCALING = 2 * MOST_FEATURES
 """Number of constants before the coefficients: lower end and cells per unit of each feature, zero for a missing third feature."""
@@ -119,7 +117,7 @@ def sums_of_rows(typingctx, table, begin, row, first, second):
 @cache
 def spline_block(features: FeatureSet, dtype):
     """Return the block function of splines of two or three features; `sizes` and `weights` from `pack` are arguments of it."""
-    shared_of, inputs, traction_of = inlined(features.shared), inlined(features.inputs), inlined(features.traction)
+    shared_of, inputs, put_tractions = inlined(features.shared), inlined(features.inputs), write_tractions(features)
     weights_at = inlined(cubic_weights)
     # With two features the first of three has one cell and one weight.
     layers = SUPPORT ** (len(features.names) - 2)
@@ -171,14 +169,6 @@ def spline_block(features: FeatureSet, dtype):
                     first, second = first + more * ahead[n, k], second + other * ahead[n, k]
             traction[0, k] = first
             traction[1, k] = second
-        last = sizes[N_WEIGHTS] - N_OUTPUTS
-        rest0, rest1 = weights[last], weights[last + 1]
-        for k in range(BLOCK):
-            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
-            again = column_like(kept, k, shared)
-            T_nn, T_nm, T_mm = traction_of(again, traction[0, k] - rest0, traction[1, k] - rest1, a, b, U_mm, J, C33)
-            traction[0, k] = T_nn
-            traction[1, k] = T_nm
-            traction[2, k] = T_mm
+        put_tractions(states, kept, shared, weights[sizes[N_WEIGHTS] - N_OUTPUTS :], traction)
 
     return compile_block_function(spline, bond_force_signature(np.dtype(dtype)))

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ..engine.compile import inlined
 from ..engine.passes import Pass, share_of
 from .by_dimension import ByDimension
 
@@ -58,43 +57,13 @@ def weigh_moments(algebra):
     return weigh_moments
 
 
-def node_force(algebra):
-    """Build the function that adds a point's part of `point_forces` that comes from the weighted S."""
-
-    @inlined
-    def add_node_force(stresses, neighbours, weighted_bonds, start, stop, factor, i, node_parts, out):
-        algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, start, stop, np.uint64(i), node_parts)
-        force = algebra.plus(algebra.vector_at(out, i), algebra.times(factor, algebra.vector_at(node_parts, i)))
-        algebra.put(out, i, force)
-        return algebra.not_finite(force)
-
-    return add_node_force
-
-
 @ByDimension
-def point_forces(algebra):
-    """Build the pass that sums forces on points from the pairs' own parts and the points' weighted S."""
-    add_node_force = node_force(algebra)
+def add_node_forces(algebra):
+    """Build the pass that adds the forces of the points' weighted S to the forces on points."""
 
     @Pass
-    def point_forces(
-        chunk,
-        chunks,
-        forces,
-        stresses,
-        pair_pointers,
-        incidence_pointers,
-        incidence,
-        pointers,
-        neighbours,
-        weighted_bonds,
-        volumes,
-        unit,
-        first_point,
-        node_parts,
-        out,
-    ):
-        """Write the pairs' own parts plus the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j; return how many are not finite.
+    def add_node_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, unit, first_point, node_parts, out):
+        """Add the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j to every force; return how many are not finite.
 
         `stresses` comes from `weigh_moments`. The directed bonds are those of the points from `first_point` on, where `out` is written;
         `node_parts` is working memory like `out`.
@@ -103,27 +72,10 @@ def point_forces(algebra):
         start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
         for r in range(start, stop):
             i = first_point + r
-            own = pair_pointers[i], pair_pointers[i + 1]
-            others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_signed_records(forces, own[0], own[1], incidence, others[0], others[1], unit, np.uint64(i), out)
-            bonds, factor = (pointers[r], pointers[r + 1]), unit * volumes[i]
-            without_force += add_node_force(stresses, neighbours, weighted_bonds, bonds[0], bonds[1], factor, i, node_parts, out)
+            algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
+            force = algebra.plus(algebra.vector_at(out, i), algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i)))
+            algebra.put(out, i, force)
+            without_force += algebra.not_finite(force)
         return without_force
-
-    return point_forces
-
-
-@ByDimension
-def add_node_forces(algebra):
-    """Build the pass that adds the forces of the points' weighted S to the forces on points."""
-    add_node_force = node_force(algebra)
-
-    @Pass
-    def add_node_forces(chunk, chunks, moments, pointers, neighbours, weighted_bonds, volumes, first_point, node_parts, out):
-        """Add the second part of `point_forces` to `out`, from `first_point` on, with a unit of one."""
-        start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
-        for r in range(start, stop):
-            i = first_point + r
-            add_node_force(moments, neighbours, weighted_bonds, pointers[r], pointers[r + 1], volumes[i], i, node_parts, out)
 
     return add_node_forces

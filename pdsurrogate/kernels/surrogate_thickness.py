@@ -9,16 +9,18 @@ and the map that gives the force of a bond gives the pressure in a point as well
 K/mu.
 """
 
-import numpy as np
-
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column, quad_records
 from ..engine.compile import call_block, widest_vectors
 from ..engine.intrinsics import tuple_of
 from ..engine.passes import Pass, share_of
+from .algebra import algebra_of
 from .domain import N_LIMITS, is_outside, share_inside
-from .node_state import solve_volume_ratios
+from .node_state import rotation, solve_volume_ratios, thickness_squared
+
+plane = algebra_of(2)
 
 MOST_ITERATIONS = 20
+"""Steps at most. Each changes J3 by at most a factor of two: J3 that twenty do not reach is left to the law."""
 
 BUFFER_ROWS = STATE_ROWS + TRACTION_ROWS
 """Rows of the buffer in the precision of the model: bond states and tractions."""
@@ -31,30 +33,16 @@ over J3, and working memory of `solve_volume_ratios`.
 
 @Pass
 def surrogate_node_states(
-    thread,
-    chunk,
-    chunks,
-    gradients,
-    volume_ratios,
-    response,
-    volumetric,
-    parameters,
-    bond_force,
-    sizes,
-    weights,
-    domain,
-    tolerance,
-    buffers,
-    work,
-    scratch,
-    records,
+    thread, chunk, chunks, gradients, volume_ratios, volumetric, bond_force, constants, domain, tolerance, memory, records
 ):
     """Write the points' records (cos, sin, J, C33) from the deformation gradients; return the number of points without a state.
 
-    `response` and `parameters` are the law's, for points outside the `domain` (2, 7) of the learnt force `bond_force`; in the band inside
-    its edge J3 is blended as the bond force is. `tolerance` is the relative step of J3 at which the iteration ends; `buffers` already hold
-    the bond length.
+    `constants` are sizes and weights of the learnt force `bond_force`, and response and parameters of the law, for points outside the
+    `domain` (2, 7) of that force; in the band inside its edge J3 is blended as the bond force is. `tolerance` is the relative step of J3 at
+    which the iteration ends. `memory` is a buffer that already holds the bond length, work and scratch.
     """
+    _, _, response, parameters = constants
+    buffers, work, scratch = memory
     n = gradients.shape[0]
     widest_vectors()
     first_block, last_block = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
@@ -70,48 +58,31 @@ def surrogate_node_states(
     for block in range(first_block, last_block):
         at = block * BLOCK
         size = min(BLOCK, n - at)
-        F = quad_records(gradients[at : at + size])
+        gradient = plane.matrix_rows(gradients[at : at + size])
         J3 = volume_ratios[at : at + size]
         record = quad_records(records[at : at + size])
         for k in range(size):
-            c = F[k, 0] + F[k, 3]
-            s = F[k, 1] - F[k, 2]
-            norm = 1.0 / np.sqrt(c * c + s * s)
-            c = c * norm
-            s = s * norm
+            F = plane.matrix_at(gradient, k)
+            c, s = rotation(F)
             record[k, 0] = c
             record[k, 1] = s
-            frame[0, k] = c * F[k, 0] + s * F[k, 1]
-            frame[1, k] = c * F[k, 2] + s * F[k, 3]
-            frame[2, k] = c * F[k, 3] - s * F[k, 2]
-            states[0, k] = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
-            states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
-            states[2, k] = J3[k]
-            last[0, k] = 0.0
+            put_column(frame, k, (c * F[0] + s * F[1], c * F[2] + s * F[3], c * F[3] - s * F[2]))
+            put_column(states, k, plane.response_state(F, J3[k]))
         # States that fill up the last block are undeformed.
         for k in range(size, BLOCK):
-            frame[0, k] = 1.0
-            frame[1, k] = 0.0
-            frame[2, k] = 1.0
-            states[0, k] = 2.0
-            states[1, k] = 1.0
-            states[2, k] = 1.0
+            put_column(frame, k, (1.0, 0.0, 1.0))
+            put_column(states, k, (2.0, 1.0, 1.0))
+        for k in range(BLOCK):
+            put_column(bond, k, (frame[0, k], frame[1, k], frame[2, k], states[1, k]))
             last[0, k] = 0.0
-        for k in range(BLOCK):
-            bond[0, k] = frame[0, k]
-            bond[1, k] = frame[1, k]
-            bond[2, k] = frame[2, k]
-            bond[3, k] = states[1, k]
-        for k in range(BLOCK):
             moved[k] = 1.0
         largest = 1.0
         for _ in range(MOST_ITERATIONS):
             if largest < tolerance:
                 break
             for k in range(BLOCK):
-                thickness = states[2, k] / states[1, k]
-                bond[4, k] = thickness * thickness
-            call_block(bond_force, bond, sizes, weights, response, parameters, work[thread], scratch[thread], traction)
+                bond[4, k] = thickness_squared(states, k)
+            call_block(bond_force, bond, constants, work[thread], scratch[thread], traction)
             call_block(volumetric, states, parameters, result)
             largest = 0.0
             for k in range(BLOCK):
@@ -125,9 +96,7 @@ def surrogate_node_states(
                 step = min(max(-residual / slope, -0.5 * states[2, k]), states[2, k])
                 # A converged state stays as it is while others of the block go on.
                 step = step if moved[k] >= tolerance else 0.0
-                last[0, k] = step
-                last[1, k] = residual
-                last[2, k] = slope / plain
+                put_column(last, k, (step, residual, slope / plain))
                 states[2, k] += step
                 moved[k] = abs(step) / states[2, k]
                 largest = max(largest, moved[k])
@@ -135,16 +104,14 @@ def surrogate_node_states(
         near = 0.0
         for k in range(size):
             near += 0.0 if moved[k] < 100.0 * tolerance else 1.0
-            thickness = states[2, k] / states[1, k]
             # NaN is outside.
-            near += is_outside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, inner)
+            near += is_outside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness_squared(states, k), inner)
         if near > 0.0:
             for k in range(size):
-                thickness = states[2, k] / states[1, k]
-                share = share_inside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, outer, inner)
+                C33 = thickness_squared(states, k)
+                share = share_inside(frame[0, k], frame[1, k], frame[2, k], states[1, k], C33, outer, inner)
                 last[0, k] = share if moved[k] < 100.0 * tolerance else 0.0
                 last[1, k] = states[2, k]
-            for k in range(size):
                 states[2, k] = J3[k]
             count += solve_volume_ratios(size, states, result, scratch[thread, 15], response, parameters)
             for k in range(size):
@@ -153,8 +120,7 @@ def surrogate_node_states(
                 elif last[0, k] > 0.0:
                     states[2, k] += last[0, k] * (last[1, k] - states[2, k])
         for k in range(size):
-            thickness = states[2, k] / states[1, k]
             J3[k] = states[2, k]
             record[k, 2] = states[1, k]
-            record[k, 3] = thickness * thickness
+            record[k, 3] = thickness_squared(states, k)
     return count

@@ -1,13 +1,11 @@
 """Learning bond forces and energies with scikit-learn; a simulation never imports this room."""
 
-from .algorithm_1 import algorithm_1
-from .card_text import CardText
+from .bond_force import algorithm_1
 from .chebyshev import ChebyshevRegressor
-from .fitting import cross_validate, evaluate
+from .fitting import cross_validate, evaluate, force_model_of, reachable_stretches, surrogate_of, surrogate_pipeline, training_samples
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sobolev import SobolevRegressor
-from .storing import store
-from .surrogates import force_model_of, reachable_stretches, surrogate_of, surrogate_pipeline, training_samples
+from .storing import CardText, store
 from .target import InputAwareTargetRegressor
 from .targets import Samples
 from .torch_regressor import TorchMLPRegressor

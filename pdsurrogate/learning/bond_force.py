@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import ClassVar
+
 import numpy as np
 
+from ..arguments import check_seed, check_whole_number
 from ..body import WEIGHT_FUNCTIONS
-from ..forces import Domain
+from ..forces import AnalyticBondForce, Domain
 from ..materials import Law
-from .export import force_of, shift_and_scale, taken_over
-from .pipeline import bond_force_pipeline, feature_set_of, parts_of
-from .sampling import COLUMNS, TARGETS, bond_states_reached, range_of_stretches, wide_bonds
-from .targets import REPORT_SEED, REPORTED_STATES, Range, Samples, Target
-from .validation import force_report, relative_errors
+from ..materials.law import check_number, checked_law
+from . import sampling
+from .export import force_of, scaled_parts, shift_and_scale, taken_over
+from .pipeline import bond_force_pipeline
+from .sampling import COLUMNS, TARGETS, checked_range
+from .targets import Range, Samples, Target, relative_errors
+
+SLOPE_STEP = 1e-4
+"""Relative change of lambda_b in central differences of the force: in double precision their error is 1e-8 of the slope."""
+
+LENGTHS, ORIENTATIONS = 2, 5
+"""Bond lengths for each deformation gradient of Algorithm 1, and orientations for each length: enough for both to be spread, and few
+enough for a thousand gradients among 10,000 samples."""
 
 WIDE = (0.5, 4.0)
 """Principal stretches of the default samples; the card of a surrogate trained on a smaller range reports its errors in this one as well."""
@@ -22,20 +34,23 @@ class _BondForce(Target):
     units = "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa"
     weight_function = "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS)
 
-    reached = staticmethod(bond_states_reached)
+    _reported: ClassVar = {"near_rest": 0.25, "off_surface": 0.0}
+    _bins_share_generator = False
+    reached = staticmethod(sampling.bond_states_reached)
     pipeline = staticmethod(bond_force_pipeline)
     surrogate = staticmethod(taken_over)
 
     def draw(
         self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int, off_surface: float = 2 / 3
     ) -> Samples:
-        return Samples(*wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
+        return Samples(*sampling.wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
 
-    def predicted_by(self, model) -> bool:
-        try:
-            return bool(feature_set_of(model))
-        except ValueError:
-            return False
+    def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
+        return Samples(*sampling.states_of_strain(law, strains, stretch_range, n_samples, random_state), {}, self)
+
+    def _predictor(self, model, law: Law) -> Callable[[np.ndarray], np.ndarray]:
+        force = force_of(model)
+        return lambda X: force(*X.T)
 
     def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:
         return relative_errors(predicted, samples.y)
@@ -44,23 +59,30 @@ class _BondForce(Target):
         stretch, rotation, J, C33 = (X[:, COLUMNS.index(name)] for name in ("stretch", "rotation", "J", "C33"))
         # Components of the stretch tensor U, which stretch and rotation of a bond and the area ratio define.
         U_nn, U_nm = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        low, high = range_of_stretches(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
+        low, high = sampling.range_of_stretches(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
         bulk = J**2 * C33
         return Domain(low, high, float(bulk.min()), float(bulk.max()))
 
-    def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
-        return force_report(force_of(model), law, stretch_range, n_samples, random_state)
+    def _more_errors(self, model, law: Law, samples: Samples) -> dict[str, object]:
+        force, design = force_of(model), samples.design
+        off = self.draw(law, len(samples), tuple(design["stretch_range"]), 0, design["random_state"] + 1, off_surface=1)
+        states = np.vstack([samples.X, off.X])
+        return {
+            "off_surface": self.errors(force(*off.X.T), off),
+            "at_rest": float(np.linalg.norm(force([1.0], [0.0], [1.0], [1.0], [1.0]))),
+            "least_slope": float(stiffness_slopes(force, states).min()),
+            "least_slope_exact": float(stiffness_slopes(AnalyticBondForce(law).bond_force, states).min()),
+        }
 
     def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
         wider = stretch_range[0] > WIDE[0] and self.reached(law, *np.log(WIDE))
         return {"outside_box": self.report(surrogate, law, WIDE)} if wider else {}
 
     def scaling(self, model) -> dict:
-        try:
-            parts = parts_of(model)
-        except ValueError:
+        scaling, _, target = scaled_parts(model) or (None, None, None)
+        if scaling is None:
             return {"folded": "whatever scaling the model has is part of the payload, which is on plain features"}
-        (mean, scale), (target_mean, target_scale) = shift_and_scale(parts.scaling), shift_and_scale(parts.target)
+        (mean, scale), (target_mean, target_scale) = shift_and_scale(scaling), shift_and_scale(target)
         return {
             "feature_mean": mean.tolist(),
             "feature_scale": scale.tolist(),
@@ -72,3 +94,86 @@ class _BondForce(Target):
 
 BOND_FORCE = _BondForce()
 """The dimensionless bond force along and across a bond, as a function of stretch, rotation, length, C33 and J."""
+
+
+def algorithm_1(
+    law: Law,
+    n_samples: int = 10_000,
+    stretch_range: tuple[float, float] = (0.8, 4.0),
+    horizon: float = 1.0,
+    weight: str = "inverse",
+    nondimensional: bool = True,
+    random_state: int = 0,
+) -> Samples:
+    """Draw samples of bond forces by the paper's Algorithm 1: loops over principal stretches, bond lengths and bond orientations.
+
+    The paper loops over "various" values. Here lengths and orientations are drawn uniformly from their ranges, and stretches uniformly in
+    the logarithm. On a full grid of values a network can be exact at the few stretches of the grid and wrong by percents between them. If
+    stretches themselves were uniform, only two in a thousand pairs would be near the corner of least stretches, where C33 is greatest, and
+    a network would be wrong there by ten times its error elsewhere.
+
+    Parameters
+    ----------
+    law : Law
+    n_samples : int
+        Number of samples, rounded to whole pairs of stretches: ten samples have the same pair.
+    stretch_range : tuple of float
+        Least and greatest principal stretch.
+    horizon : float
+        Horizon delta; lengths are in (0, delta].
+    weight : str
+        Weight function.
+    nondimensional : bool
+        Whether lengths are in units of the horizon, and forces are t kappa/(w l mu). Otherwise lengths have the unit of the horizon, and
+        forces, by Eq. (2) on a full circular horizon, that of the shear modulus over the cube of the horizon's.
+    random_state : int
+        Seed.
+
+    Returns
+    -------
+    Samples
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> samples = pds.learning.algorithm_1(pds.materials.NeoHookean(), n_samples=200, random_state=0)
+    >>> samples.X.shape
+    (200, 5)
+    """
+    checked_law(law)
+    check_whole_number(n_samples, "n_samples", 1)
+    check_seed(random_state)
+    check_number(horizon, "horizon")
+    if not 0 < horizon < np.inf:
+        raise ValueError(f"horizon must be positive and finite, not {horizon}")
+    if weight not in WEIGHT_FUNCTIONS:
+        raise ValueError(f"unknown weight {weight!r}; there are {', '.join(WEIGHT_FUNCTIONS)}")
+    low, high = checked_range(stretch_range)
+    random = np.random.default_rng(random_state)
+    pairs = max(1, round(n_samples / (LENGTHS * ORIENTATIONS)))
+    stretches = np.repeat(np.exp(sampling.log_stretches(random, pairs, low, high, near_rest=0.0)), LENGTHS * ORIENTATIONS, axis=0)
+    length = np.repeat(horizon * (1 - random.uniform(0, 1, pairs * LENGTHS)), ORIENTATIONS)
+    angle = 2 * np.pi * (1 - random.uniform(0, 1, len(length)))
+    U_nn, U_nm, J, C33 = sampling.on_surface(law, *stretches.T, angle)
+    X, y = sampling.force_on_bonds(law, U_nn, U_nm, J, C33, length)
+    if nondimensional:
+        X[:, 2] /= horizon
+    else:
+        y *= sampling.force_factor(length, horizon, weight, law.shear_modulus)[:, None]
+    design = {
+        "name": "algorithm 1",
+        "n_samples": len(X),
+        "stretch_range": [low, high],
+        "horizon": horizon,
+        "weight": weight,
+        "nondimensional": nondimensional,
+        "random_state": random_state,
+    }
+    return Samples(X, y, design, BOND_FORCE)
+
+
+def stiffness_slopes(force: Callable, states: np.ndarray) -> np.ndarray:
+    """Return d t_n / d lambda_b at fixed dtheta, length, C33 and J, by central differences, shape (n,)."""
+    stretch = states[:, 0]
+    low, high = (force(stretch * (1 + sign * SLOPE_STEP), *states[:, 1:].T)[:, 0] for sign in (-1, 1))
+    return (high - low) / (2 * SLOPE_STEP * stretch)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..forces import BondEnergyForce, Domain, EnergyNetwork
 from ..forces.bond_energy import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
-from .energy_target import EnergyTarget, PipelineFunctions, checked_derivatives, checked_invariants
-from .named import named
 from .sampling import bond_states_reached, log_stretches, range_of_stretches, stretches_of_strain
-from .targets import Range, Samples
+from .target import checked_columns, named
+from .targets import EnergyTarget, Range, Samples, checked_derivatives
 
 INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
 
@@ -19,7 +20,7 @@ INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
 @named()
 def log_invariants(X) -> np.ndarray:
     """Return log J and log(tr C/(2 J)), shape (n, 2)."""
-    trace, J = checked_invariants(X, INVARIANTS)
+    trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([np.log(J), np.log(trace / (2 * J))], axis=1)
 
 
@@ -41,7 +42,7 @@ def derivatives_by_features(X, y) -> np.ndarray:
 @named()
 def derivatives_by_invariants(X, z) -> np.ndarray:
     """Return the energy and its derivatives by tr C and J, the inverse of `derivatives_by_features`."""
-    trace, J = checked_invariants(X, INVARIANTS)
+    trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
 
 
@@ -53,31 +54,30 @@ def _names(transformer, input_features):
 class _SheetEnergy(EnergyTarget):
     name, columns, outputs, stretch_range, n_samples = "sheet-energy", INVARIANTS, DERIVATIVES, (0.5, 5.0), 2_000
     has_committees = False
-    surrogate_type, n_units = EnergyNetwork, 12
-    flat = (0,)
-    functions = PipelineFunctions(log_invariants, _names, rubber_energy_size, derivatives_by_features, derivatives_by_invariants)
+    _surrogate_type, _n_units = EnergyNetwork, 12
+    _flat = (0,)
+    _functions = log_invariants, _names, rubber_energy_size, derivatives_by_features, derivatives_by_invariants
     reached = staticmethod(bond_states_reached)
-    draw_logs = staticmethod(log_stretches)
+    _draw_logs = staticmethod(log_stretches)
     shape = staticmethod(energy_shape)
 
-    def states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
         J3 = plane_stress.volume_ratio(law, trace, J)
         p, q, _, _, energy = plane_stress.response(law, trace, J, J3)
         return np.stack([trace, J], axis=1), np.stack([energy, p / 2, q / J], axis=1)
 
-    def of_strain(self, random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int) -> np.ndarray:
+    def _of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
         return np.stack(stretches_of_strain(random, strains, low, high, n_samples), axis=1)
 
-    def stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
+    def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         # Principal nominal stresses 2 psi_I lambda + psi_J J/lambda.
         return 2 * first[:, None] * stretches + second[:, None] * stretches[:, ::-1]
 
-    def derivatives(self, model: EnergySurrogate, law: Law, X: np.ndarray) -> np.ndarray:
-        found = model.energy_derivatives(law, *X.T)
-        return np.stack([found.psi, found.by_trace, found.by_area], axis=1)
+    def _predictor(self, model: EnergySurrogate, law: Law) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda X: np.stack(model.energy_derivatives(law, *X.T)[:3], axis=1)
 
-    def stability(self, model: EnergySurrogate, law: Law, samples: Samples) -> dict[str, float]:
+    def _more_errors(self, model: EnergySurrogate, law: Law, samples: Samples) -> dict[str, float]:
         rest = model.energy_derivatives(law, np.array([2.0]), np.array([1.0]))
         acoustic, curvature = _stability(model.energy_derivatives(law, *samples.X.T), samples)
         exact_acoustic, exact_curvature = _stability(BondEnergyForce().energy_derivatives(law, *samples.X.T), samples)
@@ -105,16 +105,11 @@ SHEET_ENERGY = _SheetEnergy()
 def _stability(energy, samples) -> tuple[float, float]:
     """Return the least acoustic stiffness, and the least curvature by the log-stretches."""
     first, second = samples.stretches.T
-    angles = np.arange(0, np.pi, np.pi / 12)
-    least = np.inf
-    for n in angles:
-        for m in angles:
-            # F is diagonal here: m . F n and cof F : m (x) n.
-            along = first * np.cos(m) * np.cos(n) + second * np.sin(m) * np.sin(n)
-            cofactor = second * np.cos(m) * np.cos(n) + first * np.sin(m) * np.sin(n)
-            value = 2 * energy.by_trace + 4 * energy.by_trace_trace * along**2
-            value += 4 * energy.by_trace_area * along * cofactor + energy.by_area_area * cofactor**2
-            least = min(least, float(value.min()))
+    m, n = (angles.reshape(-1, 1) for angles in np.meshgrid(*2 * [np.arange(0, np.pi, np.pi / 12)]))
+    # F is diagonal here: m . F n and cof F : m (x) n.
+    along, cofactor = (a * np.cos(m) * np.cos(n) + b * np.sin(m) * np.sin(n) for a, b in ((first, second), (second, first)))
+    acoustic = 2 * energy.by_trace + 4 * energy.by_trace_trace * along**2
+    acoustic += 4 * energy.by_trace_area * along * cofactor + energy.by_area_area * cofactor**2
     a, b, J = 2 * first**2, 2 * second**2, first * second
 
     def second_derivative(s, t):
@@ -123,4 +118,4 @@ def _stability(energy, samples) -> tuple[float, float]:
     aa, bb = (second_derivative(s, s) + 2 * (energy.by_trace * s) for s in (a, b))
     ab = second_derivative(a, b)
     curvature = (aa + bb) / 2 - np.sqrt(((aa - bb) / 2) ** 2 + ab**2)
-    return least, float(curvature.min())
+    return float(acoustic.min()), float(curvature.min())

@@ -9,29 +9,31 @@ from dataclasses import replace
 
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
+from sklearn.compose import TransformedTargetRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
-from ..forces import (
-    Domain,
-    ForceSurrogate,
-    LearntBondForce,
-    NetworkForce,
-    OwnBondForce,
-    PolynomialForce,
-    SplineForce,
-    is_own_force,
-)
+from ..forces import Domain, ForceSurrogate, LearntBondForce, NetworkForce, OwnBondForce, PolynomialForce, SplineForce, is_own_force
+from ..kernels.activations import ACTIVATIONS
 from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.network import MOST_HIDDEN, network_outputs
 from ..kernels.spline import FEATURES
 from ..materials import Law
 from .chebyshev import ChebyshevRegressor
-from .layers import network_of
-from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs, parts_of
+from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs
 from .resampling import MARGIN, Spline, isochoric_outputs_of, resampled
 from .sampling import COLUMNS, wide_bonds
 from .target import InputAwareTargetRegressor, is_search
+from .targets import relative_errors
+
+Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
+
+TORCH_ACTIVATIONS = {"Algebraic": "algebraic", "Sigmoid": "logistic", "Tanh": "tanh", "ReLU": "relu"}
+"""Names of activations in the kernels by the names of modules of torch."""
+
+AGREEMENT = 1e-5
+"""Greatest difference of the layers from the predictions of the estimator, relative to the RMS: single precision of torch."""
 
 STATES = 4000
 """Most states of the training set at which a surrogate is compared with the model that it was made of: 1 % of error in their RMS."""
@@ -54,14 +56,19 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
     feature_set = feature_set_of(model)
     check_is_fitted(model)
     common = (name, feature_set, model.offsets_.astype(float), domain, law.name, law.shape)
-    try:
-        parts = parts_of(model)
-    except ValueError:  # no steps that are folded exactly
-        return _of_other_steps(model, common, law, domain)
-    scaling, target = shift_and_scale(parts.scaling), shift_and_scale(parts.target)
-    if isinstance(parts.regressor, ChebyshevRegressor):
-        return PolynomialForce(*common, *_polynomial(parts.regressor, *scaling, *target)), {}
-    return NetworkForce(*common, parts.regressor.activation, _layers(parts.regressor, *scaling, *target)), {}
+    if (polynomial := _polynomial_of(model)) is not None and len(FEATURE_SETS[feature_set].names) == 2:
+        return PolynomialForce(*common, *polynomial), {}
+    rest, horizon = model.regressor_[1:], model.regressor_[0].kw_args["horizon"]
+    X = None if model.training_inputs_ is None else model.training_inputs_ / [1, 1, horizon, 1, 1]
+    states = _thinned(X, law, domain)
+    with _plain_arrays():
+        network = network_of(rest, feature_values(states, feature_set))
+    if network is not None:
+        return NetworkForce(*common, *network), {}
+    force, title = _force_of_pipeline(model), title_of(regressor_of(model))
+    if len(FEATURE_SETS[feature_set].names) not in FEATURES:
+        return _of_bonds(force, title, law, domain, name, states)
+    return _of_function(lambda features: _quietly(rest, features), force, title, common, model.anchored_outputs, states)
 
 
 def best_of(model):
@@ -158,23 +165,6 @@ def _thinned(X: np.ndarray | None, law: Law, domain: Domain) -> np.ndarray:
     return X[np.linspace(0, len(X) - 1, min(STATES, len(X))).astype(int)]
 
 
-def _of_other_steps(model, common, law: Law, domain: Domain) -> tuple[LearntBondForce, dict]:
-    """Return the surrogate of a pipeline with other steps than those folded exactly: of its network, or of its function."""
-    feature_set, rest = common[1], model.regressor_[1:]
-    horizon, names = model.regressor_[0].kw_args["horizon"], FEATURE_SETS[feature_set].names
-    X = None if model.training_inputs_ is None else model.training_inputs_ / [1, 1, horizon, 1, 1]
-    states = _thinned(X, law, domain)
-    with _plain_arrays():
-        network = network_of(rest, feature_values(states, feature_set))
-    if network is not None:
-        return NetworkForce(*common, *network), {}
-    force, title = _force_of_pipeline(model), title_of(regressor_of(model))
-    if len(names) not in FEATURES:
-        return _of_bonds(force, title, law, domain, common[0], states)
-    anchored = model.anchored_outputs
-    return _of_function(lambda features: _quietly(rest, features), force, title, common, anchored, states)
-
-
 def _of_bonds(force: Callable, title: str, law: Law, domain: Domain, name: str, states) -> tuple[SplineForce, dict]:
     """Return the spline of a function of bonds, in the isochoric features."""
     common = (name, "isochoric", np.zeros(2), domain, law.name, law.shape)
@@ -186,27 +176,20 @@ def _of_function(function, force, title, common, anchored, states) -> tuple[Spli
     name, feature_set, offsets, *described = common
     rest = feature_values(np.array([AT_REST]), feature_set)
     right = np.asarray(force(*states.T), dtype=float)
-    size = np.sqrt((right**2).sum(axis=1).mean())
 
     def made_of(spline: Spline) -> SplineForce:
         found, at_rest = SplineForce(name, feature_set, offsets, *described, *spline), offsets.copy()
         at_rest[list(anchored)] = found.outputs(rest)[0, list(anchored)]
         return replace(found, at_rest=at_rest)
 
-    def errors(spline: Spline) -> np.ndarray:
-        return np.linalg.norm(made_of(spline).bond_force(*states.T) - right, axis=1) / size
+    def errors(spline: Spline) -> dict[str, float]:
+        return relative_errors(made_of(spline).bond_force(*states.T), right)
 
     low, high = feature_box(feature_set, described[0], states)
-    spline, jump = resampled(function, low, high, lambda spline: np.sqrt((errors(spline) ** 2).mean()))
-    surrogate, found = made_of(spline), errors(spline)
-    report = {
-        "model": title,
-        "onto": f"cubic spline of {' and '.join(surrogate.features)}, {surrogate.size}",
-        "rms": float(np.sqrt((found**2).mean())),
-        "max": float(found.max()),
-        "jump": jump,
-    }
-    return surrogate, report
+    spline, jump = resampled(function, low, high, lambda spline: errors(spline)["rms"])
+    surrogate = made_of(spline)
+    onto = f"cubic spline of {' and '.join(surrogate.features)}, {surrogate.size}"
+    return surrogate, {"model": title, "onto": onto, **errors(spline), "jump": jump}
 
 
 def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -234,12 +217,9 @@ def regressor_of(model):
 
 def title_of(regressor) -> str:
     """Return the name of a regressor with the name of its inner estimator."""
-    if hasattr(regressor, "steps"):
-        inner = regressor.steps[-1][1]
-    elif isinstance(regressor, MetaEstimatorMixin):
+    inner = regressor.steps[-1][1] if hasattr(regressor, "steps") else None
+    if inner is None and isinstance(regressor, MetaEstimatorMixin):
         inner = getattr(regressor, "best_estimator_", getattr(regressor, "estimator", None))
-    else:
-        inner = None
     return type(regressor).__name__ if inner is None else f"{type(regressor).__name__}({title_of(inner)})"
 
 
@@ -249,22 +229,94 @@ def shift_and_scale(scaler: StandardScaler) -> tuple[np.ndarray, np.ndarray]:
     return scaler.mean_ if scaler.with_mean else np.zeros(count), scaler.scale_ if scaler.with_std else np.ones(count)
 
 
-def _layers(network, shift, scale, target_shift, target_scale):
-    """Return the layers of a network on plain features and outputs."""
-    coefs = [np.array(weights, dtype=float) for weights in network.coefs_]
-    intercepts = [np.array(biases, dtype=float) for biases in network.intercepts_]
-    intercepts[0] = intercepts[0] - (shift / scale) @ coefs[0]
-    coefs[0] = coefs[0] / scale[:, None]
-    coefs[-1] = coefs[-1] * target_scale
-    intercepts[-1] = intercepts[-1] * target_scale + target_shift
-    return tuple((np.ascontiguousarray(W), np.ascontiguousarray(b)) for W, b in zip(coefs, intercepts, strict=True))
+def scaled_parts(model) -> tuple[StandardScaler, object, StandardScaler] | None:
+    """Return the scaling, the regressor and the scaling of its outputs of a fitted pipeline with these steps; None for any other model."""
+    steps = [step for _, step in model.regressor_.steps[1:]] if isinstance(model, InputAwareTargetRegressor) else []
+    scaling, last = steps if len(steps) == 2 else (None, None)
+    if not isinstance(scaling, StandardScaler) or not isinstance(getattr(last, "transformer_", None), StandardScaler):
+        return None
+    return scaling, last.regressor_, last.transformer_
 
 
-def _polynomial(regressor, shift, scale, target_shift, target_scale):
-    """Return centre and half width of the features, and the coefficients of a polynomial on plain features and outputs."""
-    centre = shift + scale * regressor.centre_
-    coefficients = np.zeros((target_scale.size, *(regressor.powers_.max(axis=0) + 1)))
-    for (i, j), values in zip(regressor.powers_, regressor.coef_ * target_scale, strict=True):
-        coefficients[:, i, j] = values
-    coefficients[:, 0, 0] += target_shift
-    return centre, scale * regressor.half_width_, coefficients
+def _polynomial_of(model):
+    """Return centre and half width of the features, and the coefficients of a polynomial on plain features and outputs, or None."""
+    scaling, regressor, target = scaled_parts(model) or (None, None, None)
+    if not isinstance(regressor, ChebyshevRegressor):
+        return None
+    (shift, scale), (target_shift, target_scale) = shift_and_scale(scaling), shift_and_scale(target)
+    coefficients = np.zeros((*(regressor.powers_.max(axis=0) + 1), target_scale.size))
+    coefficients[tuple(regressor.powers_.T)] = regressor.coef_ * target_scale
+    coefficients[(0,) * len(shift)] += target_shift
+    return shift + scale * regressor.centre_, scale * regressor.half_width_, np.ascontiguousarray(np.moveaxis(coefficients, -1, 0))
+
+
+def network_of(estimator, features: np.ndarray) -> tuple[str, Layers] | None:
+    """Return activation and layers of a fitted estimator that is a network the kernels evaluate; None for any other estimator.
+
+    Such are scikit-learn's ``MLPRegressor`` and estimators with the same ``coefs_``, ``intercepts_`` and ``activation``, and skorch's
+    regressors whose module is a sequence of linear layers with one kind of activation between; also as the last step of a pipeline whose
+    other steps are affine, and with an affine transformation of the target. The layers are compared with the predictions of the estimator
+    at `features`, shape (m, n), so that a module with another forward pass, or a step that is not affine, is not accepted.
+    """
+    try:
+        activation, layers = _layers_of(estimator, features.shape[1])
+    except NoNetwork:
+        return None
+    if activation not in ACTIVATIONS or not 1 <= len(layers) - 1 <= MOST_HIDDEN:
+        return None
+    values = network_outputs(features, layers, ACTIVATIONS[activation])
+    expected = np.asarray(estimator.predict(features), dtype=float)
+    agree = expected.shape == values.shape and np.abs(values - expected).max() <= AGREEMENT * np.sqrt((expected**2).mean())
+    return (activation, layers) if agree else None
+
+
+class NoNetwork(Exception):
+    """An estimator whose last step is no network with layers."""
+
+
+def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
+    """Return activation and layers as if all steps were affine; raise `NoNetwork` for an estimator without layers."""
+    if isinstance(estimator, Pipeline):
+        first, rest = estimator.steps[0][1], estimator[1:]
+        if not len(rest):
+            return _layers_of(first, n_features)
+        matrix, shift = _affine(estimator[:1].transform, n_features)
+        activation, ((weights, biases), *others) = _layers_of(rest, len(shift))
+        if isinstance(first, StandardScaler):  # without the rounding of a matrix
+            shift, scale = shift_and_scale(first)
+            return activation, ((weights / scale[:, None], biases - (shift / scale) @ weights), *others)
+        return activation, ((matrix @ weights, shift @ weights + biases), *others)
+    if isinstance(estimator, TransformedTargetRegressor):
+        activation, (*others, (weights, biases)) = _layers_of(estimator.regressor_, n_features)
+        transformer = estimator.transformer_
+        if isinstance(transformer, StandardScaler):
+            shift, scale = shift_and_scale(transformer)
+            return activation, (*others, (weights * scale, biases * scale + shift))
+        matrix, shift = _affine(transformer.inverse_transform, biases.size)
+        return activation, (*others, (weights @ matrix, biases @ matrix + shift))
+    if all(hasattr(estimator, key) for key in ("coefs_", "intercepts_", "activation")):
+        pairs = zip(estimator.coefs_, estimator.intercepts_, strict=True)
+        return estimator.activation, tuple((np.array(W, dtype=float), np.array(b, dtype=float)) for W, b in pairs)
+    if hasattr(estimator, "module_"):
+        return layers_of_module(estimator.module_)
+    raise NoNetwork
+
+
+def _affine(transform, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return M and c of an affine transformation x -> x M + c."""
+    values = np.asarray(transform(np.vstack([np.zeros((1, count)), np.eye(count)])), dtype=float)
+    return values[1:] - values[0], values[0]
+
+
+def layers_of_module(module) -> tuple[str, Layers]:
+    """Return the activation and the linear layers of a module of torch, in the order in which the module lists them."""
+    leaves = [leaf for leaf in module.modules() if not list(leaf.children())]
+    names = [type(leaf).__name__ for leaf in leaves]
+    kinds = set(names[1::2])
+    if len(leaves) % 2 == 0 or set(names[::2]) != {"Linear"} or len(kinds) != 1 or not kinds <= set(TORCH_ACTIVATIONS):
+        raise NoNetwork
+    layers = []
+    for leaf in leaves[::2]:
+        weights, biases = (None if array is None else array.detach().cpu().numpy().astype(float) for array in (leaf.weight, leaf.bias))
+        layers.append((np.ascontiguousarray(weights.T), np.zeros(len(weights)) if biases is None else biases))
+    return TORCH_ACTIVATIONS[kinds.pop()], tuple(layers)

@@ -1,4 +1,4 @@
-"""Errors of fitted models: on samples left out, against the law, and whether they are small enough to store the model."""
+"""Samples, pipelines and surrogates by the name of a target; errors of fitted models, and whether they are small enough to use."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import numpy as np
 from joblib import Parallel, delayed
 from sklearn.base import clone
 from sklearn.model_selection import KFold
+from sklearn.utils.validation import check_is_fitted
 
-from ..arguments import check_called, check_estimator, check_is, check_jobs, check_seed, check_whole_number
+from ..arguments import check_called, check_estimator, check_is, check_jobs, check_seed, check_share, check_text, check_whole_number
 from ..artifacts import load_surrogate
 from ..artifacts.card import MOST_STORED, NOTED
 from ..forces import AnalyticBondForce, Domain, ForceModel, ForceSurrogate, IsochoricNetwork, LearntBondForce, LearntEnergy
@@ -23,14 +24,298 @@ from .bond_force import BOND_FORCE
 from .energy import SHEET_ENERGY
 from .export import best_of
 from .isochoric import ISOCHORIC_ENERGY
-from .sampling import checked_range
-from .surrogates import force_model_of, target_of
-from .targets import Samples, Target
-from .validation import relative_errors
+from .sampling import checked_range, random_order
+from .target import InputAwareTargetRegressor
+from .targets import Samples, Target, relative_errors
+
+TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
+"""Targets by the names that public functions take."""
 
 MEMBER_STATES = 5_000
 """States in each set at which members of a committee, and fitted pipelines in a run, are compared with their laws: they give an RMS
 to a percent, which is enough to refuse a model."""
+
+
+def target_called(name: str) -> Target:
+    """Return the target with a name; raise ValueError for an unknown name."""
+    if not isinstance(name, str) or name not in TARGETS:
+        raise ValueError(f"target must be one of {', '.join(TARGETS)}, not {name!r}")
+    return TARGETS[name]
+
+
+def target_of(model) -> Target | None:
+    """Return the target that a pipeline, fitted or unfitted, predicts; None for other estimators."""
+    return next((target for target in TARGETS.values() if target.carried_by(model)), None)
+
+
+def training_samples(
+    law: Law,
+    n_samples: int | None = None,
+    stretch_range: tuple[float, float] | None = None,
+    near_rest: float = 0.25,
+    random_state: int = 0,
+    target: str = "bond-force",
+    off_surface: float | None = None,
+) -> Samples:
+    """Draw training samples of a law, uniform in log-stretch and in random order, a share of them near rest (theory, section 5).
+
+    Parameters
+    ----------
+    law : Law
+    n_samples : int, optional
+        Number of samples; by default 8,000 for a bond force, 2,000 for the energy of a sheet and 1,000 for an isochoric energy.
+    stretch_range : tuple of float, optional
+        Least and greatest principal stretch; by default 0.5 to 4, for the energy of a sheet 0.5 to 5, and for an isochoric energy 0.25 to 4
+        for three stretches of product 1.
+    near_rest : float
+        Share of states with strains from 0.1 % to 30 %, or to the end of the range, uniform in the logarithm of the strain.
+    random_state : int
+        Seed.
+    target : {"bond-force", "sheet-energy", "isochoric-energy"}
+        Quantity to learn: the bond force of a sheet, the energy of a sheet under plane stress, or the energy W(I1bar, I2bar) for plane
+        strain, three dimensions and every bulk modulus.
+    off_surface : float, optional
+        For bond forces, the share of states off the plane-stress surface, two thirds by default: stretch, rotation and C33 are perturbed
+        independently, by amounts that shrink with the strain, and the force is the exact one of the perturbed values.
+
+    Returns
+    -------
+    Samples
+        Dimensionless, lengths in units of the horizon.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is invalid, or the law is not finite in all states of the range.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), target="sheet-energy")
+    >>> samples.X.shape, samples.design["stretch_range"]
+    ((300, 2), [0.7, 2.0])
+    """
+    checked_law(law)
+    chosen = target_called(target)
+    n_samples = chosen.n_samples if n_samples is None else n_samples
+    check_whole_number(n_samples, "n_samples", 1)
+    check_share(near_rest, "near_rest")
+    check_seed(random_state)
+    if off_surface is not None and chosen is not BOND_FORCE:
+        raise ValueError(f"off_surface is for the target bond-force; samples of {target} are all on the plane-stress surface")
+    box = checked_range(chosen.stretch_range if stretch_range is None else stretch_range)
+    options = {} if off_surface is None else {"off_surface": off_surface}
+    samples = chosen.draw(law, n_samples, box, near_rest, random_state, **options)
+    if not np.isfinite(samples.y).all():
+        least, greatest = reachable_stretches(law, box, target)
+        raise ValueError(
+            f"{law.name} ends before all states of stretches from {box[0]:g} to {box[1]:g}; it has those from {least:.4g} to {greatest:.4g}"
+            " (reachable_stretches)"
+        )
+    return samples.take(random_order(n_samples, near_rest, random_state))
+
+
+def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), target: str = "bond-force") -> tuple[float, float]:
+    """Return the part of a range of principal stretches in which a law is finite in all states of `training_samples`.
+
+    For a law that locks within the range, the logarithms of both bounds are reduced by one factor until the perturbed corners of the box
+    are short of the limit.
+
+    Parameters
+    ----------
+    law : Law
+    stretch_range : tuple of float
+        Least and greatest principal stretch.
+    target : {"bond-force", "sheet-energy", "isochoric-energy"}
+        Target of the samples.
+
+    Returns
+    -------
+    tuple of float
+
+    Raises
+    ------
+    ValueError
+        If the law locks too near the undeformed state for a surrogate.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> low, high = pds.learning.reachable_stretches(pds.materials.Gent(chain_limit=20.0))
+    >>> low >= 0.5, high < 4.0
+    (True, True)
+    """
+    checked_law(law)
+    chosen = target_called(target)
+    low, high = np.log(checked_range(stretch_range))
+    share = _reachable_share(law, lambda share: chosen.reached(law, share * low, share * high))
+    return tuple(float(value) for value in (stretch_range if share == 1 else np.exp([share * low, share * high])))
+
+
+def _reachable_share(law: Law, reached: Callable[[float], bool]) -> float:
+    """Return the share of a range of log-stretches in which a law is finite; ``reached(share)`` is True if it is in a share."""
+    if reached(1.0):
+        return 1.0
+    inside, outside = 0.0, 1.0
+    while outside - inside > 1e-3:
+        middle = (inside + outside) / 2
+        inside, outside = (middle, outside) if reached(middle) else (inside, middle)
+    if inside == 0:
+        raise ValueError(f"{law.name}: it locks too near the undeformed state for a surrogate")
+    # The energy grows without bound towards the limit; a smooth model can follow it up to a twentieth short of it.
+    return 0.95 * inside
+
+
+def surrogate_pipeline(
+    regressor=None,
+    target: str = "bond-force",
+    features: str | None = None,
+    horizon: float = 1.0,
+    weight: str | None = None,
+    shear_modulus: float = 1.0,
+) -> InputAwareTargetRegressor:
+    """Make a scikit-learn pipeline (features, scaling, dimensionless target, regressor) that predicts a target from ``Samples.X``.
+
+    Energies and their stresses are zero at rest by construction; residuals of their training are divided by the size of a rubber's energy.
+
+    Parameters
+    ----------
+    regressor : estimator, optional
+        For bond forces, any regressor with the interface of scikit-learn, including pipelines and searches; a regressor of a single target
+        is fitted to each output separately; by default a Levenberg-Marquardt network of 20 units. For energies, a `SobolevRegressor`, whose
+        `anchor`, `flat` and `size` are set here; by default one of 12 units, or 8 for an isochoric energy.
+    target : {"bond-force", "sheet-energy", "isochoric-energy"}
+        Quantity to predict, see `training_samples`.
+    features : str, optional
+        For bond forces, the features of the regressor, one of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`; "symmetric" by default. With
+        "symmetric" and "isochoric" features the force is isotropic, mirror symmetric, and zero at rest by construction.
+    horizon : float
+        For bond forces, the unit of length of the samples' third column.
+    weight : str, optional
+        For bond forces, the weight function of samples with dimensional forces; None for dimensionless ones.
+    shear_modulus : float
+        For bond forces, the unit of stress of dimensional forces.
+
+    Returns
+    -------
+    InputAwareTargetRegressor
+        Pipeline that accepts tables (pandas) with the names of the columns in any order, and refuses other names. With "symmetric" and
+        "isochoric" features it leaves out samples without shear (rotation 0), with a warning: they do not determine how the force grows
+        with shear.
+
+    Raises
+    ------
+    ValueError
+        If the target or the features are unknown, the regressor is not a regressor, or an option does not belong to the target.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(6), features="isochoric").fit(samples.X, samples.y)
+    >>> model.predict(samples.X).shape
+    (500, 2)
+    """
+    chosen = target_called(target)
+    if chosen is BOND_FORCE:
+        return chosen.pipeline(regressor, features, horizon, weight, shear_modulus)
+    given = {"features": features is not None, "horizon": horizon != 1, "weight": weight is not None, "shear_modulus": shear_modulus != 1}
+    if any(given.values()):
+        raise ValueError(f"{max(given, key=given.get)} is for the target bond-force; {target} has none")
+    return chosen.pipeline(regressor)
+
+
+def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> LearntBondForce | LearntEnergy:
+    """Return the surrogate of a fitted model, as plain arrays that the solver evaluates.
+
+    Parameters
+    ----------
+    model : estimator or object
+        A fitted `surrogate_pipeline` with any regressor, or a search over one. For bond forces also another fitted regressor of the
+        five bond quantities (columns of ``Samples.X``), or an object with a ``bond_force(stretch, rotation, length, C33, J)`` or an
+        ``energy(I1bar, I2bar)``.
+    law : Law
+        Law of the training data.
+    samples : Samples
+        Samples that the model was fitted to; their design gives the domain in which it holds.
+    name : str
+
+    Returns
+    -------
+    NetworkForce, PolynomialForce, SplineForce, EnergyNetwork or IsochoricNetwork
+        Networks of one to three hidden layers and `ChebyshevRegressor` are converted exactly, with scalings folded into their constants;
+        any other regressor of a bond force is resampled onto a spline.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the model does not predict the target of the samples, is not fitted, or is not finite somewhere in the domain.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> law, target = pds.materials.NeoHookean(), "isochoric-energy"
+    >>> samples = pds.training_samples(law, n_samples=300, stretch_range=(0.7, 2.0), target=target)
+    >>> model = pds.surrogate_pipeline(pds.learning.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), target)
+    >>> pds.learning.surrogate_of(model.fit(samples.X, samples.y), law, samples)
+    <IsochoricNetwork unsaved of neo-hookean>
+    """
+    check_text(name, "name")
+    check_is(samples, Samples, "samples", "training_samples draws")
+    checked_law(law)
+    return checked_surrogate(model, law, samples, name)[0]
+
+
+def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[LearntBondForce | LearntEnergy, dict]:
+    """Return the surrogate of a model, and the report of its resampling; raise ValueError for a pipeline of another target."""
+    model, target = best_of(model), samples.target
+    found = target_of(model)
+    if found is not None and found is not target:
+        raise ValueError(f"the pipeline predicts the target {found.name}, and the samples are of {target.name}")
+    return target.surrogate(model, law, target.domain(law, samples), name, samples.X)
+
+
+def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBondForce | LearntEnergy:
+    """Return the force model of a fitted `surrogate_pipeline`, or of a search over one; its domain is that of its training states.
+
+    Parameters
+    ----------
+    model : estimator
+    law : Law
+        Law of the training data, which a pipeline does not hold.
+    name : str
+
+    Returns
+    -------
+    LearntBondForce or LearntEnergy
+
+    Raises
+    ------
+    ValueError
+        If the model is not such a pipeline, is not fitted, or was read from a file, which does not hold the training states.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> from pdsurrogate.learning import force_model_of
+    >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(6), features="isochoric").fit(samples.X, samples.y)
+    >>> force_model_of(model, pds.materials.NeoHookean()).name
+    'fitted pipeline'
+    """
+    model = best_of(model)
+    target = target_of(model)
+    if target is None:
+        raise ValueError(
+            f"a {type(model).__name__} by itself does not say which stretches it was fitted to: fit it within a surrogate_pipeline, "
+            "which takes any regressor, or give pds.store the samples that it was fitted to, and simulate the artefact"
+        )
+    check_is_fitted(model)
+    if model.training_inputs_ is None:
+        raise ValueError(
+            "a pipeline read from a file does not say which stretches it was fitted to: give the artefact instead, or fit it here"
+        )
+    return target.surrogate(model, law, target.domain_of_states(law, model.training_inputs_), name)[0]
 
 
 class TooInexact(ValueError):
@@ -152,14 +437,19 @@ def evaluate(
     Returns
     -------
     dict
-        For bond forces see `pdsurrogate.learning.validation.force_report`. For energies: ``on_surface``: relative errors of the stress
-        (``rms``, ``max``) and of the energy (``energy_rms``) over the box of stretches, uniform in their logarithms (for an isochoric
-        energy the stretches with product 1, and Kirchhoff stresses); ``by_strain``: these errors by bins of greatest principal strain;
-        ``at_rest``: size of energy and stress at rest; ``least_acoustic``: least second derivative of the energy along a rank-one change
-        m (x) n of F with unit m and n (for an isochoric energy changes that keep the volume), with ``least_acoustic_exact`` of the law:
-        positive values mean that short waves are stable (strong ellipticity). For the energy of a sheet also ``least_curvature`` and
-        ``least_curvature_exact``: least eigenvalue of the second derivative by the logarithms of the stretches; for an isochoric energy
-        ``shear_modulus`` at rest, which is 1 for the law.
+        ``on_surface``: relative errors (``rms``, ``max``) of the force or stress, and for energies ``energy_rms``, over the box of
+        stretches, uniform in their logarithms (for an isochoric energy the stretches with product 1, and Kirchhoff stresses);
+        ``by_strain``: these errors by bins of greatest principal strain; ``at_rest``: size of force, or energy and stress, at rest.
+
+        For bond forces also ``off_surface``: errors off the plane-stress surface; ``least_slope``: least d t_n / d lambda_b at fixed
+        dtheta, J and C33 in the states of both sets, with ``least_slope_exact`` of the exact force. Short waves are unstable unless the
+        least slope is positive.
+
+        For energies also ``least_acoustic``: least second derivative of the energy along a rank-one change m (x) n of F with unit m and n
+        (for an isochoric energy changes that keep the volume), with ``least_acoustic_exact`` of the law: positive values mean that short
+        waves are stable (strong ellipticity). For the energy of a sheet also ``least_curvature`` and ``least_curvature_exact``: least
+        eigenvalue of the second derivative by the logarithms of the stretches; for an isochoric energy ``shear_modulus`` at rest, which is
+        1 for the law.
 
     Raises
     ------

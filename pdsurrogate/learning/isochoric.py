@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -10,9 +11,8 @@ from ..forces import Domain, IsochoricNetwork
 from ..forces.agreement import isochoric_stresses
 from ..forces.learnt_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
-from .energy_target import EnergyTarget, PipelineFunctions, checked_derivatives, checked_invariants
-from .named import named
-from .targets import Samples
+from .target import checked_columns, named
+from .targets import EnergyTarget, Range, Samples, checked_derivatives
 
 INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
 
@@ -24,7 +24,7 @@ error is 1e-8 of the stiffness in double precision."""
 @named()
 def log_isochoric_invariants(X) -> np.ndarray:
     """Return log(I1bar/3) and log(I2bar/3), shape (n, 2)."""
-    return np.log(np.stack(checked_invariants(X, INVARIANTS), axis=1) / 3)
+    return np.log(np.stack(checked_columns(X, INVARIANTS, INVARIANTS[::-1]), axis=1) / 3)
 
 
 @named()
@@ -43,7 +43,7 @@ def isochoric_derivatives_by_features(X, y) -> np.ndarray:
 @named()
 def isochoric_derivatives_by_invariants(X, z) -> np.ndarray:
     """Return W and its derivatives by the invariants, the inverse of `isochoric_derivatives_by_features`."""
-    I1, I2 = checked_invariants(X, INVARIANTS)
+    I1, I2 = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([z[:, 0], z[:, 1] / I1, z[:, 2] / I2], axis=1)
 
 
@@ -55,9 +55,9 @@ def isochoric_feature_names(transformer, input_features):
 
 class _IsochoricEnergy(EnergyTarget):
     name, columns, outputs, stretch_range, n_samples = "isochoric-energy", INVARIANTS, DERIVATIVES, (0.25, 4.0), 1_000
-    surrogate_type, n_units = IsochoricNetwork, 8
-    flat = ()
-    functions = PipelineFunctions(
+    _surrogate_type, _n_units = IsochoricNetwork, 8
+    _flat = ()
+    _functions = (
         log_isochoric_invariants,
         isochoric_feature_names,
         isochoric_energy_size,
@@ -73,12 +73,12 @@ class _IsochoricEnergy(EnergyTarget):
             found = solid.isochoric_response(law, squares.sum(axis=0), (1 / squares).sum(axis=0), np.ones(squares.shape[1]))
         return bool(np.isfinite(found).all())
 
-    def states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         squares = stretches**2
         I1, I2 = squares.sum(axis=1), (1 / squares).sum(axis=1)
         return np.stack([I1, I2], axis=1), np.stack(_energy_and_derivatives(law, I1, I2), axis=1)
 
-    def draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
+    def _draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
         low, high = np.log(low), np.log(high)
         found = np.empty((0, 3))
         while len(found) < n_samples:
@@ -94,7 +94,7 @@ class _IsochoricEnergy(EnergyTarget):
         logs[:n_near] = np.minimum(size, most)[:, None] * direction
         return logs
 
-    def of_strain(self, random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int) -> np.ndarray:
+    def _of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
         direction = random.standard_normal((n_samples, 3))
         direction -= direction.mean(axis=1, keepdims=True)
         strain = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
@@ -103,14 +103,14 @@ class _IsochoricEnergy(EnergyTarget):
         most = np.minimum(np.log(low) / direction.min(axis=1), np.log(high) / direction.max(axis=1))
         return np.exp(np.minimum(np.minimum(up, np.where(strain < 1 - low, down, np.inf)), most)[:, None] * direction)
 
-    def stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
+    def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         return isochoric_stresses(stretches.T**2, first, second)
 
-    def derivatives(self, model: IsochoricNetwork, law: Law, X: np.ndarray) -> np.ndarray:
-        return np.stack(model.isochoric_derivatives(*X.T), axis=1)
+    def _predictor(self, model: IsochoricNetwork, law: Law) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda X: np.stack(model.isochoric_derivatives(*X.T), axis=1)
 
-    def stability(self, model: IsochoricNetwork, law: Law, samples: Samples) -> dict[str, float]:
-        rest = self.derivatives(model, law, np.array([[3.0, 3.0]]))[0]
+    def _more_errors(self, model: IsochoricNetwork, law: Law, samples: Samples) -> dict[str, float]:
+        rest = self._predictor(model, law)(np.array([[3.0, 3.0]]))[0]
         squares = samples.stretches[:STATES_OF_STABILITY].T ** 2
         return {
             "at_rest": float(abs(rest[0])),

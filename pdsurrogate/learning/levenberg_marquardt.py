@@ -13,8 +13,7 @@ from sklearn.utils._param_validation import StrOptions
 from threadpoolctl import threadpool_limits
 
 from ..kernels.network import network_outputs
-from .activations import ACTIVATIONS
-from .base import COUNT, SHARE, BasePerceptron
+from .base import ACTIVATIONS, COUNT, SHARE, BasePerceptron
 from .marquardt import CONSTRAINTS, accepted_steps
 
 
@@ -127,13 +126,12 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         order = random.permutation(len(X))
         n_validation, n_test = (int(fraction * len(X)) for fraction in (self.validation_fraction, self.test_fraction))
         validation, test, train = np.split(order, [n_validation, n_validation + n_test])
-        network = _Network([X.shape[1], *sizes, Y.shape[1]], ACTIVATIONS[self.activation])
         # One thread: matrices this small gain nothing from more, and the result does not depend on how many there are.
         with threadpool_limits(1, user_api="blas"):
-            fitted, watched = (_Part(network, X[rows], Y[rows], None if share is None else share[rows]) for rows in (train, validation))
-            trainings = [self._train(network.first_weights(random, fitted.mean), fitted, watched, number) for number in range(self.n_init)]
+            fitted, watched = (_Part(sizes, ACTIVATIONS[self.activation], X, Y, share, rows) for rows in (train, validation))
+            trainings = [self._train(fitted.first_weights(random), fitted, watched, number) for number in range(self.n_init)]
         best, weights, self.n_iter_ = min(trainings, key=lambda training: training[0])
-        self.coefs_, self.intercepts_ = network.layers(weights)
+        self.coefs_, self.intercepts_ = map(list, fitted.layers(weights))
         self.loss_ = float(fitted.loss(weights))
         self.validation_loss_ = float(best) if n_validation else np.nan
         self.test_score_ = np.nan
@@ -157,64 +155,50 @@ class LevenbergMarquardtRegressor(BasePerceptron):
 
 
 class _Part:
-    """A part of the samples that a network is compared with; the weights of the samples have the mean 1."""
+    """A part of the samples, and the errors there of a fully connected network, as functions of one vector of its weights."""
 
-    def __init__(self, network, X, Y, weights):
-        self.network, self.X, self.Y = network, X, Y
-        self.root = 1.0 if weights is None or not len(X) else np.sqrt(weights / weights.mean())[:, None]
-        self.mean = (self.root**2 * Y).mean(axis=0) if len(X) else None
+    def __init__(self, sizes, activation, X, Y, share, rows):
+        self.activation, self.X, self.Y = activation, X[rows], Y[rows]
+        self.shapes = list(pairwise([X.shape[1], *sizes, Y.shape[1]]))
+        self.starts = np.cumsum([0, *(n_in * n_out + n_out for n_in, n_out in self.shapes)])
+        # The weights of the samples have the mean 1.
+        self.root = 1.0 if share is None or not len(rows) else np.sqrt(share[rows] / share[rows].mean())[:, None]
 
-    def loss(self, weights):
-        """Return the mean squared error."""
-        return ((self.root * (self.network.outputs(weights, self.X) - self.Y)) ** 2).mean()
-
-    def normal_equations(self, weights):
-        """Return J^T J and J^T r of the residuals r, summed over samples and outputs."""
-        return self.network.normal_equations(weights, self.X, self.Y, self.root)
-
-
-class _Network:
-    """A fully connected network as a function of one vector of weights."""
-
-    def __init__(self, widths, activation):
-        self.activation, self.shapes = activation, list(pairwise(widths))
-        sizes = [n_in * n_out + n_out for n_in, n_out in self.shapes]
-        self.starts = np.concatenate([[0], np.cumsum(sizes)])
-
-    def first_weights(self, random, mean):
+    def first_weights(self, random):
+        """Return random weights; the first output is the mean target."""
         parts = []
         for layer, (n_in, n_out) in enumerate(self.shapes):
             output = layer == len(self.shapes) - 1
             parts.append(random.normal(size=n_in * n_out) * (0.1 if output else 1.4 / np.sqrt(n_in)))
-            parts.append(mean if output else random.uniform(-1.5, 1.5, n_out))
+            parts.append((self.root**2 * self.Y).mean(axis=0) if output else random.uniform(-1.5, 1.5, n_out))
         return np.concatenate(parts)
 
     def layers(self, weights):
-        coefs, intercepts = [], []
-        for start, (n_in, n_out) in zip(self.starts[:-1], self.shapes, strict=True):
-            coefs.append(weights[start : start + n_in * n_out].reshape(n_in, n_out).copy())
-            intercepts.append(weights[start + n_in * n_out : start + n_in * n_out + n_out].copy())
-        return coefs, intercepts
+        """Return the weights of all layers, and their biases."""
+        layers = zip(np.split(weights, self.starts[1:-1]), self.shapes, strict=True)
+        return zip(*((layer[:-n_out].reshape(n_in, n_out).copy(), layer[-n_out:].copy()) for layer, (n_in, n_out) in layers), strict=True)
 
-    def outputs(self, weights, X):
-        return network_outputs(X, zip(*self.layers(weights), strict=True), self.activation)
+    def loss(self, weights):
+        """Return the mean squared error."""
+        outputs = network_outputs(self.X, zip(*self.layers(weights), strict=True), self.activation)
+        return ((self.root * (outputs - self.Y)) ** 2).mean()
 
-    def normal_equations(self, weights, X, Y, root):
+    def normal_equations(self, weights):
         """Return J^T J and J^T r of the residuals r = root (outputs - Y), summed over samples and outputs."""
         coefs, intercepts = self.layers(weights)
-        inputs, slopes, values = [], [], X
+        inputs, slopes, values, root = [], [], self.X, self.root
         for W, b in zip(coefs[:-1], intercepts[:-1], strict=True):
             inputs.append(values)
             values, slope = self.activation(values @ W + b)
             slopes.append(slope)
-        residuals = root * (values @ coefs[-1] + intercepts[-1] - Y)
+        residuals = root * (values @ coefs[-1] + intercepts[-1] - self.Y)
 
         # An output depends on its own weights of the output layer alone: only the columns of these are formed. With one hidden layer the
         # columns of all outputs differ by a factor only, an output weight, and their products are formed once.
         hidden = self.starts[-2]
         n_last, n_outputs = self.shapes[-1]
         normal, gradient = np.zeros((self.starts[-1], self.starts[-1])), np.zeros(self.starts[-1])
-        jacobian, factor = np.empty((len(X), hidden + n_last + 1)), np.ones(hidden + n_last + 1)
+        jacobian, factor = np.empty((len(values), hidden + n_last + 1)), np.ones(hidden + n_last + 1)
         jacobian[:, hidden:-1] = root * values
         jacobian[:, -1:] = root
         one_layer = len(slopes) == 1

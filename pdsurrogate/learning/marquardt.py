@@ -1,14 +1,19 @@
-"""Training by the Levenberg-Marquardt algorithm, whatever the network."""
+"""Training of any network by the Levenberg-Marquardt algorithm, with its progress for a listener.
+
+`scipy.optimize.least_squares` holds the whole Jacobian of all samples and outputs; here the normal equations are summed from parts of it.
+scikit-learn's pipelines do not pass on the progress of the regressors in them, so a listener is a variable of the context.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from .base import COUNT, NOT_NEGATIVE, POSITIVE
-from .listening import report_iteration
 
 MOST_DAMPING = 1e12
 """Damping, relative to the diagonal of the normal matrix, at which a step is below rounding and the training ends."""
@@ -20,6 +25,28 @@ CONSTRAINTS = {
     "random_state": ["random_state"],
 }
 """Constraints on the parameters that all regressors trained by this algorithm have."""
+
+
+Listener = Callable[[int, int, float], None]
+
+_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def listening(listener: Listener) -> Iterator[None]:
+    """Call `listener` after each iteration of a training in this context, with the iteration, the most iterations and the loss."""
+    before = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(before)
+
+
+def report_iteration(iteration: int, most: int, loss: float) -> None:
+    """Call the listener of this context, if there is one, at the end of an iteration."""
+    listener = _listener.get()
+    if listener is not None:
+        listener(iteration, most, loss)
 
 
 def accepted_steps(

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import warnings
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
-from sklearn.base import clone, is_regressor
+from sklearn.base import is_regressor
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.multioutput import MultiOutputRegressor
+from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils import get_tags
 
-from ..kernels.activations import ACTIVATIONS
 from ..kernels.bond_state import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
-from ..kernels.network import MOST_HIDDEN
-from .chebyshev import ChebyshevRegressor
 from .levenberg_marquardt import LevenbergMarquardtRegressor
-from .named import named
 from .sampling import COLUMNS, TARGETS, force_factor
-from .target import InputAwareTargetRegressor, check_targets, is_search
+from .target import InputAwareTargetRegressor, check_targets, checked_columns, is_search, named
 
 ROUNDING = 1e-10
 """Spread of an output, relative to the greatest output, below which the output counts as constant."""
@@ -68,32 +63,13 @@ def _for_two_outputs(regressor):
 
 
 def _takes_two_outputs(regressor) -> bool:
-    """Return whether a regressor fits two targets at once, by its tag; or by a trial, as MLPRegressor does although its tag says no."""
+    """Return whether a regressor fits two targets at once, by its tag; scikit-learn's MLPRegressor does although its tag says no."""
     if hasattr(regressor, "steps"):
         return _takes_two_outputs(regressor.steps[-1][1])
     if is_search(regressor):
         return _takes_two_outputs(regressor.estimator)
-    if get_tags(regressor).target_tags.multi_output or hasattr(regressor, "module"):  # torch: the module defines its outputs
-        return True
-    trial = clone(regressor)
-    if "max_iter" in trial.get_params(deep=False):
-        trial.set_params(max_iter=1)
-    numbers = np.random.default_rng(0).random((20, 4))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            return np.shape(trial.fit(numbers[:, :2], numbers[:, 2:]).predict(numbers[:, :2])) == (20, 2)
-        except (ValueError, TypeError):
-            return False
-
-
-class Parts(NamedTuple):
-    """Steps of a bond-force pipeline, fitted or unfitted."""
-
-    feature_set: str
-    scaling: StandardScaler
-    regressor: object
-    target: StandardScaler
+    # The module of torch defines its outputs.
+    return get_tags(regressor).target_tags.multi_output or isinstance(regressor, MLPRegressor) or hasattr(regressor, "module")
 
 
 def feature_set_of(model) -> str:
@@ -105,42 +81,6 @@ def feature_set_of(model) -> str:
         if right and features.kw_args["features"] == outputs.keywords["features"]:
             return features.kw_args["features"]
     raise ValueError("only a surrogate_pipeline for bond forces is taken: the features of bonds first, and their outputs as the target")
-
-
-def parts_of(model) -> Parts:
-    """Return the steps of a pipeline, fitted or unfitted, that the kernels evaluate exactly, with scalings folded into its constants.
-
-    Raise ValueError, with what would be right, for a pipeline that has to be resampled.
-    """
-    feature_set = feature_set_of(model)
-    pipeline = getattr(model, "regressor_", model.regressor)
-    scaling, last = pipeline.steps[1][1], pipeline.steps[-1][1]
-    regressor, target = (getattr(last, f"{key}_", getattr(last, key, None)) for key in ("regressor", "transformer"))
-    scaled = isinstance(scaling, StandardScaler) and isinstance(last, TransformedTargetRegressor) and isinstance(target, StandardScaler)
-    if len(pipeline.steps) != 3 or not scaled:
-        raise ValueError("only a surrogate_pipeline with features, a StandardScaler and a regressor with a scaled target is exact")
-    if isinstance(regressor, ChebyshevRegressor):
-        count = len(FEATURE_SETS[feature_set].names)
-        if count != 2:
-            raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {feature_set} ones are {count}")
-    else:
-        _check_network(regressor)
-    return Parts(feature_set, scaling, regressor, target)
-
-
-def _check_network(regressor) -> None:
-    """Raise ValueError unless the kernels evaluate a network, by its layers if it is fitted and else by its parameters."""
-    fitted = [key for key in ("coefs_", "intercepts_") if hasattr(regressor, key)]
-    if not hasattr(regressor, "activation") or len(fitted) == 1 or (not fitted and not hasattr(regressor, "hidden_layer_sizes")):
-        raise ValueError(
-            f"{type(regressor).__name__} has no layers to export (coefs_, intercepts_, activation): "
-            "take a ChebyshevRegressor, LevenbergMarquardtRegressor, TorchMLPRegressor or scikit-learn's MLPRegressor"
-        )
-    if regressor.activation not in ACTIVATIONS:
-        raise ValueError(f"the kernels have no activation {regressor.activation!r}; there are {', '.join(ACTIVATIONS)}")
-    hidden = len(regressor.coefs_) - 1 if fitted else np.size(regressor.hidden_layer_sizes)
-    if not 1 <= hidden <= MOST_HIDDEN:
-        raise ValueError(f"the kernels evaluate networks of one to {MOST_HIDDEN} hidden layers, this one has {hidden}")
 
 
 def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransformer:
@@ -198,13 +138,7 @@ def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
 
 def _bond_state(X):
     """Return a, b, U_mm, J, C33 and length of bonds; raise ValueError for quantities that no bond has."""
-    X = np.asarray(X, dtype=float)
-    if X.ndim != 2 or X.shape[1] != len(COLUMNS):
-        raise ValueError(f"X must have the {len(COLUMNS)} columns {', '.join(COLUMNS)}, not shape {X.shape}")
-    stretch, rotation, length, C33, J = X.T
-    for name, values in (("stretch", stretch), ("C33", C33), ("J", J)):
-        if not (values > 0).all():
-            raise ValueError(f"{name} must be positive; the least given is {values.min():g}")
+    stretch, rotation, length, C33, J = checked_columns(X, COLUMNS, ("stretch", "C33", "J"))
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     if not (a > 0).all():
         raise ValueError("a bond has turned by a right angle or more relative to its horizon; no stretch tensor has such a bond")

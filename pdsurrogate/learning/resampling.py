@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import make_lsq_spline
 
 from ..kernels.bond_state import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
-from ..kernels.spline import SUPPORT, cubic_weights
+from ..kernels.spline import SUPPORT
 
 TOLERANCE = 1e-5
 """Error of resampling, relative RMS of the force, at which it ends: below that of single precision in the sums of a run, and far below that
@@ -69,13 +70,9 @@ def fitted_spline(function: Callable, low: np.ndarray, high: np.ndarray, cells: 
         where = features[np.flatnonzero(~np.isfinite(values).all(axis=1))[0]]
         raise ValueError(f"the model has no finite value at features {', '.join(f'{value:.4g}' for value in where)}")
     values = values.reshape(*[len(places)] * n, 2)
-    cell = np.minimum(np.floor(places), cells - 1).astype(int)
-    basis = np.zeros((len(places), cells + SUPPORT - 1))
-    for offset, weight in enumerate(cubic_weights(places - cell)):
-        basis[np.arange(len(places)), cell + offset] = weight
-    solve, coefficients = np.linalg.pinv(basis), np.moveaxis(values, -1, 0)
+    coefficients, knots = np.moveaxis(values, -1, 0), np.arange(1.0 - SUPPORT, cells + SUPPORT)
     for axis in range(1, n + 1):
-        coefficients = np.moveaxis(np.tensordot(solve, coefficients, (1, axis)), 0, axis)
+        coefficients = np.moveaxis(make_lsq_spline(places, coefficients, knots, axis=axis).c, 0, axis)
     return Spline(low, (high - low) / cells, np.ascontiguousarray(coefficients)), values
 
 
@@ -147,23 +144,19 @@ def isochoric_outputs_of(force: Callable) -> Callable:
         return found
 
     def outputs(features: np.ndarray) -> np.ndarray:
+        ratio, cos, sin = np.arccosh(1 + features[:, 1]), np.cos(ANGLES)[:, None], np.sin(ANGLES)[:, None]
         J = np.exp(features[:, 0])
-        ratio = np.arccosh(1 + features[:, 1])
         first, second = (np.sqrt(J) * np.exp(sign * ratio / 2) for sign in (1, -1))
-        C33 = J**-2
-        normal, right = np.zeros((len(J), 2, 2)), np.zeros((len(J), 2))
-        for angle in ANGLES:
-            cos, sin = np.cos(angle), np.sin(angle)
-            a, b, c = first * cos**2 + second * sin**2, (second - first) * sin * cos, first * sin**2 + second * cos**2
-            stretch = np.hypot(a, b)
-            t = np.asarray(force(stretch, np.arctan2(b, a), np.full(len(J), 0.5), C33, J), dtype=float)
-            T = along_and_across(*t.T, a, -b, stretch)  # the rotation back
-            # T_nn and T_nm are linear in the two outputs (`kernels.feature_sets.isochoric_traction`).
-            by_output, shared = np.empty((len(J), 2, 2)), isochoric.shared(a, b, J, C33)
-            for output, unit in enumerate(((1.0, 0.0), (0.0, 1.0))):
-                by_output[:, 0, output], by_output[:, 1, output], _ = isochoric.traction(shared, *unit, a, b, c, J, C33)
-            normal += np.einsum("kij,kil->kjl", by_output, by_output)
-            right += np.einsum("kij,ki->kj", by_output, T)
+        a, b, c = first * cos**2 + second * sin**2, (second - first) * sin * cos, first * sin**2 + second * cos**2
+        a, b, c, J, C33 = (np.ravel(values) for values in np.broadcast_arrays(a, b, c, J, J**-2))
+        stretch = np.hypot(a, b)
+        t = np.asarray(force(stretch, np.arctan2(b, a), np.full(len(J), 0.5), C33, J), dtype=float)
+        T = along_and_across(*t.T, a, -b, stretch)  # the rotation back
+        # T_nn and T_nm are linear in the two outputs (`kernels.feature_sets.isochoric_traction`).
+        shared = isochoric.shared(a, b, J, C33)
+        by_output = np.stack([np.stack(isochoric.traction(shared, *unit, a, b, c, J, C33)[:2], axis=1) for unit in np.eye(2)], axis=2)
+        by_output, T = by_output.reshape(len(ANGLES), -1, 2, 2), T.reshape(len(ANGLES), -1, 2)
+        normal, right = np.einsum("akij,akil->kjl", by_output, by_output), np.einsum("akij,aki->kj", by_output, T)
         return np.linalg.solve(normal, right[..., None])[..., 0]
 
     return function

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from ..arguments import check_share
 from ..body import WEIGHT_FUNCTIONS
 from ..kernels.bond_state import along_and_across
 from ..materials import Law, plane_stress
-from .named import named
+from .target import named
 
 COLUMNS = ("stretch", "rotation", "length", "C33", "J")
 """Columns of X: lambda_b, dtheta (radians), l_b, C33, det F in the plane."""
@@ -98,15 +100,11 @@ def bond_states_reached(law: Law, low: float, high: float) -> bool:
     """Return whether a law is finite in all states of `wide_bonds` between two log-stretches; the corners of the box decide."""
     # The perturbation stretches one direction at constant area; its rotation adds a little, for which the factors 1.3 and 1.1 allow.
     stretch, thickness = 1.3 * PERTURBATION["log_stretch"], 1.1 * PERTURBATION["log_C33"]
-    logs = np.array([(first, second) for first in (low, high) for second in (low, high)])
-    for move in (-stretch, 0, stretch):
-        first, second = np.exp(logs + np.array([move, -move])).T
-        for bulk in (-thickness, 0, thickness):
-            with np.errstate(all="ignore"):
-                response = plane_stress.response(law, first**2 + second**2, first * second, np.full(len(first), np.exp(bulk / 2)))
-            if not np.isfinite(response).all():
-                return False
-    return True
+    states = product((low, high), (low, high), (-stretch, 0, stretch), (-thickness, 0, thickness))
+    first, second, J3 = np.exp([(first + move, second - move, bulk / 2) for first, second, move, bulk in states]).T
+    with np.errstate(all="ignore"):
+        response = plane_stress.response(law, first**2 + second**2, first * second, J3)
+    return bool(np.isfinite(response).all())
 
 
 def range_of_stretches(trace, J) -> tuple[float, float]:

@@ -4,22 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
+from ..kernels.activations import ACTIVATIONS
+from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.network import MOST_HIDDEN
 from ..materials import Law
-from .card_text import CardText
 from .chebyshev import ChebyshevRegressor
-from .fitting import cross_validate
+from .fitting import TARGETS, cross_validate, reachable_stretches, surrogate_pipeline, training_samples
 from .levenberg_marquardt import LevenbergMarquardtRegressor
-from .pipeline import parts_of
 from .sampling import checked_range
 from .sobolev import SobolevRegressor
-from .surrogates import TARGETS, reachable_stretches, surrogate_pipeline, training_samples
+from .storing import CardText
 from .target import InputAwareTargetRegressor
 from .targets import Samples
 
 DEGREES = (12, 6)
 """Default degrees of a polynomial in the two isochoric features: the best of those compared on the cards of the shipped artefacts of Gent's
 and Ogden's law and the full network, 2e-6 to 4e-5 RMS off."""
+
+
+class Trained(NamedTuple):
+    """A fitted pipeline, its samples, the members of its committee, and the errors of its cross-validation."""
+
+    pipeline: InputAwareTargetRegressor
+    samples: Samples
+    members: list[tuple]
+    cross_validation: list[dict]
 
 
 @dataclass(frozen=True)
@@ -66,7 +77,7 @@ class FitSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.folds < 0 or self.folds == 1 or self.folds > self.n_samples:
+        if self.folds != 0 and not 2 <= self.folds <= self.n_samples:
             raise ValueError(f"folds must be 0, or from 2 to the number of samples, not {self.folds}")
         checked_range(self._range(*TARGETS[self.target].stretch_range))
         self.pipeline()
@@ -110,14 +121,18 @@ class FitSettings:
             regressor = LevenbergMarquardtRegressor(hidden, self.activation or "algebraic", **options)
             chosen, what = self.features or "symmetric", f"{_words(hidden)} units"
         pipeline = surrogate_pipeline(regressor, features=chosen)
-        parts_of(pipeline)  # raises ValueError, before the training, for a pipeline that would be resampled: another choice is exact
+        # Before the training of a pipeline that would be resampled: another choice is exact.
+        if self.units is None and (count := len(FEATURE_SETS[chosen].names)) != 2:
+            raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {chosen} ones are {count}")
+        if self.units is not None and not (1 <= len(hidden) <= MOST_HIDDEN and regressor.activation in ACTIVATIONS):
+            known = f"one to {MOST_HIDDEN} hidden layers with the activations {', '.join(ACTIVATIONS)}"
+            raise ValueError(f"the kernels evaluate networks of {known}, not {len(hidden)} with {regressor.activation!r}")
         return pipeline, f"{chosen} features, {what}"
 
     def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
         """Return the pipeline for an isochoric energy, and its description."""
-        for key in ("features", "degree"):
-            if getattr(self, key) is not None:
-                raise ValueError(f"{key} is of bond forces; of the network of an energy units are to choose")
+        if (key := "features" if self.features is not None else "degree" if self.degree is not None else None) is not None:
+            raise ValueError(f"{key} is of bond forces; of the network of an energy units are to choose")
         hidden = _numbers(8 if self.units is None else self.units, "units")
         if len(hidden) != 1:
             raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")
@@ -132,6 +147,34 @@ class FitSettings:
     def cross_validate(self, pipeline, design: Samples, progress: Callable[[int], None] = lambda fold: None) -> list[dict]:
         """Return the relative errors of clones on the fold left out, fold by fold; an empty list for 0 folds."""
         return cross_validate(pipeline, design, self.folds, self.seed, progress=progress) if self.folds else []
+
+    def train(
+        self,
+        law: Law,
+        members: Sequence[Law] = (),
+        hull: dict | None = None,
+        progress: Callable[[str, int, int], None] = lambda stage, number, count: None,
+    ) -> Trained:
+        """Return a pipeline fitted to a law with all that `store` takes.
+
+        Parameters
+        ----------
+        law : Law
+        members : sequence of Law
+            Laws of the members of a committee.
+        hull : dict, optional
+            Hull of the test data from which the law was identified, for the design.
+        progress : callable
+            Called when a fit begins, with its stage, its number in the stage, from 0, and the number of fits in the stage.
+        """
+        samples, (pipeline, _) = self.design(law), self.pipeline()
+        if hull is not None:
+            samples = replace(samples, design={**samples.design, "hull": hull})
+        progress("Fitting", 0, 1)
+        pipeline.fit(samples.X, samples.y)
+        fitted = self.committee(members, lambda number: progress("Fitting members", number, len(members)))
+        table = self.cross_validate(pipeline, samples, lambda fold: progress("Cross-validating", fold, self.folds))
+        return Trained(pipeline, samples, fitted, table)
 
     def text(self, law: Law, cross_validation: list[dict], identification: dict | None = None) -> CardText:
         """Return the text of the card of a pipeline fitted to a law."""

@@ -137,9 +137,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         spread[spread == 0] = 1.0
         if anchor is not None:
             mean = anchor  # the origin of the scaled features
-        scaled = (X - mean) / spread
-        target = y.copy()
-        target[:, 1:] *= spread if self._with_gradient else 1.0
+        target = y * np.array([1.0, *spread])[: y.shape[1]]
         weight = np.ones((len(X), 1)) if self.size is None else 1 / np.asarray(self.size(X), dtype=float).reshape(len(X), 1)
         # Residuals over the spread of what is fitted: one scale for the value, one for all derivatives.
         spreads = (weight * target).std(axis=0)
@@ -151,12 +149,11 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         if share is not None:
             weights *= np.sqrt(share / share.mean())[:, None]
         random = check_random_state(self.random_state)
-        network = _Function(d, self.n_units, self.activation, anchor is not None, flat)
-        data = scaled, target / unit, weights * unit  # all of order one
+        function = _Function(self, (X - mean) / spread, target / unit, weights * unit)  # all of order one
         with threadpool_limits(1, user_api="blas"):
-            trainings = [self._train(network, network.first(random), *data, number) for number in range(self.n_init)]
+            trainings = [self._train(function, function.first(random), number) for number in range(self.n_init)]
         _, theta, self.n_iter_ = min(trainings, key=lambda training: training[0])
-        W, b, v, constant = network.parts(theta)
+        W, b, v, constant = function.parts(theta)
         self.hidden_weights_ = W / spread[:, None]
         self.hidden_biases_ = b - mean @ self.hidden_weights_
         self.output_weights_ = v * unit
@@ -188,52 +185,34 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         outputs[:, 1:] += self.slopes_
         return outputs
 
-    def _train(self, network, first, X, Y, weights, number):
+    def _train(self, function, first, number):
         """Return the last loss of a training from `first` parameters, the last parameters, and the number of iterations."""
-        columns, penalty = Y.shape[1], np.zeros(first.size)
-        penalty[network.output_weights] = self.alpha * Y.size
-
-        def loss_of(theta):
-            return (((network.outputs(theta, X, columns) - Y) * weights) ** 2).mean() + (penalty * theta**2).sum() / Y.size
-
-        def normal_equations(theta):
-            outputs, jacobian = network.jacobian(theta, X, columns)
-            A = (jacobian * weights[:, :, None]).reshape(-1, theta.size)
-            return A.T @ A + np.diag(penalty), A.T @ ((outputs - Y) * weights).ravel() + penalty * theta
-
-        theta, losses, waiting = first, [loss_of(first)], self.n_iter_no_change
-        for trained, loss in accepted_steps(self, number, first, loss_of, normal_equations):
-            theta = trained
-            losses.append(loss)
-            if len(losses) > waiting + 1 and loss > (1 - self.tol) * losses[-1 - waiting]:
+        steps, waiting = [(first, function.loss(first))], self.n_iter_no_change
+        for step in accepted_steps(self, number, first, function.loss, function.normal_equations):
+            steps.append(step)
+            if len(steps) > waiting + 1 and step[1] > (1 - self.tol) * steps[-1 - waiting][1]:
                 break
-        return losses[-1], theta, len(losses) - 1
+        return steps[-1][1], steps[-1][0], len(steps) - 1
 
 
 def values_and_slopes(X, W, b, v, activation: str, columns: int) -> np.ndarray:
     """Return v . a(W x + b) and, with more columns than one, its derivatives by the features, shape (n, columns)."""
     value, slope, _ = ACTIVATIONS[activation](X @ W + b)
-    outputs = np.empty((len(X), columns))
-    outputs[:, 0] = value @ v
-    if columns > 1:
-        outputs[:, 1:] = (slope * v) @ W.T
-    return outputs
+    return np.column_stack([value @ v, (slope * v) @ W.T])[:, :columns]
 
 
 class _Function:
-    """v . a(W x + b) + constant and its gradient, as a function of one vector of parameters.
+    """v . a(W x + b) + constant and its gradient as a function of one vector of parameters, compared with weighted samples.
 
-    Anchored, it has no constant; its value at the origin is taken off, and so are the derivatives there by the features named in `flat`.
+    With an anchor it has no constant; its value at the origin is taken off, and so are the derivatives there by the features in ``flat``.
     """
 
-    def __init__(self, n_features, n_units, activation, anchored, flat):
-        self.d, self.units, self.activation, self.anchored, self.flat = n_features, n_units, activation, anchored, flat
-        self.n_parameters = n_units * (n_features + 2) + (not anchored)
-
-    @property
-    def output_weights(self):
-        """Return the place of the output weights among the parameters."""
-        return slice((self.d + 1) * self.units, (self.d + 2) * self.units)
+    def __init__(self, regressor, X, Y, weights):
+        self.X, self.Y, self.weights, self.d, self.columns = X, Y, weights, X.shape[1], Y.shape[1]
+        self.units, self.activation, self.flat = regressor.n_units, regressor.activation, regressor.flat
+        self.anchored = regressor.anchor is not None
+        self.penalty = np.zeros(self.units * (self.d + 2) + (not self.anchored))
+        self.penalty[(self.d + 1) * self.units : (self.d + 2) * self.units] = regressor.alpha * Y.size  # of the output weights
 
     def first(self, random):
         W = random.normal(size=(self.d, self.units)) * np.sqrt(2 / self.d)
@@ -244,48 +223,44 @@ class _Function:
         W, rest = theta[: self.d * self.units].reshape(self.d, self.units), theta[self.d * self.units :]
         return W, rest[: self.units], rest[self.units : 2 * self.units], 0.0 if self.anchored else rest[-1]
 
-    def outputs(self, theta, X, columns):
-        return self._anchor(self._raw(theta, X, columns), X, lambda origin: self._raw(theta, origin, 1 + self.d))
+    def loss(self, theta):
+        residuals = (self._at_samples(self._outputs, theta) - self.Y) * self.weights
+        return (residuals**2).mean() + (self.penalty * theta**2).sum() / self.Y.size
 
-    def jacobian(self, theta, X, columns):
-        """Outputs (n, columns) and their derivatives by the parameters (n, columns, n_parameters)."""
-        slopes = self._anchor(self._raw_jacobian(theta, X, columns), X, lambda origin: self._raw_jacobian(theta, origin, 1 + self.d))
-        return self.outputs(theta, X, columns), slopes
+    def normal_equations(self, theta):
+        residuals = (self._at_samples(self._outputs, theta) - self.Y) * self.weights
+        A = (self._at_samples(self._jacobian, theta) * self.weights[:, :, None]).reshape(-1, theta.size)
+        return A.T @ A + np.diag(self.penalty), A.T @ residuals.ravel() + self.penalty * theta
 
-    def _anchor(self, values, X, at):
-        """Take off value and chosen derivatives at the origin; values of shape (n, columns, ...)."""
+    def _at_samples(self, function, theta):
+        """Return outputs or their derivatives at the samples, shape (n, columns, ...), less value and chosen derivatives at the origin."""
+        values = function(theta, self.X, self.columns)
         if self.anchored:
-            origin = at(np.zeros((1, self.d)))[0]
+            origin = function(theta, np.zeros((1, self.d)), 1 + self.d)[0]
             shape = (-1, *[1] * (values.ndim - 2))
             values[:, 0] -= origin[0]
             for feature in self.flat:
-                values[:, 0] -= X[:, feature].reshape(shape) * origin[1 + feature]
-                if values.shape[1] > 1:
+                values[:, 0] -= self.X[:, feature].reshape(shape) * origin[1 + feature]
+                if self.columns > 1:
                     values[:, 1 + feature] -= origin[1 + feature]
         return values
 
-    def _raw(self, theta, X, columns):
+    def _outputs(self, theta, X, columns):
         *parameters, constant = self.parts(theta)
         outputs = values_and_slopes(X, *parameters, self.activation, columns)
         outputs[:, 0] += constant
         return outputs
 
-    def _raw_jacobian(self, theta, X, columns):
+    def _jacobian(self, theta, X, columns):
+        """Return the derivatives of the outputs by the parameters, shape (n, columns, n_parameters)."""
         W, b, v, _ = self.parts(theta)
-        n, d, units = len(X), self.d, self.units
         value, slope, curvature = ACTIVATIONS[self.activation](X @ W + b)
         slope_v, curvature_v = slope * v, curvature * v
-        jacobian = np.zeros((n, columns, self.n_parameters))
-        if not self.anchored:
-            jacobian[:, 0, -1] = 1
-        by_W = jacobian[:, :, : d * units].reshape(n, columns, d, units)
-        by_b, by_v = jacobian[:, :, d * units : (d + 1) * units], jacobian[:, :, (d + 1) * units : (d + 2) * units]
-        by_W[:, 0] = X[:, :, None] * slope_v[:, None, :]
-        by_b[:, 0], by_v[:, 0] = slope_v, value
+        by_b = np.stack([slope_v, *(curvature_v * row for row in W)][:columns], axis=1)
+        by_v = np.stack([value, *(slope * row for row in W)][:columns], axis=1)
+        by_W = X[:, None, :, None] * by_b[:, :, None]
         for feature in range(columns - 1):
-            turned = curvature_v * W[feature]
-            by_W[:, 1 + feature] = X[:, :, None] * turned[:, None, :]
             by_W[:, 1 + feature, feature] += slope_v
-            by_b[:, 1 + feature], by_v[:, 1 + feature] = turned, slope * W[feature]
-        jacobian[:, :, : d * units] = by_W.reshape(n, columns, d * units)
-        return jacobian
+        by_constant = np.zeros((len(X), columns, 0 if self.anchored else 1))
+        by_constant[:, 0] = 1
+        return np.concatenate([by_W.reshape(len(X), columns, W.size), by_b, by_v, by_constant], axis=2)

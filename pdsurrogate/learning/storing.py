@@ -4,27 +4,72 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from ..arguments import check_is, check_path, kind_of
+from ..arguments import check_is, check_path, check_tables, check_text, kind_of
 from ..artifacts import new_artifact, next_version, own_folder, save_artifact
+from ..artifacts.card import check_plain
 from ..forces import ForceModel
 from ..materials import Law
 from ..materials.law import checked_law
-from .card_text import CardText
 from .export import best_of, regressor_of, title_of
-from .fitting import MEMBER_STATES, check_worth_storing
+from .fitting import MEMBER_STATES, check_worth_storing, checked_surrogate
 from .pipeline import feature_set_of
-from .surrogates import checked_surrogate
 from .targets import REPORTED_STATES, Samples, Target
 
 MOST_WORDS = 200
 """Most characters of a parameter on a card: a nested estimator is written as its ``repr``, which may run to pages."""
+
+
+@dataclass(frozen=True)
+class CardText:
+    """Text that a user gives for the card of an artefact, in addition to what is computed from the model.
+
+    Parameters
+    ----------
+    description : str
+        Purpose of the artefact, in a sentence.
+    cross_validation : list of dict, optional
+        Errors by fold, as `pdsurrogate.cross_validate` returns them.
+    search : list of dict, optional
+        Parameters that a search tried, and their errors; by default the table of the model if that is a search.
+    identification : dict, optional
+        Report of the identification of the law (`pdsurrogate.identification.report`).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a card cannot hold a value; names the value.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> pds.CardText("Neo-Hookean, 20 units").description
+    'Neo-Hookean, 20 units'
+    """
+
+    description: str
+    cross_validation: list[dict] | None = None
+    search: list[dict] | None = None
+    identification: dict | None = None
+
+    def __post_init__(self) -> None:
+        check_text(self.description, "description")
+        check_tables(self.cross_validation, "cross_validation")
+        check_tables(self.search, "search")
+        if not isinstance(self.identification, dict | None):
+            raise TypeError(f"identification must be a dictionary, or None, not {kind_of(self.identification)}")
+        check_plain({"cross_validation": self.cross_validation, "search": self.search, "identification": self.identification})
+
+    @classmethod
+    def of(cls, text: str | CardText) -> CardText:
+        """Return a text with the given description only; return a `CardText` unchanged."""
+        return text if isinstance(text, cls) else cls(text)
 
 
 def store(

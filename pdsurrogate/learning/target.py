@@ -1,8 +1,10 @@
-"""Regressor with a transformation of the target that depends on the inputs."""
+"""Regressor with a transformation of the target that depends on the inputs, and functions for such transformations."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from functools import update_wrapper
 
 import numpy as np
 from sklearn import config_context, get_config
@@ -17,13 +19,55 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_
 
 from ..arguments import in_order
 from .base import distinct_samples
-from .named import columns_read
+
+
+class NamedFunction:
+    """Function of a module whose ``repr`` is its name, with the names of the columns of X and y that it reads, None for any.
+
+    A pickle holds the module and the name only, as that of a plain function does.
+    """
+
+    def __init__(self, function: Callable, columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> None:
+        update_wrapper(self, function)
+        self.columns, self.targets = columns, targets
+
+    def __call__(self, *args, **kwargs):
+        return self.__wrapped__(*args, **kwargs)
+
+    def __repr__(self) -> str:
+        return self.__name__
+
+    def __reduce__(self) -> str:
+        return self.__qualname__
+
+
+def named(columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> Callable[[Callable], NamedFunction]:
+    """Return a decorator that makes a `NamedFunction`."""
+    return lambda function: NamedFunction(function, columns, targets)
+
+
+def columns_read(function) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
+    """Return the names of the columns of X and y that a function, or a partial of one, reads; None where it has no names."""
+    function = getattr(function, "func", function)
+    return getattr(function, "columns", None), getattr(function, "targets", None)
 
 
 def check_targets(y, names) -> None:
     """Raise ValueError if a target does not have the named columns."""
     if np.shape(y)[1:] != (len(names),):
         raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
+
+
+def checked_columns(X, columns: tuple[str, ...], positive: tuple[str, ...]) -> np.ndarray:
+    """Return the columns of X; raise ValueError unless they are as many as are named, and the named ones positive."""
+    X = np.asarray(X, dtype=float)
+    if X.ndim != 2 or X.shape[1] != len(columns):
+        raise ValueError(f"X must have the {len(columns)} columns {', '.join(columns)}, not shape {X.shape}")
+    for name in positive:
+        values = X[:, columns.index(name)]
+        if not (values > 0).all():
+            raise ValueError(f"{name} must be positive; the least given is {values.min():g}")
+    return X.T
 
 
 def is_search(model) -> bool:
@@ -59,7 +103,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         Any regressor; LinearRegression if None.
     func, inverse_func : callable, default=None
         ``func(X, y)`` and its inverse ``inverse_func(X, z)``; the identity if None. Samples for which `func` returns NaN are left out of
-        the training, with a warning. If `func` has names of columns (`pdsurrogate.learning.named`), the columns of tables are reordered by
+        the training, with a warning. If `func` has names of columns (`named`), the columns of tables are reordered by
         them, and tables with other names are refused.
     anchor : array-like, shape (n_features,), default=None
         Input at which the transformed outputs with the numbers `anchored_outputs` are zero.

@@ -3,20 +3,34 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
+from sklearn.base import clone
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import FunctionTransformer
+from sklearn.utils.validation import check_is_fitted
 
 from ..forces import Domain, LearntBondForce, LearntEnergy
 from ..materials import Law
 from .sampling import PERTURBATION
+from .sobolev import SobolevRegressor
+from .target import InputAwareTargetRegressor, NamedFunction, check_targets, checked_columns, columns_read
 
 Range = tuple[float, float]
 """Least and greatest principal stretch."""
 
 REPORTED_STATES, REPORT_SEED = 20_000, 1_000_003
 """States in each set of a report of errors, whose RMS they give to a percent, and their seed, which is none that samples are drawn with."""
+
+ANCHOR = (0.0, 0.0)
+"""Features of an energy at rest, where it is zero."""
+
+STRAIN_BINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0)
+"""Bounds of the bins of greatest principal strain in error reports: two or three in a decade, up to the strain at a stretch of 4."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +76,8 @@ class Samples:
 class Target(ABC):
     """A quantity that surrogates learn; the instances are `BOND_FORCE`, `SHEET_ENERGY` and `ISOCHORIC_ENERGY`.
 
+    A fitted pipeline carries its target by the names of the columns that its transformation of the target reads.
+
     Attributes
     ----------
     name : str
@@ -78,6 +94,10 @@ class Target(ABC):
         Text about weight functions, for cards.
     has_committees : bool
         Whether an artefact may hold a committee.
+    _reported : dict
+        Options with which `draw` makes the samples of a report.
+    _bins_share_generator : bool
+        Whether one generator draws the samples of all bins of strain in a report, or each bin has its own.
     """
 
     name: ClassVar[str]
@@ -88,6 +108,8 @@ class Target(ABC):
     units: ClassVar[str]
     weight_function: ClassVar[str]
     has_committees: ClassVar[bool] = True
+    _reported: ClassVar[dict[str, float]] = {"near_rest": 0.0}
+    _bins_share_generator: ClassVar[bool] = True
 
     @abstractmethod
     def reached(self, law: Law, low: float, high: float) -> bool:
@@ -98,16 +120,28 @@ class Target(ABC):
         """Return samples in the order in which they are drawn; `options` are those of `pdsurrogate.training_samples`."""
 
     @abstractmethod
+    def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
+        """Return samples whose greatest principal strain lies in a bin; `random_state` is a seed or a generator."""
+
+    def carried_by(self, model) -> bool:
+        """Return whether a pipeline, fitted or unfitted, predicts this target."""
+        return isinstance(model, InputAwareTargetRegressor) and columns_read(model.func)[0] == self.columns
+
+    @abstractmethod
     def pipeline(self, regressor, **options):
         """Return an unfitted pipeline; `options` are those of `pdsurrogate.surrogate_pipeline`."""
 
     @abstractmethod
-    def predicted_by(self, model) -> bool:
-        """Return whether a pipeline predicts this target."""
+    def _predictor(self, model, law: Law) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the function from X to the outputs of a model."""
 
     @abstractmethod
     def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:
         """Return the relative errors (``rms``, ``max``) of predictions, of the shape of ``samples.y``."""
+
+    @abstractmethod
+    def _more_errors(self, model, law: Law, samples: Samples) -> dict[str, object]:
+        """Return the entries of a report that only this target has, such as bounds of the stiffness at samples on the surface."""
 
     @abstractmethod
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
@@ -120,8 +154,26 @@ class Target(ABC):
         """Return the surrogate of a fitted model and a report of its resampling, empty for a surrogate that equals the model."""
 
     @abstractmethod
+    def scaling(self, model) -> dict:
+        """Return the scalings of a fitted model for its card."""
+
     def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         """Return the report of `pdsurrogate.evaluate`."""
+        predict = self._predictor(model, law)
+        samples = self.draw(law, n_samples, stretch_range, random_state=random_state, **self._reported)
+        bins, shared = [], np.random.default_rng(random_state + 1)
+        for number, strains in enumerate(strain_bins(*stretch_range)):
+            random = shared if self._bins_share_generator else random_state + 2 + number
+            some = self._draw_strain(law, strains, stretch_range, max(n_samples // 10, 100), random)
+            bins.append({"strain": list(strains), **self.errors(predict(some.X), some)})
+        return {
+            "stretch_range": list(stretch_range),
+            "n_samples": n_samples,
+            "random_state": random_state,
+            "on_surface": self.errors(predict(samples.X), samples),
+            "by_strain": bins,
+            **self._more_errors(model, law, samples),
+        }
 
     def domain(self, law: Law, samples: Samples) -> Domain:
         """Return the domain of a surrogate that is fitted to samples of a design."""
@@ -143,6 +195,114 @@ class Target(ABC):
         """Return the dimensionless parameters of a law that the target depends on."""
         return dict(law.shape)
 
+
+class EnergyTarget(Target):
+    """Energy as a function of two invariants, learnt by a network together with its derivatives by them.
+
+    Attributes
+    ----------
+    _surrogate_type : type
+        Type of the force model that a fitted network becomes.
+    _n_units : int
+        Units of the network of a pipeline that is made without a regressor.
+    _flat : tuple of int
+        Features by which the derivative is made zero at rest, where all features are zero.
+    _functions : tuple of NamedFunction
+        Functions of a pipeline, which pickles store by their names: features of the invariants, names of the features, size of the energy,
+        derivatives by features from those by invariants, and the inverse of the latter.
+    """
+
+    units = "dimensionless; energy in the shear modulus"
+    weight_function = "any: the energy learnt is that of the material alone"
+    _surrogate_type: ClassVar[type[LearntEnergy]]
+    _n_units: ClassVar[int]
+    _flat: ClassVar[tuple[int, ...]]
+    _functions: ClassVar[tuple[NamedFunction, ...]]
+
     @abstractmethod
+    def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return X and y at given principal stretches, shape (n, 2) or (n, 3)."""
+
+    @abstractmethod
+    def _draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
+        """Return logarithms of principal stretches, uniform within their bounds except for a share near rest."""
+
+    @abstractmethod
+    def _of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
+        """Return principal stretches whose greatest strain lies in a bin."""
+
+    @abstractmethod
+    def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
+        """Return principal stresses from the derivatives of the energy by the two invariants."""
+
+    def _samples_at(self, law: Law, stretches: np.ndarray, design: dict) -> Samples:
+        """Return the samples at given principal stretches."""
+        return Samples(*self._states(law, stretches), design, self, stretches)
+
+    def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int) -> Samples:
+        low, high = stretch_range
+        logs = self._draw_logs(np.random.default_rng(random_state), n_samples, low, high, near_rest)
+        design = {
+            "name": self.name,
+            "n_samples": n_samples,
+            "stretch_range": [low, high],
+            "near_rest": near_rest,
+            "random_state": random_state,
+        }
+        return self._samples_at(law, np.exp(logs), design)
+
+    def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
+        random = np.random.default_rng(random_state)
+        return self._samples_at(law, self._of_strain(random, strains, *stretch_range, n_samples), {})
+
+    def pipeline(self, regressor: SobolevRegressor | None) -> InputAwareTargetRegressor:
+        if regressor is not None and not isinstance(regressor, SobolevRegressor):
+            raise ValueError(f"an energy is learnt with its derivatives, by a SobolevRegressor, not by a {type(regressor).__name__}")
+        inner = SobolevRegressor(self._n_units, random_state=0) if regressor is None else clone(regressor)
+        features, names, size, *targets = self._functions
+        inner.set_params(anchor=ANCHOR, flat=self._flat, size=size)
+        transformer = FunctionTransformer(features, feature_names_out=names, check_inverse=False)
+        return InputAwareTargetRegressor(Pipeline([("features", transformer), ("regressor", inner)]), *targets)
+
+    def _network_of(self, model) -> SobolevRegressor:
+        """Return the network of a pipeline for this energy; raise ValueError if the pipeline cannot become a surrogate."""
+        pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
+        network = pipeline[-1] if self.carried_by(model) and isinstance(pipeline, Pipeline) else None
+        right = isinstance(network, SobolevRegressor) and getattr(pipeline[0], "func", None) is self._functions[0]
+        if not right or (network.anchor, network.flat) != (ANCHOR, self._flat):
+            made = f"a surrogate_pipeline for the target {self.name}, which ends in a SobolevRegressor"
+            raise ValueError(f"only {made} with anchor {ANCHOR} and flat {self._flat}, can become a surrogate of it")
+        return network
+
+    def surrogate(self, model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntEnergy, dict]:
+        network = self._network_of(model)
+        check_is_fitted(model)
+        arrays = np.ascontiguousarray(network.hidden_weights_), network.hidden_biases_.copy(), network.output_weights_.copy()
+        return self._surrogate_type(name, network.activation, *arrays, domain, law.name, self.shape(law)), {}
+
+    def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:
+        """Return the relative errors of stress (``rms``, ``max``) and energy (``energy_rms``)."""
+        stresses = (self._stresses(samples.stretches, *values.T[1:]) for values in (predicted, samples.y))
+        return {**relative_errors(*stresses), "energy_rms": relative_errors(predicted[:, :1], samples.y[:, :1])["rms"]}
+
     def scaling(self, model) -> dict:
-        """Return the scalings of a fitted model for its card."""
+        return {"folded": "features are standardised and targets scaled within the regressor; the payload is on plain features"}
+
+
+def checked_derivatives(X, y, columns: tuple[str, str], outputs: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the columns of X, checked to be positive, and those of y."""
+    check_targets(y, outputs)
+    return checked_columns(X, columns, columns[::-1]), y.T
+
+
+def relative_errors(predicted: np.ndarray, exact: np.ndarray) -> dict[str, float]:
+    """Return the RMS (``rms``) and the greatest (``max``) error of vectors, shape (n, d), divided by the RMS of the exact ones."""
+    error = np.linalg.norm(predicted - exact, axis=1)
+    size = np.sqrt((exact**2).sum(axis=1).mean())
+    return {"rms": float(np.sqrt((error**2).mean()) / size), "max": float(error.max() / size)}
+
+
+def strain_bins(low: float, high: float) -> list[tuple[float, float]]:
+    """Return the bins of greatest principal strain up to that of a range of stretches, at which the last bin ends."""
+    reach = max(high - 1, 1 - low)
+    return [(least, min(greatest, reach)) for least, greatest in pairwise(STRAIN_BINS) if least < reach * (1 - 1e-9)]

@@ -12,8 +12,7 @@ from typing import ClassVar
 import numpy as np
 from sklearn.utils._param_validation import StrOptions
 
-from .activations import ACTIVATIONS
-from .base import COUNT, POSITIVE, SHARE, BasePerceptron
+from .base import ACTIVATIONS, COUNT, POSITIVE, SHARE, BasePerceptron
 
 
 @dataclass(eq=False, repr=False)

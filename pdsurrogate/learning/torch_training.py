@@ -12,6 +12,8 @@ from skorch.callbacks import EarlyStopping, LRScheduler
 from skorch.dataset import Dataset
 from skorch.helper import predefined_split
 
+from .export import layers_of_module
+
 
 class Algebraic(torch.nn.Module):
     """x / sqrt(1 + x^2)."""
@@ -37,10 +39,9 @@ def train(regressor, X, Y, weights):
 
     The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`.
     """
-    if weights is not None:
-        Y = np.column_stack([Y, weights / weights.mean()])
+    outputs = Y.shape[1]
+    Y = np.column_stack([Y, np.ones(len(Y)) if weights is None else weights / weights.mean()])
     seed = int(check_random_state(regressor.random_state).randint(2**31 - 1))
-    outputs = Y.shape[1] - (weights is not None)
     widths = [X.shape[1], *np.atleast_1d(regressor.hidden_layer_sizes).astype(int).tolist(), outputs]
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -57,7 +58,7 @@ def train(regressor, X, Y, weights):
         layers = [layer for hidden in linear[:-1] for layer in (hidden, ACTIVATIONS[regressor.activation]())]
         net = NeuralNetRegressor(
             torch.nn.Sequential(*layers, linear[-1]),
-            criterion=torch.nn.MSELoss if weights is None else WeightedSquares,
+            criterion=WeightedSquares,
             optimizer=torch.optim.Adam,
             lr=rate,
             max_epochs=most,
@@ -68,8 +69,6 @@ def train(regressor, X, Y, weights):
             verbose=0,
         )
         net.fit(X[order], Y[order])
-    linear = [layer for layer in net.module_ if isinstance(layer, torch.nn.Linear)]
-    coefs = [layer.weight.detach().numpy().T.copy() for layer in linear]
-    intercepts = [layer.bias.detach().numpy().copy() for layer in linear]
-    losses = [row["valid_loss"] for row in net.history if "valid_loss" in row] if split is not None else []
+    coefs, intercepts = map(list, zip(*layers_of_module(net.module_)[1], strict=True))
+    losses = [row["valid_loss"] for row in net.history if "valid_loss" in row]
     return coefs, intercepts, len(net.history), float(np.min(losses)) if losses else float("nan")

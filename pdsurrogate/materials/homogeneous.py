@@ -5,18 +5,18 @@ The textbook formulas of the paper's Table 1 hold in the incompressible limit an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
-from ..kernels.node_state import SWELLING
+from . import plane_strain
 from .law import Law
-from .plane_stress import invariants, response, stretch_squares
+from .plane_stress import invariants, newton, response, stretch_squares
 from .planes import PLANES, SHEETS
 
 STEP = 1e-7
-"""Of the difference that gives Newton's iteration for J3 its slope, relative to J3."""
+"""Relative difference that gives Newton's iteration its slope."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +57,10 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stre
     J3 = float(at.volume_ratio(law, trace, J))
     P = at.first_piola_stress(law, F)
     if not np.isfinite(P).all():
-        raise ValueError(
-            f"{law.name}: no state at stretches of {stretch:g} and {lateral_stretch:g}: {law.limit(stretch_squares(trace, J))}"
-        )
-    return HomogeneousState(
-        float(stretch),
-        float(lateral_stretch),
-        J3 / (stretch * lateral_stretch),
-        J3,
-        float(P[0, 0]),
-        float(P[1, 1]),
-        float(at.energy_density(law, F)),
-    )
+        limit = law.limit(stretch_squares(trace, J))
+        raise ValueError(f"{law.name}: no state at stretches of {stretch:g} and {lateral_stretch:g}: {limit}")
+    thickness, energy = J3 / (stretch * lateral_stretch), at.energy_density(law, F)
+    return HomogeneousState(*map(float, (stretch, lateral_stretch, thickness, J3, P[0, 0], P[1, 1], energy)))
 
 
 def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousState:
@@ -76,33 +68,28 @@ def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousStat
 
     `plane` is a name of `PLANES`.
     """
-    if plane == "space":
-        # The state is that of plane stress, since the thickness is free as well.
-        plane = "stress"
+    first = np.array([stretch], dtype=float)
+    if plane == "strain":
 
-    def lateral_stress(lateral_stretch):
-        return biaxial(law, stretch, lateral_stretch, plane).lateral_stress
+        def lateral_stress(side):
+            p, q, *_ = plane_strain.response(law, first**2 + side**2, first * side, first * side)
+            return p * side + q / side
 
-    # The search starts at the incompressible lateral stretch and stops at the law's limit, which may be near.
-    middle = stretch**-0.5 if plane == "stress" else 1 / stretch
-    low, high = (_enclosing(lateral_stress, middle, sign) for sign in (-1, 1))
-    return biaxial(law, stretch, brentq(lateral_stress, low, high, xtol=1e-15, rtol=1e-15), plane)
+        lateral = _root(lateral_stress, 1 / first)
+    else:
+        lateral = np.sqrt(sheet_states(law, first, np.array([np.nan]))[1] / first)
+    if not np.isfinite(lateral).all():
+        side = stretch ** (-1.0 if plane == "strain" else -0.5)
+        squares = stretch_squares(stretch**2 + side**2, stretch * side)
+        raise ValueError(f"{law.name}: no state with free sides at a stretch of {stretch:g}: {law.limit(squares)}")
+    return biaxial(law, stretch, float(lateral[0]), "strain" if plane == "strain" else "stress")
 
 
-def _enclosing(function, middle: float, sign: int) -> float:
-    """Return a place, beyond `middle` on one side, where an increasing function has the given sign; raise ValueError if there is none."""
-    near, far, step = 0.0, np.inf, 1e-3
-    for _ in range(60):
-        place = middle * np.exp(sign * step)
-        try:
-            if sign * function(place) > 0:
-                return place
-            near = step
-        except ValueError:
-            far = step
-        step = 2 * step if np.isinf(far) else (near + far) / 2
-    function(place)
-    raise ValueError(f"no state with zero lateral stress between {middle:g} and {place:g}")
+def _root(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
+    """Return the zeros of increasing functions of positive numbers, by differences; NaN where a function ends before."""
+    found = newton(lambda x: (function(x), (function((1 + STEP) * x) - function(x)) / (STEP * x)), start, 1e-8)
+    with np.errstate(all="ignore"):
+        return np.where(np.isfinite(function(found)), found, np.nan)
 
 
 def equibiaxial(law: Law, stretch: float) -> HomogeneousState:
@@ -116,7 +103,7 @@ def pure_shear(law: Law, stretch: float) -> HomogeneousState:
 
 
 def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nominal stress and volume ratio of many homogeneous states under plane stress at once, as a fit asks for them.
+    """Return nominal stress and volume ratio of many homogeneous states under plane stress at once.
 
     Parameters
     ----------
@@ -145,17 +132,9 @@ def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> 
         lateral = np.where(free, np.sqrt(J3 / stretch), lateral_stretch)
         return response(law, stretch**2 + lateral**2, stretch * lateral, J3)
 
-    J3 = np.ones_like(stretch)
+    J3 = _root(lambda J3: at(J3)[2], np.ones_like(stretch))
     bulk = law.bulk_modulus / law.shear_modulus
     with np.errstate(all="ignore"):
-        for _ in range(60):
-            residual, ahead = at(J3)[2], at((1 + STEP) * J3)[2]
-            step = np.clip(STEP * J3 * residual / (ahead - residual), -J3, 0.5 * J3)
-            # Past the law's limit, where the residual is NaN, the state swells: with more volume it may keep the limit.
-            J3 = J3 - np.where(np.isnan(step), -SWELLING * J3, step)
-            # The iteration squares the error: after this step it is at rounding.
-            if np.all(np.abs(step) <= 1e-8 * J3):
-                break
         p, q, residual, *_ = at(J3)
     reached = np.abs(residual) <= 1e-9 * bulk
     return np.where(reached, law.shear_modulus * (p * stretch + q / stretch), np.nan), np.where(reached, J3, np.nan)

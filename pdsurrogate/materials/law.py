@@ -39,7 +39,7 @@ class Law(ABC):
     """Values that parameters other than the two moduli must exceed."""
 
     costly: ClassVar[bool] = False
-    """Whether the law's response costs more than a learnt bond force; the learnt force then computes the thickness as well."""
+    """True if the law's response costs more than a learnt bond force; the learnt force then computes the thickness as well."""
 
     shear_modulus: float = 1.0
     bulk_modulus: float = 100.0

@@ -5,6 +5,8 @@ In-plane tensors have shape (..., 2, 2). Stresses and energies have the unit of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..engine.compile import inlined
@@ -30,48 +32,41 @@ def _stretches(state):
     return plane_stress.principal_stretches(_held(state))
 
 
-@inlined
-def _result(state, found):
+def _response(rows: int, result: Callable, isochoric: bool) -> Response:
+    """Return the response with the rows ``result(state, found)``, `found` being those of plane stress at C33 = 1."""
+    result = inlined(result)
+
+    @inlined
+    def of_invariants(state, isochoric, volumetric):
+        return result(state, plane_stress.of_invariants(_held(state), isochoric, volumetric))
+
+    @inlined
+    def of_stretches(state, stretches, sums, volumetric):
+        return result(state, plane_stress.of_stretches(_held(state), stretches, sums, volumetric))
+
+    return Response(rows, 1, _invariants, of_invariants, _stretches, of_stretches, isochoric=isochoric)
+
+
+def _stress(state, found):
     """Return the rows of `response`: q needs the stress across the plane, here the residual J3 dPsi/dJ3, which vanishes in plane stress."""
     p, q, across, _, energy = found
     return p, q + across, state[2] / state[1] - 1, 1 / state[1], energy
 
 
-@inlined
-def _of_invariants(state, isochoric, volumetric):
-    return _result(state, plane_stress.of_invariants(_held(state), isochoric, volumetric))
+def _isochoric_stress(state, found):
+    """Return the rows of `isochoric_response`."""
+    p, q, across, _, energy = found
+    return p, q + across, across, energy
 
 
-@inlined
-def _of_stretches(state, stretches, sums, volumetric):
-    return _result(state, plane_stress.of_stretches(_held(state), stretches, sums, volumetric))
-
-
-response = Response(5, 1, _invariants, _of_invariants, _stretches, _of_stretches, curvature=False)
+response = _response(5, _stress, isochoric=False)
 """Response ``response(law, trace, J, J3)`` with the rows of the plane-stress one, so that kernels can use either.
 
 p, q and the energy are those at J3 = J, whatever J3 is passed; the condition P33 = 0 is replaced by J3/J - 1 = 0, with its derivative by
 J3.
 """
 
-
-@inlined
-def _isochoric(state, found):
-    p, q, across, _, energy = found
-    return p, q + across, across, energy
-
-
-@inlined
-def _isochoric_of_invariants(state, isochoric, volumetric):
-    return _isochoric(state, plane_stress.of_invariants(_held(state), isochoric, (0.0, 0.0, 0.0)))
-
-
-@inlined
-def _isochoric_of_stretches(state, stretches, sums, volumetric):
-    return _isochoric(state, plane_stress.of_stretches(_held(state), stretches, sums, (0.0, 0.0, 0.0)))
-
-
-isochoric_response = Response(4, 1, _invariants, _isochoric_of_invariants, _stretches, _isochoric_of_stretches, curvature=False)
+isochoric_response = _response(4, _isochoric_stress, isochoric=True)
 """Response ``isochoric_response(law, trace, J, J3)``: p, q, the Kirchhoff stress across the plane, and the energy, all from W alone.
 
 U adds J U' to q and to the stress across the plane, since its stress is U' times the cofactor of F.

@@ -12,6 +12,8 @@ J3 = J sqrt(C33), with the pressure already eliminated by P33 = 0.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import carray
 from numba.core.ccallback import CFunc
@@ -30,6 +32,9 @@ LEAST_SEPARATION = 3e-6
 
 All results are even in the difference, so they change by some 1e-11, which is the size of rounding there.
 """
+
+INVARIANTS = ((1, 0, -2 / 3), (0, -2, 4 / 3)), ((0, 2, -4 / 3), (1, -2, 2 / 3))
+"""Exponents of tr C, J and J3 in the two terms of which I1bar and I2bar are the sums, with C33 = (J3/J)**2."""
 
 
 @inlined
@@ -155,16 +160,8 @@ def volume_ratio(law: Law, trace, area_ratio):
     trace, J = np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))
     if np.any(~(J > 0)):
         raise ValueError(f"det F must be positive; the least given is {np.nanmin(J):g}")
-    J3 = np.ones_like(J)
+    J3 = newton(lambda J3: response(law, trace, J, J3)[2:4], np.ones_like(J), 1e-15)
     with np.errstate(all="ignore"):
-        for _ in range(60):
-            _, _, residual, slope, _ = response(law, trace, J, J3)
-            step = np.where(slope > 0, residual / slope, np.sign(residual) * J3)
-            # J3 at most halves or doubles in one step, so it stays positive from any start.
-            # Beyond the law's limit the residual is NaN, and J3 grows: a state with a larger volume may lie within the limit.
-            J3 = J3 - np.where(np.isnan(residual), -SWELLING * J3, np.clip(step, -J3, 0.5 * J3))
-            if np.all(np.abs(step) <= 1e-15 * J3):
-                break
         residual = response(law, trace, J, J3)[2]
     # NaN, and a residual that does not vanish, both mean that the state is beyond the law's limit.
     scale = law.bulk_modulus / law.shear_modulus
@@ -176,6 +173,23 @@ def volume_ratio(law: Law, trace, area_ratio):
             f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {law.limit(stretch_squares(*state))}"
         )
     return J3
+
+
+def newton(function: Callable[[np.ndarray], tuple], start: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return the zeros of increasing functions of positive numbers, up to a last relative step of `tolerance`.
+
+    ``function(x)`` returns values and slopes. A number at most halves or doubles in one step, so it stays positive from any start. Beyond
+    a law's limit the value is NaN, and the number grows: a state with a larger volume may lie within the limit.
+    """
+    found = start
+    with np.errstate(all="ignore"):
+        for _ in range(60):
+            value, slope = function(found)
+            step = np.where(slope > 0, value / slope, np.sign(value) * found)
+            found = found - np.where(np.isnan(value + slope), -SWELLING * found, np.clip(step, -found, 0.5 * found))
+            if np.all(np.abs(step) <= tolerance * found):
+                break
+    return found
 
 
 def thickness_stretch_squared(law: Law, trace, area_ratio):
@@ -234,31 +248,19 @@ def energy_derivatives(law: Law, trace, area_ratio):
     p, q, _, slope, energy = response(law, trace, J, x)
     if not isinstance(law, InvariantLaw):
         return energy, p / 2, q / J, *_differences(law, trace, J)
-    C33, c = (x / J) ** 2, x ** (-2 / 3)
-    I1, I2 = isochoric_invariants((trace, J, x))
-    _, W1, W2, W11, W12, W22 = law.isochoric(I1, I2, law.parameters)
-    # These are the derivatives of the two isochoric invariants by I = tr C, J and x = J3.
-    first = {
-        "I": (c, c * c * C33),
-        "J": (-2 * c * C33 / J, c * c * (2 * J - 2 * C33 * trace / J)),
-        "x": ((2 * c * C33 - 2 / 3 * I1) / x, (2 * c * c * C33 * trace - 4 / 3 * I2) / x),
-    }
-    zero = np.zeros_like(J)
-    second = {
-        "II": (zero, zero),
-        "IJ": (zero, -2 * c * c * C33 / J),
-        "JJ": (6 * c * C33 / J**2, c * c * (2 + 6 * C33 * trace / J**2)),
-        "Ix": (-2 / 3 * c / x, 2 / 3 * c * c * C33 / x),
-        "Jx": (-8 / 3 * c * C33 / (J * x), -c * c * (8 / 3 * J + 4 / 3 * trace * C33 / J) / x),
-    }
+    state = np.stack([trace, J, x])
+    _, W1, W2, W11, W12, W22 = law.isochoric(*isochoric_invariants(state), law.parameters)
+    (a, A), (b, B) = (_power_derivatives(np.array(terms), state) for terms in INVARIANTS)
+    second = W1 * A + W2 * B + W11 * a * a[:, None] + W12 * (a * b[:, None] + b * a[:, None]) + W22 * b * b[:, None]
+    condensed = second - second[2] * second[:, 2:] / (slope / x)
+    return energy, p / 2, q / J, condensed[0, 0], condensed[0, 1], condensed[1, 1]
 
-    def derivative(pair):
-        (a1, a2), (b1, b2), (k1, k2) = first[pair[0]], first[pair[1]], second[pair]
-        return W1 * k1 + W2 * k2 + W11 * a1 * b1 + W12 * (a1 * b2 + a2 * b1) + W22 * a2 * b2
 
-    stiffness, by_x = slope / x, {key: derivative(f"{key}x") for key in "IJ"}
-    curvatures = (derivative(a + b) - by_x[a] * by_x[b] / stiffness for a, b in ("II", "IJ", "JJ"))
-    return energy, p / 2, q / J, *curvatures
+def _power_derivatives(exponents: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first and second derivatives, (3, n) and (3, 3, n), of a sum of products of powers of three numbers."""
+    terms = np.prod(state ** exponents[:, :, None], axis=1)
+    twice = exponents[:, :, None] * (exponents[:, None] - np.eye(3))
+    return exponents.T @ terms / state, np.einsum("kij,kn->ijn", twice, terms) / (state * state[:, None])
 
 
 def _differences(law: Law, trace, J):

@@ -2,28 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from importlib import import_module
-from types import ModuleType
+from . import plane_strain, plane_stress, solid
 
-
-class _Planes(Mapping):
-    """Mapping from names to modules, each imported on first use; a sheet loads nothing for three dimensions."""
-
-    def __init__(self, modules: Mapping[str, str]) -> None:
-        self._modules = modules
-
-    def __getitem__(self, plane: str) -> ModuleType:
-        return import_module(f".{self._modules[plane]}", __package__)
-
-    def __iter__(self):
-        return iter(self._modules)
-
-    def __len__(self) -> int:
-        return len(self._modules)
-
-
-PLANES = _Planes({"stress": "plane_stress", "strain": "plane_strain", "space": "solid"})
+PLANES = {"stress": plane_stress, "strain": plane_strain, "space": solid}
 """Modules by the names that scenes and settings use. Each has `response`, `first_piola_stress`, `energy_density`, and, for points whose
 volume ratio was computed by a force, `energy_at` and `stress_and_energy`.
 """

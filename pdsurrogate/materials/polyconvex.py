@@ -12,7 +12,7 @@ SECOND_AT_REST = 3 * 3**0.5
 """I2bar^1.5 of the undeformed state."""
 
 GREATEST_POWER = 3
-"""Of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3."""
+"""Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3."""
 
 
 @dataclass(frozen=True)

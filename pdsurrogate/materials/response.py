@@ -46,6 +46,8 @@ class Response:
         ``of_stretches(state, stretches, sums, volumetric)`` returns the result from the sums (W, g1, g2, g3, h) over the terms.
     curvature : bool
         Whether `of_stretches` uses h, which is 0 otherwise.
+    isochoric : bool
+        Whether U is left out.
     """
 
     rows: int
@@ -54,12 +56,13 @@ class Response:
     of_invariants: Callable
     stretches: Callable
     of_stretches: Callable
-    curvature: bool
+    curvature: bool = False
+    isochoric: bool = False
 
     def __call__(self, law: Law, *state) -> tuple:
         """Evaluate a law on NumPy arrays; the result is dimensionless."""
         state, parameters = tuple(np.asarray(value, dtype=float) for value in state), law.parameters
-        volumetric = law.volumetric(state[self.volume], parameters)
+        volumetric = self._volumetric(law)(state[self.volume], parameters)
         if isinstance(law, InvariantLaw):
             return self.of_invariants(state, law.isochoric(*self.invariants(state), parameters), volumetric)
         stretches = self.stretches(state)
@@ -72,12 +75,21 @@ class Response:
         Raise ValueError if the law's derivatives are not those of its energy (`check_consistency`).
         """
         check_consistency(law)
-        shared = law.volumetric, self.rows, self.volume
+        shared = self._volumetric(law), self.rows, self.volume
         if isinstance(law, InvariantLaw):
             parts = law.isochoric, self.invariants, self.of_invariants
             return block_function_of(_invariant_block, STRESS_RESPONSE, *parts, *shared)
         parts = law.coefficients, law.term, self.stretches, self.of_stretches, self.curvature
         return block_function_of(_principal_block, STRESS_RESPONSE, *parts, *shared)
+
+    def _volumetric(self, law: Law) -> Callable:
+        """Return the function of U and its derivatives."""
+        return _nothing if self.isochoric else law.volumetric
+
+
+def _nothing(J3, parameters):
+    """Return zeros in the place of U and its derivatives."""
+    return 0.0, 0.0, 0.0
 
 
 def volume_energy_block(law: Law) -> CFunc:

@@ -11,6 +11,8 @@ with three coefficients that are functions of tr C, tr cof C and J = det F.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..engine.compile import inlined
@@ -54,8 +56,8 @@ def principal_stretches(state):
 
     Nearly equal stretches, as roots of a cubic, are only known to some 6e-6 and are separated by as much. But they belong to invariants
     within 1e-11 of the given ones, of which energy and stress are smooth functions: these are accurate to 2e-11, and to rounding at
-    distinct stretches (``tests/materials/test_responses.py``). The single coefficients are less accurate: at three equal stretches r is off by some
-    1e-5, which p and q compensate.
+    distinct stretches (``tests/materials/test_responses.py``). The single coefficients are less accurate: at three equal stretches r is off
+    by some 1e-5, which p and q compensate.
     """
     trace, cofactor_trace, J = state
     mean = trace / 3
@@ -71,7 +73,7 @@ def principal_stretches(state):
     for _ in range(3):
         y = y - (y * (4 * y * y - 3) - c) / (12 * y * y - 3)
     apart = mean + 2 * root * y * select(skew < 0, -1.0, 1.0)
-    # Sum and product of the other two: the product is computed first beside a greatest one, the sum first beside a least one.
+    # Sum and product of the other two: for a greatest one the product is computed first, for a least one the sum.
     rest = trace - apart
     product = select(skew < 0, cofactor_trace - apart * rest, J * J / apart)
     rest = select(skew < 0, rest, (cofactor_trace - product) / apart)
@@ -96,23 +98,11 @@ def of_stretches(state, stretches, sums, volumetric):
     return unit * (first - second * (s1 + s2)), constant / J + dU, unit * unit * second, W + U
 
 
-response = Response(4, 2, isochoric_invariants, of_invariants, principal_stretches, of_stretches, curvature=False)
+response = Response(4, 2, isochoric_invariants, of_invariants, principal_stretches, of_stretches)
 """Response ``response(law, trace, cofactor_trace, J)``: p, q, r and the energy, dimensionless, from tr C, tr cof C and J = det F > 0."""
 
 
-@inlined
-def _isochoric_of_invariants(state, isochoric, volumetric):
-    return of_invariants(state, isochoric, (0.0, 0.0, 0.0))
-
-
-@inlined
-def _isochoric_of_stretches(state, stretches, sums, volumetric):
-    return of_stretches(state, stretches, sums, (0.0, 0.0, 0.0))
-
-
-isochoric_response = Response(
-    4, 2, isochoric_invariants, _isochoric_of_invariants, principal_stretches, _isochoric_of_stretches, curvature=False
-)
+isochoric_response = replace(response, isochoric=True)
 """Response ``isochoric_response(law, trace, cofactor_trace, J)``: p, q, r and the energy, all from W alone; U adds U' to q."""
 
 

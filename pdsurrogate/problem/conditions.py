@@ -10,15 +10,14 @@ from itertools import pairwise
 import numpy as np
 
 from ..body import Body
-from ..discretisation.planes import reflected_edges
 from ..forces import InvalidState
 from ..scenes import Scene
-from ..solvers.conditions import HeldPlane, HeldPoints, Loading, displaced, place_of
+from ..scenes.regions import EDGES
+from ..solvers.conditions import HeldPlane, HeldPoints, Loading, place_of
 from ..solvers.course import Paths, Pull
 from ..solvers.loads import Loads
-from ..solvers.motion import Motion
 from ..solvers.supports import SupportAtPlace
-from .prescriptions import Prescription, prescriptions_of
+from .prescriptions import Prescription
 from .programme import Stage
 from .regions import BodyRegions, along_edge
 
@@ -34,8 +33,7 @@ LEAST_SPREAD = 1e-6
 
 def conditions_of(
     scene: Scene,
-    body: Body,
-    box: tuple[np.ndarray, np.ndarray],
+    prescriptions: list[Prescription],
     regions: BodyRegions,
     loads: Loads | None,
     stages: tuple[Stage, ...],
@@ -46,9 +44,7 @@ def conditions_of(
     Parameters
     ----------
     scene : Scene
-    body : Body
-    box : tuple of ndarray, shape (d,)
-        Lower and upper corner of its bounding box.
+    prescriptions : list of Prescription
     regions : BodyRegions
     loads : Loads or None
     stages : tuple of Stage
@@ -58,45 +54,41 @@ def conditions_of(
     Raises
     ------
     ValueError
-        If a region is empty, two entries move a point or plane differently or share a name, an amplitude is not zero at rest, or nothing
-        keeps a piece of the body where it is; names the key.
+        If a region is empty, two entries move a point or plane differently, an amplitude is not zero at rest, or nothing keeps a piece of
+        the body where it is; names the key.
     """
-    rigid, stretched = tuple(rigid), scene.stretched
-    length = float(box[1][scene.loaded_axis] - box[0][scene.loaded_axis]) if stretched else 0.0
-    prescriptions = prescriptions_of(scene, regions, length, stages)
-    names = tuple(dict.fromkeys(prescription.holder for prescription in prescriptions if prescription.holder is not None))
-    edges = reflected_edges(scene, body.faces)
-    if stretched and scene.support == "reflected":
-        edges = {grip.edge: (len(scene.holds) + number,) for number, grip in enumerate(scene.grips)}
-    planes, held, along_planes = [], [], []
-    for edge, numbers in edges.items():
-        points = np.flatnonzero(along_edge(body, edge, *box).inside)
-        holding = [prescriptions[number] for number in numbers]
+    body, stretched = regions.body, scene.stretched
+    of_rigid = np.concatenate([np.empty(0, dtype=np.int64), *rigid])
+    names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
+    planes, held, along_planes, keys, reflected = [], [], [], [], []
+    for edge, holding in _reflected(scene, prescriptions, regions).items():
+        points = np.flatnonzero(along_edge(body, edge, regions.lower, regions.upper).inside)
         planes.append(_plane_of(f"{edge} {'grip' if stretched else 'edge'}", holding, names, body.dimension))
-        of_rigid = np.intersect1d(points, np.concatenate([np.empty(0, dtype=np.int64), *rigid]))
+        keys.append(holding[0].key)
+        reflected += holding
+        rigid_points = np.intersect1d(points, of_rigid)
         for one in holding:
             along_planes.append(HeldPoints(one.name, None, points, one.components, one.of_places(body.points[points])))
-            if len(of_rigid):  # its images hold no region that nothing deforms
-                moves = one.of_places(body.points[of_rigid])
-                held.append(HeldPoints(one.name, names.index(one.holder), of_rigid, one.components, moves))
-    reflected = {number for numbers in edges.values() for number in numbers}
+            if len(rigid_points):  # its images hold no region that nothing deforms
+                moves = one.of_places(body.points[rigid_points])
+                held.append(HeldPoints(one.name, names.index(one.holder), rigid_points, one.components, moves))
     moving = any(stage.inertia is not None for stage in stages)
-    held += [_points_of(one, names, body, regions, moving) for number, one in enumerate(prescriptions) if number not in reflected]
+    held += [_points_of(one, names, regions, moving) for one in prescriptions if not any(one is other for other in reflected)]
     parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
     loading = Loading(body, parameter, rest, names, tuple(planes), tuple(held), loads)
     # A plane does what its points would do: two prescriptions may not disagree on either.  Holds may move points next to a grip's plane.
     _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
-    _check_planes(loading, [prescriptions[numbers[0]].key for numbers in edges.values()])
+    _check_planes(loading, keys)
     if stretched:
-        lower, travels = box[0][scene.loaded_axis], np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
-        loading.course = Pull(loading, scene.loaded_axis, lower, length, travels)
-        _check_held(loading, "grips", "add a hold", f"moving along x{scene.loaded_axis + 1}")
+        axis, travels = scene.loaded_axis, np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
+        loading.course = Pull(loading, axis, regions.lower[axis], float(regions.upper[axis] - regions.lower[axis]), travels)
+        _check_held(loading, "grips", "add a hold", f"moving along x{axis + 1}")
         return loading
     modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
     springs: float | np.ndarray = modulus
-    if rigid:
+    if len(of_rigid):
         springs = np.full(len(body), modulus)
-        springs[np.concatenate(rigid)] *= RIGID
+        springs[of_rigid] *= RIGID
     loading.course = Paths(loading, springs, modulus, scene.solver.largest_increment, partial(_turned, prescriptions))
     if loading.supports is not None:
         loading.supports.response = loading.course.response
@@ -104,6 +96,15 @@ def conditions_of(
         ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
         _check_held(loading, "prescribed", f"hold {ways} of a region by 0 against it, or let the steps be in dynamics")
     return loading
+
+
+def _reflected(scene: Scene, prescriptions: list[Prescription], regions: BodyRegions) -> dict[str, list[Prescription]]:
+    """Return the edges that are held by reflection, in the order of the body's planes, each with the prescriptions that hold it."""
+    edges: dict[str, list[Prescription]] = {}
+    for one in prescriptions if scene.support == "reflected" else ():
+        if edge := regions.edge(one.region):
+            edges.setdefault(edge, []).append(one)
+    return {edge: holding for edge, holding in edges.items() if any(EDGES[edge][0] in one.components for one in holding)}
 
 
 def _plane_of(name: str, holding: list[Prescription], names: tuple[str, ...], dimension: int) -> HeldPlane:
@@ -128,8 +129,9 @@ def _plane_of(name: str, holding: list[Prescription], names: tuple[str, ...], di
     return HeldPlane(name, holders, components, displacement)
 
 
-def _points_of(one: Prescription, names: tuple[str, ...], body: Body, regions: BodyRegions, moving: bool) -> HeldPoints:
+def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> HeldPoints:
     """Return the points that a prescription holds, in a programme that may be `moving` in dynamics."""
+    body = regions.body
     points = regions.points(one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key)
     holder, places = None if one.holder is None else names.index(one.holder), body.points[points]
     support = _support(body, points) if regions.is_place(one.region) else None
@@ -258,24 +260,3 @@ def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
         return []
     words = [f"moving along x{axis + 1}" for axis in range(dimension) if not (np.abs(rows[:, axis]) > 0).any()]
     return [*words, "turning"] if len(free) > len(words) else words
-
-
-def greatest_speed(loading: Loading, motion: Motion) -> float:
-    """Return the greatest difference of the velocities of any two held parts, in a component, during a stage in dynamics."""
-    share, dimension, fastest = loading.body.share, loading.body.dimension, 0.0
-    for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
-        low, high = np.full(dimension, np.inf), np.full(dimension, -np.inf)
-        changes = [(part, part.displacement(motion.at(end)) - part.displacement(motion.at(begin))) for part in loading.held]
-        for plane, sources in zip(loading.planes, loading.beside_planes, strict=True):
-            change = plane.motion(motion.at(end)) - plane.motion(motion.at(begin))
-            changes.append((plane, displaced(change, loading.body.points[sources])))
-        for part, change in changes:
-            change = np.atleast_2d(change)
-            for component in part.components:
-                low[component] = min(low[component], change[:, component].min(initial=np.inf))
-                high[component] = max(high[component], change[:, component].max(initial=-np.inf))
-        low = -np.array([share.greatest(-value) for value in low])
-        high = np.array([share.greatest(value) for value in high])
-        spread = (high - low)[np.isfinite(low)]
-        fastest = max(fastest, float(spread.max(initial=0.0)) / (end - begin))
-    return fastest

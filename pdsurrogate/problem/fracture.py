@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.optimize import brentq
 
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 from ..scenes import Scene
-from ..scenes.model import TIP_DIAMETER, tip_diameter
+from ..scenes.tip_diameter import TIP_DIAMETER, tip_diameter
 
 
 def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
@@ -52,17 +50,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     >>> print(round(pds.critical_stretch_of(pds.materials.NeoHookean(720.0, 72_000.0), fracture_energy=274.0, horizon=0.063), 3))
     3.624
     """
-    checked_law(law)
-    for name, value in (("fracture energy", fracture_energy), ("horizon", horizon), ("diameter of the tip", tip_diameter)):
-        check_number(value, f"the {name}")
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"the {name} must be positive and finite, not {value}")
-    wanted = fracture_energy / (tip_diameter * horizon)
-
-    def excess(stretch: float) -> float:
-        return homogeneous.uniaxial(law, stretch).energy_density - wanted
-
-    return float(brentq(excess, 1.0, _first_above(excess, law, "that fracture energy"), xtol=1e-12))
+    _check_positive({"fracture energy": fracture_energy, "horizon": horizon, "diameter of the tip": tip_diameter})
+    return _stretch_at(law, "energy_density", fracture_energy / (tip_diameter * horizon), "that fracture energy")
 
 
 def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> float:
@@ -111,22 +100,25 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     >>> print(round(pds.tearing_energy(pds.materials.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0), 4))
     1.0106
     """
-    checked_law(law)
-    for name, value in (("force", force), ("leg's width", leg_width), ("thickness", thickness)):
-        check_number(value, f"the {name}")
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"the {name} must be positive and finite, not {value}")
-    wanted = force / (leg_width * thickness)
-
-    def excess(stretch: float) -> float:
-        return homogeneous.uniaxial(law, stretch).nominal_stress - wanted
-
-    stretch = brentq(excess, 1.0, _first_above(excess, law, "that stress"), xtol=1e-12)
+    _check_positive({"force": force, "leg's width": leg_width, "thickness": thickness})
+    stretch = _stretch_at(law, "nominal_stress", force / (leg_width * thickness), "that stress")
     return 2 * force * stretch / thickness - 2 * leg_width * homogeneous.uniaxial(law, stretch).energy_density
 
 
-def _first_above(excess: Callable[[float], float], law: Law, what: str) -> float:
-    """Return a stretch at which a rising function is no longer negative; raise ValueError where the law ends before."""
+def _check_positive(values: dict[str, float]) -> None:
+    for name, value in values.items():
+        check_number(value, f"the {name}")
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"the {name} must be positive and finite, not {value}")
+
+
+def _stretch_at(law: Law, quantity: str, wanted: float, what: str) -> float:
+    """Return the uniaxial stretch at which a quantity of the homogeneous state is as wanted; raise ValueError where the law ends before."""
+    checked_law(law)
+
+    def excess(stretch: float) -> float:
+        return getattr(homogeneous.uniaxial(law, stretch), quantity) - wanted
+
     upper = 1.1
     while excess(upper) < 0:
         lower, upper = upper, 1.1 * upper
@@ -134,4 +126,4 @@ def _first_above(excess: Callable[[float], float], law: Law, what: str) -> float
             excess(upper)
         except ValueError:
             raise ValueError(f"{law.name} reaches its limit at stretch {lower:.3g}, before it holds {what}") from None
-    return upper
+    return float(brentq(excess, 1.0, upper, xtol=1e-12))

@@ -11,9 +11,9 @@ from .. import artifacts
 from ..body import Body
 from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
-from ..materials import Law
-from ..scenes import Scene, SceneError
-from ..scenes.model import tip_diameter
+from ..scenes import Part, Scene, SceneError
+from ..scenes.tip_diameter import tip_diameter
+from ..solvers.conditions import place_of
 from .regions import BodyRegions
 
 LEAST_CELLS = 3
@@ -38,68 +38,60 @@ def settings_of(scene: Scene) -> ForceSettings:
     return ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None, scene.plane)
 
 
+def _warn(scene: Scene, text: str) -> None:
+    warnings.warn(f"scene {scene.name}: {text}", stacklevel=4)
+
+
 def warn_of_bulk_moduli(scene: Scene) -> None:
     """Warn of moduli that no rubber has, as where a bulk modulus is missing and the shear modulus is in other units."""
-    laws = {"material": scene.law()}
-    laws |= {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.rigid}
-    for key, law in laws.items():
+    laws = {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.rigid}
+    for key, law in {"material": scene.law(), **laws}.items():
         if law.bulk_modulus < 2 / 3 * law.shear_modulus:
-            warnings.warn(
-                f"scene {scene.name}: {key}: the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the shear modulus, "
-                f"{law.shear_modulus:g}, and Poisson's ratio is negative: give bulk_modulus in the units of shear_modulus; left out, it is "
-                "100 or 200 whatever these are",
-                stacklevel=3,
-            )
+            moduli = f"the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the shear modulus, {law.shear_modulus:g}"
+            remedy = "give bulk_modulus in the units of shear_modulus; by default it is 100 or 200 whatever these are"
+            _warn(scene, f"{key}: {moduli}, and Poisson's ratio is negative: {remedy}")
 
 
 def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[str]) -> None:
     """Warn of materials that are too thin or too stiff for the force model; refuse with ValueError a rigid region one cell thick."""
-    moduli = [portion.law.shear_modulus for portion in force.portions]
-    for number, modulus in enumerate([*moduli, None][: len(moduli) + bool(rigid)]):
-        cells = force.interfaces.cells_across(number, LEAST_CELLS if modulus is not None else LEAST_LOADED_CELLS)
-        if modulus is None and cells < 2:
-            raise ValueError(f"materials: a rigid region ({', '.join(rigid)}) is one cell thick, and needs 2; take a smaller spacing")
-        if modulus is None and 0 < cells < LEAST_LOADED_CELLS and {load.kind for load in scene.loads} & {"traction", "pressure"}:
-            warnings.warn(
-                f"scene {scene.name}: a rigid region is at most {cells:.0f} cells thick, and part of a traction or pressure on it "
-                "acts on what is behind it: its force in the results is up to 31 % off with 2 cells, 20 % with 3, though all forces "
-                "are in balance; give the load as a force on the region, or take a smaller spacing",
-                stacklevel=2,
-            )
-        if modulus is not None and len(moduli) > 1 and 0 < cells < LEAST_CELLS:
-            warnings.warn(
-                f"scene {scene.name}: the part of shear modulus {modulus:.4g} is some {cells:.0f} cells thick, "
-                f"{cells * force.body.spacing:.3g}, and bonds reach through it: with 2 cells a soft layer is 1.6 times too stiff "
-                "between halves 10 times as stiff, 8 times between halves 100 times, and so on; take a smaller spacing",
-                stacklevel=2,
-            )
+    laws = [portion.law for portion in force.portions]
+    if rigid:
+        _check_rigid_thickness(scene, force.interfaces.cells_across(len(laws), LEAST_LOADED_CELLS), ", ".join(rigid))
+    for number, law in enumerate(laws if len(laws) > 1 else ()):
+        cells = force.interfaces.cells_across(number, LEAST_CELLS)
+        if 0 < cells < LEAST_CELLS:
+            thin = f"some {cells:.0f} cells thick, {cells * force.body.spacing:.3g}, and bonds reach through it"
+            errors = "with 2 cells a soft layer is 1.6 times too stiff between halves 10 times as stiff, 8 times between halves 100 times"
+            _warn(scene, f"the part of shear modulus {law.shear_modulus:.4g} is {thin}: {errors}; take a smaller spacing")
+    moduli = [law.shear_modulus for law in laws]
     contrast = max(moduli) / min(moduli)
+    stiff = f"one material is {contrast:.3g} times as stiff as another"
     if contrast > AS_GOOD_AS_RIGID:
-        warnings.warn(
-            f"scene {scene.name}: one material is {contrast:.3g} times as stiff as another, and equilibrium takes thousands of "
-            'evaluations or is not found: take material = "rigid" for it, which differs by less than 0.1 %',
-            stacklevel=2,
-        )
+        trouble = "equilibrium takes thousands of evaluations or is not found"
+        _warn(scene, f'{stiff}, and {trouble}: take material = "rigid" for it, which differs by less than 0.1 %')
     if not force.has_energy and contrast > MOST_CONTRAST:
-        warnings.warn(
-            f"scene {scene.name}: one material is {contrast:.3g} times as stiff as another; beside it "
-            f"{model} is off by 2 to 7 % (an inclusion 8 to 16 cells wide), a soft layer of 4 cells is many times too "
-            "stiff, or no equilibrium is found: take force=bond-energy",
-            stacklevel=2,
-        )
+        trouble = "is off by 2 to 7 %, a soft layer of 4 cells is many times too stiff, or no equilibrium is found"
+        _warn(scene, f"{stiff}; beside it {model} {trouble}: take force=bond-energy")
     confined = [
-        (stiff.law.shear_modulus, soft.law.bulk_modulus)
-        for stiff in force.portions
-        for soft in force.portions
-        if YIELDING * soft.law.shear_modulus < stiff.law.shear_modulus < soft.law.bulk_modulus / NOT_CONFINED
+        (one.shear_modulus, soft.bulk_modulus)
+        for one in laws
+        for soft in laws
+        if YIELDING * soft.shear_modulus < one.shear_modulus < soft.bulk_modulus / NOT_CONFINED
     ]
     if force.has_energy and scene.plane == "strain" and confined:
-        warnings.warn(
-            f"scene {scene.name}: a material of shear modulus {confined[0][0]:.4g} lies beside a softer one of bulk modulus "
-            f"{confined[0][1]:.4g}, and the softer one is too soft where it is confined: by 6 to 14 % in a layer 4 cells thick, by "
-            '3 % in one of 8; take a smaller spacing, or material = "rigid" for the stiff part',
-            stacklevel=2,
-        )
+        beside = "a material of shear modulus {:.4g} lies beside a softer one of bulk modulus {:.4g}".format(*confined[0])
+        trouble = "the softer one is too soft where it is confined: by 6 to 14 % in a layer 4 cells thick, by 3 % in one of 8"
+        _warn(scene, f'{beside}, and {trouble}; take a smaller spacing, or material = "rigid" for the stiff part')
+
+
+def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
+    """Refuse rigid regions one cell thick, and warn of thin ones that are loaded on their boundary."""
+    if cells < 2:
+        raise ValueError(f"materials: a rigid region ({names}) is one cell thick, and needs 2; take a smaller spacing")
+    if 0 < cells < LEAST_LOADED_CELLS and {load.kind for load in scene.loads} & {"traction", "pressure"}:
+        thin = f"a rigid region is at most {cells:.0f} cells thick, and part of a traction or pressure on it acts on what is behind it"
+        errors = "its force in the results is up to 31 % off with 2 cells, 20 % with 3, though all forces are in balance"
+        _warn(scene, f"{thin}: {errors}; give the load as a force on the region, or take a smaller spacing")
 
 
 def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
@@ -132,7 +124,7 @@ def check_fracture(scene: Scene, model: ForceModel) -> None:
 def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
     """Return the force models of the scene's `materials`.
 
-    A part has the model that it asks for, or else that of the rest if it describes the part's law, or else its law's surrogate of the same
+    A part has the model that it names, or else that of the rest if it describes the part's law, or else its law's surrogate of the same
     kind.
 
     Parameters
@@ -149,34 +141,31 @@ def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
     """
     found = []
     for number, part in enumerate(scene.materials):
-        if part.rigid:
-            if model.family != "bond energy":
-                why = f"a rigid region takes a force that has an energy, as bond-energy; {model.name} has none"
-                raise SceneError(f"scene {scene.name}: materials.{number}: {why}")
-            found.append(model)  # not evaluated there
-            continue
-        law = part.material.build()
         try:
-            if part.force is not None:
-                own = artifacts.load_surrogate(part.force)
-                if own.family != model.family:
-                    raise ValueError(f"{own.name} is a {own.family}, and {model.name} of the rest a {model.family}; take two of one kind")
-                own.check_material(law)
-            else:
-                own = model if _describes(model, law) else artifacts.surrogate_for(law, model.family, scene.plane)
+            found.append(_model_of(part, model, scene.plane))
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: materials.{number}{'.force' if part.force else ''}: {error}") from None
-        found.append(own)
     return found
 
 
-def _describes(model: ForceModel, law: Law) -> bool:
-    """Return whether a model describes a law."""
-    try:
-        model.check_material(law)
-    except ValueError:
-        return False
-    return True
+def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
+    """Return the force model of a part beside that of the rest; raise ValueError where it does not fit."""
+    if part.rigid:
+        if rest.family != "bond energy":
+            raise ValueError(f"a rigid region takes a force that has an energy, as bond-energy; {rest.name} has none")
+        return rest  # not evaluated there
+    law = part.material.build()
+    if part.force is None:
+        try:
+            rest.check_material(law)
+        except ValueError:
+            return artifacts.surrogate_for(law, rest.family, plane)
+        return rest
+    own = artifacts.load_surrogate(part.force)
+    if own.family != rest.family:
+        raise ValueError(f"{own.name} is a {own.family}, and {rest.name} of the rest a {rest.family}; take two of one kind")
+    own.check_material(law)
+    return own
 
 
 def portions_of(
@@ -203,31 +192,25 @@ def portions_of(
     ValueError
         If a region has no point, or two materials take the same point; names them.
     """
-    of_points, laws = np.zeros(len(body), dtype=np.int64), [scene.law()]
+    of_points = np.zeros(len(body), dtype=np.int64)
+    laws = [scene.law(), *(None if part.rigid else part.material.build() for part in scene.materials)]
     for number, part in enumerate(scene.materials, 1):
-        laws.append(None if part.rigid else part.material.build())
-        points = regions.points(part.region, f"materials.{number - 1}.region")
+        key = f"materials.{number - 1}"
+        points = regions.points(part.region, f"{key}.region")
         before = of_points[points]
         # Two rigid regions are two bodies.
-        different = [part.rigid or laws[other] != laws[number] or models[other] is not models[number] for other in before]
-        error, twice = None, (before > 0) & np.array(different, dtype=bool)
+        same = [not part.rigid and laws[other] == laws[number] and models[other] is models[number] for other in before]
+        error, twice = None, (before > 0) & ~np.array(same, dtype=bool)
         if twice.any():
-            place = ", ".join(f"{x:.4g}" for x in body.points[points[twice.argmax()]])
-            error = ValueError(
-                f"materials.{before[twice.argmax()] - 1} and materials.{number - 1} both take {int(twice.sum())} points, the first at "
-                f"({place}); regions of different materials must not overlap"
-            )
+            first, where = before[twice.argmax()] - 1, place_of(body, points[twice.argmax()])
+            taken = f"materials.{first} and {key} both take {int(twice.sum())} points, the first at {where}"
+            error = ValueError(f"{taken}; regions of different materials must not overlap")
         body.share.agree(error)
         of_points[points] = number
+    found = {number: np.flatnonzero(of_points == number) for number in range(len(laws))}
     rigid = {
-        regions.label(part.region, f"materials.{number}"): np.flatnonzero(of_points == number + 1)
-        for number, part in enumerate(scene.materials)
-        if part.rigid
+        regions.label(part.region, f"materials.{number - 1}"): found[number] for number, part in enumerate(scene.materials, 1) if part.rigid
     }
-    portions = [
-        Portion(law, model, points)
-        for number, (law, model) in enumerate(zip(laws, models, strict=True))
-        if law is not None
-        and body.share.any(len(points := np.flatnonzero(of_points == number)) > 0)  # of several ranks all have the same portions
-    ]
-    return portions, rigid
+    # Of several ranks all have the same portions.
+    kept = [number for number, law in enumerate(laws) if law is not None and body.share.any(len(found[number]) > 0)]
+    return [Portion(laws[number], models[number], found[number]) for number in kept], rigid

@@ -46,21 +46,24 @@ class Measures:
         Measure of a body between two grips; other results report moments, and their outputs in dynamics among the levels.
     lateral : int or None
         Axis across the load whose edges move straight, of a rectangle between grips.
+    areas : dict of float
+        Cross-section of the body at every grip or reflected edge.
     reference : callable
         Known values of measures at a value of the loading parameter, by name.
     """
 
     nominal_stress: NominalStress | None
     lateral: int | None
+    areas: dict[str, float]
     reference: Callable[[float], dict[str, float]]
 
 
 def measures_of(scene: Scene, areas: dict[str, float]) -> Measures:
     """Return the measures of a scene, for cross-sections at its grips."""
     if not scene.stretched:
-        return Measures(None, None, lambda parameter: {})
+        return Measures(None, None, areas, lambda parameter: {})
     grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
     stress = NominalStress(grip.edge, areas[grip.edge], scene.grips.index(grip))
     # Other outlines have no straight edges to read displacements from.
     lateral = 1 - scene.loaded_axis if isinstance(scene.body, Rectangle) else None
-    return Measures(stress, lateral, partial(reference_level, scene))
+    return Measures(stress, lateral, areas, partial(reference_level, scene))

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..discretisation.planes import prescribed_components
 from ..forces import InvalidState
-from ..scenes import Hold, Region, Scene
+from ..scenes import Region, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
 from .programme import Stage
@@ -37,6 +37,8 @@ class Prescription:
         Displacement where the factor is 1.
     factor : callable
         Function of the loading parameter.
+    words : str
+        Description for figures.
     rotation : float or None
         Angle in degrees where the factor is 1.
     about, axis : ndarray, shape (d,), or None
@@ -50,6 +52,7 @@ class Prescription:
     components: tuple[int, ...]
     displacement: np.ndarray
     factor: Callable[[float], float]
+    words: str
     rotation: float | None = None
     about: np.ndarray | None = None
     axis: np.ndarray | None = None
@@ -68,6 +71,12 @@ class Prescription:
         cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
         return sine * cross + (1 - cosine) * (cross @ cross)
 
+    def reached(self, parameter: float) -> str:
+        """Return words for how far the prescription has come at a value of the parameter; empty where it moves nothing."""
+        factor = self.factor(parameter)
+        found = [f"x{component} = {value * factor:.4g}" for component, value in enumerate(self.displacement, 1) if value]
+        return ", ".join(found + ([f"rotation = {self.rotation * factor:.4g}"] if self.rotation else []))
+
     def of_places(self, places: np.ndarray) -> Callable[[float], np.ndarray]:
         """Return the displacement of reference places (k, d) as a function of the parameter; shape (d,) where all move alike."""
         if self.rotation is None:
@@ -76,10 +85,10 @@ class Prescription:
         return lambda parameter: arms @ self.turn(parameter).T + self.shift(parameter)
 
 
-def prescriptions_of(scene: Scene, regions: BodyRegions, length: float, stages: tuple[Stage, ...]) -> list[Prescription]:
+def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ...]) -> list[Prescription]:
     """Return the prescriptions of a scene in the order in which they take effect: of two that hold a point, the later one counts.
 
-    Grips that are `length` apart move in proportion to the elongation, as do holds.
+    Grips move in proportion to the elongation of the body, as do holds.
 
     Raises
     ------
@@ -88,29 +97,26 @@ def prescriptions_of(scene: Scene, regions: BodyRegions, length: float, stages: 
     """
     if not scene.stretched:
         ends = [0.0, *(stage.to for stage in stages)]
-        labels = _labels(scene, regions)
-        return [_of_entry(scene, number, label, (min(ends), max(ends))) for number, label in enumerate(labels[: len(scene.prescribed)])]
+        return [_of_entry(scene, number, label, (min(ends), max(ends))) for number, label in enumerate(_labels(scene, regions))]
+
+    length = float((regions.upper - regions.lower)[scene.loaded_axis])
 
     def elongation(stretch: float) -> float:
         return (stretch - 1) * length
 
-    found, d = [], scene.dimension
+    found, every = [], tuple(range(scene.dimension))
     for number, hold in enumerate(scene.holds):
-        components = tuple(range(d)) if hold.components is None else tuple(int(name[1:]) - 1 for name in hold.components)
-        travel, key = np.zeros(d) if hold.travel is None else np.array(hold.travel), f"holds.{number}"
-        found.append(Prescription(key, key, None, region_of_hold(hold), components, travel, elongation))
+        components = every if hold.components is None else tuple(int(name[1:]) - 1 for name in hold.components)
+        travel, key = np.zeros(scene.dimension) if hold.travel is None else np.array(hold.travel), f"holds.{number}"
+        region = Region.model_construct(box=hold.box, points=hold.points)  # it may list no points, and is refused where it is resolved
+        words = "all" if hold.components is None else ", ".join(hold.components)
+        found.append(Prescription(key, key, None, region, components, travel, elongation, words))
     for number, grip in enumerate(scene.grips):
         axis, side = EDGES[grip.edge]
-        components = (axis,) if grip.holds == "normal" else tuple(range(d))
-        travel = np.zeros(d)
-        travel[axis] = side * grip.travel
-        found.append(Prescription(f"grips.{number}", f"the {grip.edge} grip", grip.edge, grip.edge, components, travel, elongation))
+        components, words = ((axis,), "roller") if grip.holds == "normal" else (every, "grip")
+        travel = side * grip.travel * np.eye(scene.dimension)[axis]
+        found.append(Prescription(f"grips.{number}", f"the {grip.edge} grip", grip.edge, grip.edge, components, travel, elongation, words))
     return found
-
-
-def region_of_hold(hold: Hold) -> Region:
-    """Return the region of a hold, which may be empty; then it is refused where it is resolved."""
-    return Region.model_construct(box=hold.box, points=hold.points)
 
 
 def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) -> Prescription:
@@ -119,10 +125,11 @@ def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) 
     values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
     components = prescribed_components(entry, scene.dimension)
     factor = partial(_factor, f"{key}.amplitude", amplitude_of(entry.amplitude), span)
-    if entry.rotation is None:
-        return Prescription(key, key, label, entry.region, components, values, factor)
-    axis = None if entry.axis is None else np.array(entry.axis)
-    return Prescription(key, key, label, entry.region, components, values, factor, entry.rotation, np.array(entry.about), axis)
+    words = [f"x{number} = {value:g}" for number, value in enumerate(entry.displacement, 1) if value is not None]
+    words += [] if entry.rotation is None else [f"turned by {entry.rotation:g} degrees"]
+    about, axis = (None if place is None else np.array(place) for place in (entry.about, entry.axis))
+    turn = (entry.rotation, about, axis)
+    return Prescription(key, key, label, entry.region, components, values, factor, ", ".join(words), *turn)
 
 
 def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], t: float) -> float:
@@ -139,20 +146,14 @@ def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, fl
 
 
 def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
-    """Return the names under which results report forces: of the prescribed entries, then of the loads; a name stands for one region.
-
-    Raises
-    ------
-    ValueError
-        If two entries on different regions have one name.
-    """
+    """Return the names under which results report forces of prescribed entries; raise ValueError where a name stands for two regions."""
     labels, owners = [], {}
     for kind in ("prescribed", "loads"):
         for number, entry in enumerate(getattr(scene, kind)):
             key = f"{kind}.{number}"
-            label = entry.name or regions.label(entry.region, key)
-            other, region = owners.setdefault(label, (key, entry.region))
+            labels.append(entry.name or regions.label(entry.region, key))
+            other, region = owners.setdefault(labels[-1], (key, entry.region))
             if region != entry.region:
-                raise ValueError(f"{other} and {key} are on different regions and both called {label!r}; give one of them another name")
-            labels.append(label)
-    return labels
+                one = f"{other} and {key} are on different regions and both called {labels[-1]!r}"
+                raise ValueError(f"{one}; give one of them another name")
+    return labels[: len(scene.prescribed)]

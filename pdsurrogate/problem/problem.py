@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from ..body import HALO, Body, Surface, divided
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
-from ..forces import ForceModel, InternalForce, InvalidState, Portion, bind_portions
+from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interfaces import SIGHT
+from ..materials import Law
 from ..ranks import ALONE, Communicator
-from ..scenes import Scene, SceneError, SolverSpec, Units
+from ..scenes import Mesh, Part, Scene, SceneError, SolverSpec, Units
 from ..scenes.amplitudes import amplitude_of
+from ..scenes.model import RIGID
 from ..solvers.conditions import Loading, place_of
-from ..solvers.loads import LoadedForce, Loads
-from ..solvers.rigid import RigidForce, RigidRegion
-from .conditions import conditions_of, greatest_speed
+from ..solvers.loads import LoadedForce
+from ..solvers.rigid import RigidRegion
+from .conditions import conditions_of
 from .fracture import critical_stretch_in
 from .loads import loads_of
-from .materials import portions_of, settings_of, warn_of_parts
+from .materials import checked_models, portions_of, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .measures import Measures, measures_of
-from .programme import Inertia, Stage, stages_of
+from .prescriptions import Prescription, prescriptions_of
+from .programme import Stage, stages_of
 from .regions import BodyRegions
+from .speeds import check_speeds
 
 
 @dataclass(frozen=True)
@@ -37,24 +41,21 @@ class Problem:
     scene : Scene
         The scene, which results describe; what is below reads none.
     models : sequence of ForceModel
-        Of the rest of the body, then of `scene.materials`; empty where no force is bound.
+        Of the rest of the body, then of the scene's `materials`; empty where no force is bound.
+    settings : ForceSettings
+        Choices for the evaluation of the force models.
     body : Body
         This rank's share of the body.
     whole : Body
         The whole body.
-    box : tuple of ndarray, shape (d,)
-        Lower and upper corner of its bounding box.
     regions : BodyRegions
+    prescriptions : list of Prescription
     stages : tuple of Stage
-    loads : Loads or None
-        None where the scene has none.
     loading : Loading
     portions : list of Portion
         Points of every material.
     rigid : dict of ndarray
         Points of the rigid regions, by name.
-    areas : dict of float
-        Cross-section of the body at every grip or reflected edge.
     measures : Measures
         Measures that results report.
     critical_stretch : float or None
@@ -63,18 +64,22 @@ class Problem:
 
     scene: Scene
     models: Sequence[ForceModel]
+    settings: ForceSettings
     body: Body
     whole: Body
-    box: tuple[np.ndarray, np.ndarray]
     regions: BodyRegions
+    prescriptions: list[Prescription]
     stages: tuple[Stage, ...]
-    loads: Loads | None
     loading: Loading
     portions: list[Portion]
     rigid: dict[str, np.ndarray]
-    areas: dict[str, float]
     measures: Measures
     critical_stretch: float | None
+
+    @property
+    def name(self) -> str:
+        """Return the name of the scene."""
+        return self.scene.name
 
     @property
     def units(self) -> Units:
@@ -86,7 +91,29 @@ class Problem:
         """Return the settings of the solution for equilibrium."""
         return self.scene.solver
 
-    def bind(self, precision: str | None = None) -> tuple[InternalForce, InternalForce | LoadedForce | RigidForce]:
+    @property
+    def meshed(self) -> bool:
+        """Return whether the body is read from the file of a mesh."""
+        return isinstance(self.scene.body, Mesh)
+
+    @cached_property
+    def law(self) -> Law:
+        """Return the law of the rest of the body."""
+        return self.scene.law()
+
+    def describe(self) -> dict:
+        """Return the entries of a summary that follow from the scene alone."""
+        units = self.scene.units
+        return {
+            "scene": self.name,
+            "material": self.law.describe(),
+            "support": self.scene.support,
+            "units": {**units.model_dump(), "force": units.force, "energy": units.energy},
+            **({"grip_areas": self.measures.areas} if self.measures.nominal_stress else {}),
+            **({"materials": list(map(_describe_part, self.scene.materials, self.models[1:]))} if self.scene.materials else {}),
+        }
+
+    def bind(self, precision: str | None = None) -> tuple[InternalForce, InternalForce | LoadedForce]:
         """Return the internal force of the body, and the force that solvers work with: it has loads, supports and rigid regions.
 
         Parameters
@@ -99,18 +126,12 @@ class Problem:
         SceneError
             If the force models do not fit the body, or leave a point without support.
         """
-        settings = settings_of(self.scene)
-        settings = settings if precision is None else replace(settings, precision=precision)
+        settings = self.settings if precision is None else replace(self.settings, precision=precision)
         with scene_errors(self.scene):
-            if self.scene.materials:
-                force = bind_portions(self.body, self.portions, settings, np.concatenate([np.zeros(0, np.int64), *self.rigid.values()]))
-            else:
-                force = self.models[0].bind(self.body, self.portions[0].law, settings)
+            force = bind_portions(self.body, self.portions, settings, np.concatenate([np.zeros(0, np.int64), *self.rigid.values()]))
             loaded = force
-            if self.loads is not None or self.loading.supports is not None:
-                loaded = LoadedForce(force, self.loads, self.loading.supports)
-            if self.rigid:
-                loaded = RigidForce(loaded, self._rigid_regions(force))
+            if self.loading.loads is not None or self.loading.supports is not None or self.rigid:
+                loaded = LoadedForce(force, self.loading.loads, self.loading.supports, self._rigid_regions(force) if self.rigid else ())
             if force.portion_of is not None:
                 warn_of_parts(self.scene, force, self.models[0].name, list(self.rigid))
             self._check_support(force)
@@ -118,13 +139,9 @@ class Problem:
 
     def reached(self, parameter: float) -> str:
         """Return words for how far prescriptions and loads have come at a value of t; empty of stretches, which say it themselves."""
-        found = []
-        for number, entry in enumerate(self.scene.prescribed):
-            factor = amplitude_of(entry.amplitude)(parameter)
-            parts = [f"x{component} = {value * factor:.4g}" for component, value in enumerate(entry.displacement, 1) if value]
-            parts += [f"rotation = {entry.rotation * factor:.4g}"] if entry.rotation else []
-            if parts:
-                found.append(f"prescribed.{number} to {', '.join(parts)}")
+        if self.loading.parameter == "stretch":
+            return ""
+        found = [f"{one.key} to {words}" for one in self.prescriptions if (words := one.reached(parameter))]
         for number, load in enumerate(self.scene.loads):
             size = np.array(getattr(load, load.kind)) * amplitude_of(load.amplitude)(parameter)
             found.append(f"loads.{number} to {load.kind} = {np.array2string(size, precision=4, separator=', ')}")
@@ -173,22 +190,34 @@ class Problem:
             )
 
 
-def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Communicator = ALONE) -> Problem:
+def _describe_part(part: Part, model: ForceModel) -> dict:
+    """Return the entry of a summary about a region of another material."""
+    region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
+    if part.rigid:
+        return {**region, "material": {"law": RIGID}}
+    return {**region, "material": part.material.build().describe(), "force": model.name}
+
+
+def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Communicator = ALONE) -> Problem:
     """Compile a scene: resolve its body, regions, conditions, loads and materials.
 
     Parameters
     ----------
     scene : Scene
-    models : sequence of ForceModel, optional
-        Of the rest of the body, then of `scene.materials`; needed to bind a force.
+    model : ForceModel, optional
+        Model of the rest of the body, where there are several materials; needed to bind a force.
     ranks : Communicator, optional
         Processes that share the run.
 
     Raises
     ------
     SceneError
-        If the body cannot be built, a region is empty, or the body is held or loaded in a way that has no solution; names the key.
+        If a force model does not fit, the body cannot be built, a region is empty, or the body is held or loaded in a way that has no
+        solution; names the key.
     """
+    models = [] if model is None else checked_models(scene, model)
+    if models:
+        warn_of_bulk_moduli(scene)
     check_size(scene, memory_here() * ranks.size / ranks.here())
     whole: list[Body] = []
 
@@ -197,41 +226,28 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         return body if ranks.size == 1 else divided(body, ranks, SIGHT if scene.materials else HALO)
 
     def surface() -> Surface:
-        found = surface_of(scene, whole[0], *box)
+        found = surface_of(scene, whole[0], lower, upper)
         return found.of_share(body.share) if body.share.divided else found
 
-    body, *corners = discretise(scene, share_of)
-    box, stages = (corners[0], corners[1]), stages_of(scene)
+    body, lower, upper = discretise(scene, share_of)
+    stages = stages_of(scene)
     with scene_errors(scene):
-        regions = BodyRegions(scene, body, *box, surface)
+        regions = BodyRegions(scene, body, lower, upper, surface)
         loads = loads_of(scene, body, regions)
         portions, rigid = portions_of(scene, body, models, regions) if models else ([], {})
         if rigid and ranks.size > 1:
             raise ValueError("materials: rigid regions are taken on one rank only; run it without mpiexec, or give them a law")
-        loading = conditions_of(scene, body, box, regions, loads, stages, rigid.values())
+        prescriptions = prescriptions_of(scene, regions, stages)
+        loading = conditions_of(scene, prescriptions, regions, loads, stages, rigid.values())
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
-            _check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))
+            check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
-        areas = grip_areas(scene, *box)
+        measures = measures_of(scene, grip_areas(scene, lower, upper))
         critical = critical_stretch_in(scene, portions[0].law, body.horizon, models[0].family) if scene.fracture and portions else None
-    return Problem(
-        scene=scene,
-        models=models,
-        body=body,
-        whole=whole[0],
-        box=box,
-        regions=regions,
-        stages=stages,
-        loads=loads,
-        loading=loading,
-        portions=portions,
-        rigid=rigid,
-        areas=areas,
-        measures=measures_of(scene, areas),
-        critical_stretch=critical,
-    )
+    held = (regions, prescriptions, stages, loading)
+    return Problem(scene, models, settings_of(scene), body, whole[0], *held, portions, rigid, measures, critical)
 
 
 @contextmanager
@@ -243,25 +259,3 @@ def scene_errors(scene: Scene) -> Iterator[None]:
         raise
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
-
-
-def _check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
-    """Refuse held parts that move apart faster than the slowest shear waves: the result would depend on the motion at the start."""
-    begin = loading.rest
-    for stage in stages:
-        if stage.inertia is not None:
-            _check_speed(scene, stage.inertia, greatest_speed(loading, stage.inertia.motion(begin, stage.to)), modulus)
-        begin = stage.to
-
-
-def _check_speed(scene: Scene, inertia: Inertia, speed: float, modulus: float) -> None:
-    units, wave = scene.units, math.sqrt(modulus / inertia.density)
-    if speed <= wave:
-        return
-    if inertia.duration is None:
-        what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
-    else:
-        what, slowest = "parts that are held", f"the least duration is {units.amount(inertia.duration * speed / wave, 'time', '.4g')}"
-    unit = f" {units.length}/{units.time}" if units.length and units.time else ""
-    key = f"{inertia.key}.{inertia.pace}"
-    raise ValueError(f"{key}: {what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}; {slowest}")

@@ -166,13 +166,13 @@ class BodyRegions:
     """
 
     def __init__(self, scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
-        self._scene, self._body, self._lower, self._upper, self.surface = scene, body, lower, upper, cache(surface)
+        self._scene, self.body, self.lower, self.upper, self.surface = scene, body, lower, upper, cache(surface)
         self._tolerance = ROUNDING * float((upper - lower).max())
         self._points = _Points(body, lower, upper, self.surface)
 
     @cached_property
     def _facets(self) -> _Facets:
-        return _Facets(self.surface(), self._lower, self._upper)
+        return _Facets(self.surface(), self.lower, self.upper)
 
     def points(self, reference: str | Region, key: str | None = None) -> np.ndarray:
         """Return the numbers of the points in a region.
@@ -198,13 +198,13 @@ class BodyRegions:
         if len(lost):
             raise ValueError(
                 f"{self._key(reference, key)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the points beside the "
-                f"boundary, with which it moves, are fewer than {too_few(self._body)}; take {self._body.finer}"
+                f"boundary, with which it moves, are fewer than {too_few(self.body)}; take {self.body.finer}"
             )
         return found
 
     def edge(self, reference: str | Region) -> str | None:
         """Return the name of the edge that a region is, if it is exactly one of them."""
-        return whole_edge(self._scene, reference, self._body.faces)
+        return whole_edge(self._scene, reference, self.body.faces)
 
     def is_place(self, reference: str | Region) -> bool:
         """Return whether a region consists of what is nearest to a place."""
@@ -227,10 +227,10 @@ class BodyRegions:
         """
         at = np.array([place], dtype=float)
         surface = self.surface()
-        if not surface.encloses(at)[0] and not np.isfinite(surface.distances(at, RIM * self._body.cell.max())[0]):
-            distance, point = cKDTree(self._body.points).query(at[0])
+        if not surface.encloses(at)[0] and not np.isfinite(surface.distances(at, RIM * self.body.cell.max())[0]):
+            distance, point = cKDTree(self.body.points).query(at[0])
             raise ValueError(
-                f"{key}: {_text(at[0])} lies outside the body; its nearest point is {point} at {_text(self._body.points[point])}, "
+                f"{key}: {_text(at[0])} lies outside the body; its nearest point is {point} at {_text(self.body.points[point])}, "
                 f"{distance:.3g} away"
             )
 
@@ -238,7 +238,7 @@ class BodyRegions:
         try:
             inside, distance = self._resolved(reference, parts)
             numbers = np.flatnonzero(inside)
-            if not self._body.share.any(len(numbers)):
+            if not self.body.share.any(len(numbers)):
                 raise ValueError(f"{parts.what}{self._nearby(reference, parts, distance)}")
         except ValueError as error:
             raise ValueError(f"{self._key(reference, key)}: {error}") from None
@@ -280,7 +280,7 @@ class BodyRegions:
             return f": of {len(parts.places)} there are in {', in '.join(counts)}, and none in all of them"
         edge = self.edge(region)
         if edge is not None and parts is not self._points:
-            side, there = ("straight side", "edge") if len(self._lower) == 2 else ("flat part", "face")
+            side, there = ("straight side", "edge") if len(self.lower) == 2 else ("flat part", "face")
             return f"; no {side} of the body is on its {edge} {there}"
         if not np.isfinite(distance).any():
             return ""

@@ -1,4 +1,4 @@
-"""Which rank owns which points: recursive bisection along the longest side, with as many bonds on either side as ranks ask for."""
+"""Division of points among ranks: recursive bisection along the longest side, by the number of bonds."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from scipy.spatial import cKDTree
 
 
 def bond_counts(points: np.ndarray, horizon: float, chosen: slice = slice(None)) -> np.ndarray:
-    """Neighbours within the horizon of some of the points, and the points themselves: what an evaluation costs them."""
+    """Return the number of points within the horizon of each chosen point, itself included, to which its cost is proportional."""
     counted = cKDTree(points).query_ball_point(points[chosen], horizon * (1 + 1e-9), return_length=True)
     return np.asarray(counted, dtype=float)
 
 
 def bisected(points: np.ndarray, weights: np.ndarray, parts: int) -> np.ndarray:
-    """Number of the part of every point, shape (n,).
+    """Return the number of the part of every point, shape (n,).
 
     Parameters
     ----------
     points : ndarray, shape (n, d)
     weights : ndarray, shape (n,)
-        What each part gets nearly the same sum of.
+        Costs, whose sums are nearly equal in all parts.
     parts : int
 
     References

@@ -5,21 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from ..artifacts import load_surrogate
 from ..engine.threads import at_most, most_threads
-from ..forces import (
-    AnalyticBondForce,
-    BANOSBForce,
-    BondEnergyForce,
-    EnergySurrogate,
-    ForceModel,
-    ForceSurrogate,
-    NOSBForce,
-)
+from ..forces import AnalyticBondForce, BANOSBForce, BondEnergyForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..learning import (
     ChebyshevRegressor,
@@ -30,7 +23,7 @@ from ..learning import (
     surrogate_pipeline,
     training_samples,
 )
-from ..learning.listening import listening
+from ..learning.marquardt import listening
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
 from ..results.provenance import processor
@@ -49,6 +42,10 @@ RIVAL, REFERENCE = "BA-NOSB", "NOSB"
 """Titles of the models to whose cost that of the others is compared."""
 
 
+SHIPPED = {("symmetric", 20): "neo-hookean@1", ("isochoric", 4): "neo-hookean@2"}
+"""Shipped networks of Neo-Hookean rubber by their features and units, which need no fit."""
+
+
 @dataclass(frozen=True)
 class Candidate:
     """Force model in one precision, with the changes to the scene that it needs."""
@@ -59,8 +56,7 @@ class Candidate:
     changes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """Force model to be loaded or fitted, and its precisions; ``{size}`` in the title is replaced by the model's size."""
 
     title: str
@@ -74,22 +70,26 @@ def plans(law: Law, quick: bool) -> list[Plan]:
 
     For the default Neo-Hookean law the shipped networks are used as they are.
     """
+    shipped = isinstance(law, NeoHookean)
     samples = training_samples(law, 3000 if quick else 8000, reachable_stretches(law), random_state=0)
 
     def fitted(features, regressor) -> ForceSurrogate:
         model = surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y)
         return surrogate_of(model, law, samples)
 
-    def network(units) -> LevenbergMarquardtRegressor:
+    def network(features: str, units: int, precisions: tuple[str, ...] = ("float32",)) -> Plan:
         iterations = 150 if quick else 600
-        return LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
+        regressor = LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
+        artefact = SHIPPED.get((features, units)) if shipped else None
+        made = partial(fitted, features, regressor) if artefact is None else partial(load_surrogate, artefact)
+        return Plan(f"network, {features}, {units} units", made, precisions)
 
     def fitted_energy() -> EnergySurrogate:
         energies = training_samples(law, 1000 if quick else 2000, reachable_stretches(law, (0.5, 5.0)), target="sheet-energy")
         regressor = SobolevRegressor(12, max_iter=200 if quick else 1000, random_state=0)
         return surrogate_of(surrogate_pipeline(regressor, "sheet-energy").fit(energies.X, energies.y), law, energies)
 
-    shipped, double = isinstance(law, NeoHookean), ("float64",)
+    double, both = ("float64",), ("float32", "float64")
     found = [
         Plan(REFERENCE, NOSBForce, double),
         Plan(RIVAL, BANOSBForce, double),
@@ -99,16 +99,13 @@ def plans(law: Law, quick: bool) -> list[Plan]:
         # Its domain is too small for the scene (theory, section 5): as in the paper, it is also evaluated outside.
         paper = partial(load_surrogate, "neo-hookean-paper")
         found.append(Plan("network, paper's features, 20 units", paper, changes=("outside=extrapolate",)))
+
     for units in (12, 20) if quick else (8, 12, 20, 40):
-        as_it_is = shipped and units == 20
-        made = partial(load_surrogate, "neo-hookean@1") if as_it_is else partial(fitted, "symmetric", network(units))
-        found.append(Plan(f"network, symmetric, {units} units", made, ("float32", "float64") if units == 20 else ("float32",)))
+        found.append(network("symmetric", units, both if units == 20 else both[:1]))
     found.append(Plan("bond-level energy, exact", BondEnergyForce, double))
-    found.append(Plan("bond-level energy, network, 12 units", fitted_energy, ("float32", "float64")))
+    found.append(Plan("bond-level energy, network, 12 units", fitted_energy, both))
     for units in (8,) if quick else (4, 8):
-        as_it_is = shipped and units == 4
-        made = partial(load_surrogate, "neo-hookean@2") if as_it_is else partial(fitted, "isochoric", network(units))
-        found.append(Plan(f"network, isochoric, {units} units", made))
+        found.append(network("isochoric", units))
     # The response of Neo-Hookean rubber does not depend on the isochoric features; other laws need higher degrees.
     for degree in (4,) if shipped else (((10, 4),) if quick else ((8, 4), (10, 4), (12, 6))):
         found.append(Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", ChebyshevRegressor(degree))))
@@ -148,13 +145,8 @@ def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
     report = evaluate(kernel_bond_force(entry.model, law, entry.precision), law, reach, n_samples=n_samples)
     # Differences of single-precision forces would be noise: the slope is that of the same model in double precision.
     slope = report if entry.precision == "float64" else evaluate(entry.model.bond_force, law, reach, n_samples=n_samples)
-    return {
-        "rms_on_surface": report["on_surface"]["rms"],
-        "max_on_surface": report["on_surface"]["max"],
-        "rms_off_surface": report["off_surface"]["rms"],
-        "max_off_surface": report["off_surface"]["max"],
-        "least_slope": slope["least_slope"],
-    }
+    errors = {f"{kind}_{where}": report[where][kind] for where in ("on_surface", "off_surface") for kind in ("rms", "max")}
+    return {**errors, "least_slope": slope["least_slope"]}
 
 
 class _Levels(Silent):
@@ -218,42 +210,29 @@ def compare(
     ValueError
         If there are fewer threads.
     """
+    law, points = law or NeoHookean(), sheet()
+    spacing, patience, n_samples = (0.05, 10.0, 2000) if quick else (0.02, 200.0, 20_000)
     with at_most(threads):
-        return _compare(law or NeoHookean(), quick, progress)
+        entries, rows = candidates(law, quick, progress), []
+        cases = [TimedModel(entry.model, entry.precision, points) for entry in entries]
+        speeds = measure_speed(cases, law, patience, partial(progress, TIMING))
+        for number, (entry, speed) in enumerate(zip(entries, speeds, strict=True)):
+            progress(ERRORS, number, len(entries), f"{entry.title}, {entry.precision}")
+            described = {"force": entry.title, "precision": entry.precision, "size": entry.model.size}
+            rows.append({**described, **speed, **measure_error(entry, law, n_samples)})
+        for number, (entry, row) in enumerate(zip(entries, rows, strict=True)):
 
+            def told(share: float, text: str, number: int = number, what: str = f"{entry.title}, {entry.precision}") -> None:
+                progress(SCENE, number + share, len(entries), f"{what}: {text}")
 
-def _compare(law: Law, quick: bool, progress: Progress) -> dict:
-    spacing = 0.05 if quick else 0.02
-    entries = candidates(law, quick, progress)
-    body, patience = sheet(), 10.0 if quick else 200.0
-    cases = [TimedModel(entry.model, entry.precision, body) for entry in entries]
-    speeds = measure_speed(cases, law, patience, partial(progress, TIMING))
-    rows = []
-    for number, (entry, speed) in enumerate(zip(entries, speeds, strict=True)):
-        progress(ERRORS, number, len(entries), f"{entry.title}, {entry.precision}")
-        size = entry.model.size
-        rows.append(
-            {
-                "force": entry.title,
-                "precision": entry.precision,
-                "size": size,
-                **speed,
-                **measure_error(entry, law, 2000 if quick else 20_000),
-            }
-        )
-    for number, (entry, row) in enumerate(zip(entries, rows, strict=True)):
-
-        def told(share: float, text: str, number: int = number, what: str = f"{entry.title}, {entry.precision}") -> None:
-            progress(SCENE, number + share, len(entries), f"{what}: {text}")
-
-        row.update(measure_scene(entry, law, spacing, told))
-    cost = {row["force"]: row["ns_per_directed_bond_1"] for row in rows}
-    for row in rows:
-        row["speedup_over_ba_nosb"] = cost[RIVAL] / row["ns_per_directed_bond_1"]
-        row["cost_over_nosb"] = row["ns_per_directed_bond_1"] / cost[REFERENCE]
-    return {
-        "machine": {"processor": processor(), "threads": most_threads(), "numba": numba.__version__},
-        "material": law.describe(),
-        "settings": {"quick": quick, "points": len(body), "patience": patience, "scene_spacing": spacing},
-        "models": rows,
-    }
+            row.update(measure_scene(entry, law, spacing, told))
+        cost = {row["force"]: row["ns_per_directed_bond_1"] for row in rows}
+        for row in rows:
+            row["speedup_over_ba_nosb"] = cost[RIVAL] / row["ns_per_directed_bond_1"]
+            row["cost_over_nosb"] = row["ns_per_directed_bond_1"] / cost[REFERENCE]
+        return {
+            "machine": {"processor": processor(), "threads": most_threads(), "numba": numba.__version__},
+            "material": law.describe(),
+            "settings": {"quick": quick, "points": len(points), "patience": patience, "scene_spacing": spacing},
+            "models": rows,
+        }

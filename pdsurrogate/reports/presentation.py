@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 
 import matplotlib
 from matplotlib.figure import Figure
 
+from ..results import tables
 from ..results.figures import STYLE
 from .speed import UNDISTURBED
 
@@ -21,11 +20,7 @@ def _pair(row: dict, first: str, second: str) -> str:
 
 
 def _scene(row: dict, text: str) -> str:
-    values = {
-        key: value * 100 if key.endswith("error") else value
-        for key, value in row.items()
-        if key.startswith("scene_") and key != "scene_method"
-    }
+    values = {key: value * 100 if key.endswith("error") else value for key, value in row.items() if key != "scene_method"}
     return text.format(**values) if "scene_seconds" in row else "failed"
 
 
@@ -61,43 +56,34 @@ def caution(rows: list[dict]) -> str:
 
 def as_csv(report: dict) -> str:
     """Return all measured figures as CSV, one line for each model."""
-    keys = list(dict.fromkeys(key for row in report["models"] for key in row))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=keys, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(report["models"])
-    return text.getvalue()
+    return tables.as_csv(report["models"])
 
 
 def pareto_figure(report: dict) -> Figure:
     """Draw force error against cost; models without a bond force are drawn as vertical lines."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(8.6, 4.4), layout="constrained")
-        axis = figure.subplots()
-        floor = 1e-9
-        colours = matplotlib.colormaps["tab20"].colors
-        for row, colour in zip(report["models"], itertools.cycle(colours)):
+        axis, floor = figure.subplots(), 1e-9
+        costs = [row["ns_per_directed_bond_1"] for row in report["models"]]
+        for row, cost, colour in zip(report["models"], costs, itertools.cycle(matplotlib.colormaps["tab20"].colors)):
             label = f"{row['force']}, {row['precision']}"
             if "rms_off_surface" in row:
                 marker = "s" if row["force"].startswith("analytic") else "o" if row["precision"] == "float32" else "^"
-                axis.plot(row["ns_per_directed_bond_1"], max(row["rms_off_surface"], floor), marker, ms=6, color=colour, label=label)
+                axis.plot(cost, max(row["rms_off_surface"], floor), marker, ms=6, color=colour, label=label)
             else:
-                axis.axvline(row["ns_per_directed_bond_1"], color=colour, lw=1.2, ls="--", label=label)
+                axis.axvline(cost, color=colour, lw=1.2, ls="--", label=label)
         figure.legend(loc="outside right upper", fontsize=7, frameon=False)
+        low, high = 0.8 * min(costs), 2.0 * max(costs)
         axis.set(
             xscale="log",
             yscale="log",
+            xlim=(low, high),
             xlabel="whole force evaluation, ns per directed bond, one thread",
             ylabel="relative RMS force error off the surface",
             title=f"{report['material']['law']}, {report['machine']['processor']}",
         )
-        axis.set_xlim(
-            0.8 * min(row["ns_per_directed_bond_1"] for row in report["models"]),
-            2.0 * max(row["ns_per_directed_bond_1"] for row in report["models"]),
-        )
-        ticks = [1, 2, 3, 5, 10, 20, 50, 100, 200, 500]
-        low, high = axis.get_xlim()
-        axis.set_xticks([tick for tick in ticks if low < tick < high], [str(tick) for tick in ticks if low < tick < high])
+        ticks = [tick for tick in (1, 2, 3, 5, 10, 20, 50, 100, 200, 500) if low < tick < high]
+        axis.set_xticks(ticks, map(str, ticks))
         axis.set_xticks([], minor=True)
         axis.grid(alpha=0.3)
         return figure

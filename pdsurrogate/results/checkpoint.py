@@ -14,7 +14,7 @@ from ..array_files import read_arrays
 from .contents import Contents
 from .files import replacing
 
-FORMAT = 8
+FORMAT = 9
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, RecursionError)

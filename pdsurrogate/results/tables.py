@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
 from ..html_tables import html_table
@@ -41,17 +42,19 @@ def columns_of(rows: Iterable[dict]) -> list[str]:
 
 def write_tables(folder: Path, summary: dict, history: list[dict], convergence: list[dict], units: Units) -> None:
     """Write the tables of a run, and its summary last."""
-    write_text(folder / HISTORY, _as_csv(history, units))
+    title = partial(column_title, units=units)
+    write_text(folder / HISTORY, as_csv(history, title))
     if convergence:
-        write_text(folder / CONVERGENCE, _as_csv(convergence, units))
+        write_text(folder / CONVERGENCE, as_csv(convergence, title))
     write_json(folder / SUMMARY, summary)
 
 
-def _as_csv(rows: list[dict], units: Units) -> str:
+def as_csv(rows: list[dict], title: Callable[[str], str] = str) -> str:
+    """Return rows as CSV, each column with its title; missing values are empty."""
     text, columns = io.StringIO(), columns_of(rows)
     if rows:
         writer = csv.DictWriter(text, columns, lineterminator="\n")
-        writer.writerow({column: column_title(column, units) for column in columns})
+        writer.writerow({column: title(column) for column in columns})
         writer.writerows(rows)
     return text.getvalue()
 

@@ -148,8 +148,8 @@ class Bookkeeping:
         viscosity, time, run = self._viscosity, self.account.time, self._run
         if viscosity == 0:
             return False
-        ahead = run.parameter + viscosity * self._motion.rate
-        return run.loading.unevenness(self._motion.at(time - self._integrator.last_step), run.parameter, ahead) > LEAST_UNEVENNESS
+        ahead = run.state.parameter + viscosity * self._motion.rate
+        return run.loading.unevenness(self._motion.at(time - self._integrator.last_step), run.state.parameter, ahead) > LEAST_UNEVENNESS
 
     def add_work(self, reactions: Reactions) -> None:
         """Add the work of what holds and loads since the last time; the force is still the one that moves the body."""

@@ -12,6 +12,7 @@ from ..body import rows_of
 from ..ranks import Rows
 from ..results.checkpoint import Checkpoint, CheckpointError
 from ..results.states import Moment
+from .state import State
 
 if TYPE_CHECKING:
     from .run import Run
@@ -24,12 +25,6 @@ CHECKPOINT_SHARE = 20
 
 ACCEPTED = "accepted_"
 """Beginning of the names of arrays that belong to the last equilibrium on the way to an output."""
-
-KEPT = (
-    *("parameter", "stage", "outputs", "begin", "elapsed", "steps", "crack", "dynamics"),
-    *("levels", "history", "convergence", "beyond_data", "greatest_drive", "wasted"),
-)
-"""Attributes of a run that a checkpoint holds as they are."""
 
 
 class Checkpoints:
@@ -70,7 +65,7 @@ class Checkpoints:
             return
         began = time.monotonic()
         common = {
-            **{name: getattr(run, name) for name in KEPT},
+            "state": vars(run.state),
             "earlier": None if run.earlier is None else run.earlier[0],
             "moments": [astuple(moment) for moment in run.states.moments],
             "evaluations": run.force.evaluations,
@@ -97,8 +92,7 @@ class Checkpoints:
             held |= run.force.state_arrays()
         for key, array in held.items():
             array[:] = found.arrays[key]
-        for name in KEPT:
-            setattr(run, name, progress[name])
+        vars(run.state).update(vars(State(**progress["state"])))
         if progress["earlier"] is not None:
             run.earlier = progress["earlier"], found.arrays["earlier"].copy()
         run.states = run.states_of([Moment(*moment) for moment in progress["moments"]])

@@ -32,8 +32,8 @@ class Cracks:
 
     def __init__(self, run: Run, integrator: ExplicitDynamics, account: Account) -> None:
         self._run, self._integrator, self._account, self._damage = run, integrator, account, run.damage
-        if run.crack is None:
-            run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
+        if run.state.crack is None:
+            run.state.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
     def evaluate_and_break(self) -> None:
         """Break bonds that are stretched too far, and those of failed points, until the forces are those of the remaining bonds."""
@@ -87,39 +87,43 @@ class Cracks:
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self._damage.broken)
         if share.any(len(pairs)):
-            run.crack["failed_points"] += share.total(np.count_nonzero(failed[:n] & share.own))
+            run.state.crack["failed_points"] += share.total(np.count_nonzero(failed[:n] & share.own))
         return pairs
 
     def _break(self, pairs: np.ndarray) -> None:
         """Break pairs in one event."""
-        run, crack, share = self._run, self._run.crack, self._run.body.share
+        run, crack, share = self._run, self._run.state.crack, self._run.body.share
         crack["broken_bonds"] += share.total(int(np.count_nonzero(share.own[run.body.bonds.first[pairs]])))
         self._damage.break_bonds(pairs)
         if crack["start"] is None:
             places = starts_of_cracks(*self._damage.in_order(pairs), run.body.horizon)
-            start = {"event": "first bond broken", "time": run.elapsed + self._account.time, run.loading.parameter: run.parameter}
-            if "nominal_stress" in run.history[-1]:
-                start["nominal_stress"] = run.history[-1]["nominal_stress"]
-            crack["start"] = start | {"x": places[0], "tips": places}
-            logger.info("%s: the first bond broken is at %s", run.loading.at(run.parameter), places)
+            row = run.state.history[-1]
+            stress = {"nominal_stress": row["nominal_stress"]} if "nominal_stress" in row else {}
+            crack["start"] = {"event": "first bond broken", **self._now(), **stress, "x": places[0], "tips": places}
+            logger.info("%s: the first bond broken is at %s", run.loading.at(run.state.parameter), places)
         release = run.force.break_bonds(pairs)
         if release is not None:
             self._account.released_energy += share.total(release.energy)
             self._integrator.kick(release.forces)
         self._account.last_break = self._integrator.steps
 
+    def _now(self) -> dict[str, float]:
+        """Return the present time and loading parameter."""
+        run = self._run
+        return {"time": run.state.elapsed + self._account.time, run.loading.parameter: run.state.parameter}
+
     def through(self) -> bool:
         """Return whether the body has come apart between its supports."""
         run, ends = self._run, self._run.loading.ends()
         _, piece = run.loading.pieces(~self._damage.broken)
         pieces = [np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points])))) for points in ends]
-        run.crack["through"] = not all(np.isin(pieces[0], others).any() for others in pieces[1:])
-        return run.crack["through"]
+        run.state.crack["through"] = not all(np.isin(pieces[0], others).any() for others in pieces[1:])
+        return run.state.crack["through"]
 
     def output(self) -> None:
         """Record the places of the crack tips at an output."""
-        run, crack = self._run, self._run.crack
-        entry = {"time": run.elapsed + self._account.time, run.loading.parameter: run.parameter, "broken_bonds": crack["broken_bonds"]}
+        run, crack = self._run, self._run.state.crack
+        entry = {**self._now(), "broken_bonds": crack["broken_bonds"]}
         places, events = self._damage.take_recent()
         tips = crack_tips(places, run.body.horizon)
         if tips and not any(output["tips"] for output in crack["tips"]):

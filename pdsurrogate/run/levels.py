@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from ..solvers import (
     TooSmall,
     Unbalanced,
     Unstable,
-    told_of_zero_energy_modes,
+    note_of_zero_energy_modes,
 )
 from ..solvers.branch import Branch
 from ..solvers.equilibrium import is_rigid, strain_of, strain_rounding
@@ -80,162 +79,252 @@ def solver_of(run: Run) -> EquilibriumSolver:
     spec = run.problem.solver
     solver = SOLVERS[spec.method]
     if solver.needs_energy and not run.loaded.has_energy:
-        missing = f", and {run.loaded.no_energy_because}" if run.force.has_energy else f"; {run.model.name} has none"
-        raise SceneError(
-            f"scene {run.scene.name}: solver.method={spec.method} needs a force that has an energy, as bond-energy does{missing}, so take "
-            "another solver.method"
-        )
+        why = run.loaded.no_energy_because if run.force.has_energy else f"{run.model.name} has none"
+        needs = f"solver.method={spec.method} needs a force that has an energy, as bond-energy does, and {why}"
+        raise SceneError(f"scene {run.problem.name}: {needs}; take another solver.method")
     return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.body.share)
 
 
-def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
-    """Go through the outputs of a stage that are left, each from the last; says whether its end was reached.
+class Equilibria:
+    """One stage in equilibrium: its outputs, each from the last, and increments of the loading parameter on the way to them.
 
-    Where an increment finds no equilibrium, or not the one looked for, it is taken back and shortened.  Where a bond would break the
-    stage ends, and the body is put back to the last output: what follows is not in equilibrium.
-    """
-    branch = Branch(run.loading, run.loaded, solver)
-    values, evaluations = np.linspace(run.begin, stage.to, stage.outputs + 1), [] if run.way is None else run.way.evaluations
-    while run.outputs < stage.outputs:
-        value = float(values[run.outputs + 1])
-        run.report("level", run.stage, value)
-        run.target = value
-        last_output = (run.positions.copy(), run.parameter) if run.way is None else run.way.last_output
-        way = run.way or Way.begun(run, stage, evaluations, last_output)
-        equilibrium = _go_to(run, solver, branch, way)
-        run.way = None
-        if equilibrium is None:
-            run.positions[:], run.parameter = last_output
-            run.loading.apply(run.parameter, run.loaded, run.positions)
-            return False
-        run.outputs += 1
-        _record(run, equilibrium)
-        run.checkpoints.write({"phase": "equilibrium", "gave_up": solver.gave_up}, {})
-    return True
+    Where an increment finds no equilibrium, or not the one looked for, it is taken back and shortened.  A checkpoint on the way to an
+    output holds the increments, and what the solver has come to.
 
-
-@dataclass
-class Way:
-    """The way to an output, as far as it has been gone: a checkpoint on it holds all of this.
-
-    Attributes
+    Parameters
     ----------
-    increments : Increments
-    evaluations : list of int
-        Of every increment of the stage that succeeded.
-    last_output : tuple of ndarray, shape (n, d), and float
-        Positions and parameter at the output before.
-    accepted : _Accepted or None
-        The last equilibrium; None before the first increment.
-    iterate : ndarray, shape (n, d), or None
-        What the solver had come to on the way to the next one, of a run that is resumed.
+    run : Run
+    stage : Stage
+    solver : EquilibriumSolver
     """
 
-    increments: Increments
-    evaluations: list[int]
-    last_output: tuple[np.ndarray, float]
-    accepted: _Accepted | None = None
-    iterate: np.ndarray | None = None
+    def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
+        self.run, self.stage, self.solver = run, stage, solver
+        self._branch, self._course = Branch(run.loading, run.loaded, solver), run.loading.course
+        self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
+        self._farthest = FARTHEST * run.body.extent
+        self._evaluations: list[int] = []  # of every increment of the stage that succeeded
+        self._last_output = run.positions.copy(), run.state.parameter
+        self._increments: Increments | None = None
+        self._accepted: _Accepted | None = None  # what the present increment starts from
+        self._iterate: np.ndarray | None = None  # what the solver of a run that is resumed had come to
 
-    @classmethod
-    def begun(cls, run: Run, stage: Stage, evaluations: list[int], last_output: tuple[np.ndarray, float]) -> Way:
-        largest = run.loading.course.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
-        return cls(Increments(run.parameter, run.target, largest), evaluations, last_output)
+    def go(self) -> bool:
+        """Go through the outputs that are left; return whether the end was reached.
 
-    def checkpoint(self, run: Run, solver: EquilibriumSolver) -> None:
-        """Write a checkpoint of what the solver has come to."""
-        kept = {"increments": self.increments.describe(), "evaluations": self.evaluations, "last_output": self.last_output[1]}
-        arrays = {ACCEPTED + key: array for key, array in self.accepted.arrays.items()}
-        arrays |= {f"{ACCEPTED}positions": self.accepted.positions, "last_output": self.last_output[0]}
-        run.checkpoints.write({"phase": "equilibrium", "gave_up": solver.gave_up, "way": kept}, arrays)
+        Where a bond would break the stage ends, and the body is put back to the last output: what follows is not in equilibrium.
+        """
+        run, state = self.run, self.run.state
+        while state.outputs < self.stage.outputs:
+            run.target = self._outputs[state.outputs + 1]
+            run.report("level", state.stage, run.target)
+            if self._increments is None:
+                self._last_output = run.positions.copy(), state.parameter
+                largest = self._course.largest_increment(run.positions, state.parameter, run.target, self.stage.largest_increment)
+                self._increments = Increments(state.parameter, run.target, largest)
+            equilibrium, self._increments = self._go_to_output(self._increments), None
+            if equilibrium is None:
+                run.positions[:], state.parameter = self._last_output
+                run.loading.apply(state.parameter, run.loaded, run.positions)
+                return False
+            state.outputs += 1
+            self._record(equilibrium)
+            self._checkpoint()
+        return True
 
-    @classmethod
-    def resumed(cls, run: Run, checkpoint: Checkpoint) -> Way | None:
-        """The way that a checkpoint was written on, with the run at its last equilibrium; None where it was written at an output."""
-        kept, arrays = checkpoint.progress.get("way"), checkpoint.arrays
-        if kept is None:
-            return None
-        stage, iterate = run.stages[run.stage], run.positions.copy()
-        run.positions[:] = arrays[f"{ACCEPTED}positions"]
-        for key, array in run.force.state_arrays().items():
-            array[:] = arrays[ACCEPTED + key]
-        end = float(np.linspace(run.begin, stage.to, stage.outputs + 1)[run.outputs + 1])
-        increments, last_output = kept["increments"], (arrays["last_output"].copy(), kept["last_output"])
-        way = Increments(increments["start"], end, increments["largest"], increments["done"], increments["share"])
-        return cls(way, list(kept["evaluations"]), last_output, iterate=iterate)
+    def resume(self, checkpoint: Checkpoint) -> None:
+        """Bring the stage to where a checkpoint was written, at an output or on the way to one."""
+        run, kept, arrays = self.run, checkpoint.progress["way"], checkpoint.arrays
+        self.solver.gave_up = bool(checkpoint.progress["gave_up"])
+        if kept is not None:
+            self._iterate, self._evaluations = run.positions.copy(), list(kept["evaluations"])
+            self._last_output = arrays["last_output"].copy(), kept["last_output"]
+            self._increments = Increments(end=self._outputs[run.state.outputs + 1], **kept["increments"])
+            run.positions[:] = arrays[f"{ACCEPTED}positions"]
+            for key, array in run.force.state_arrays().items():
+                array[:] = arrays[ACCEPTED + key]
+        run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
+    def _checkpoint(self, increments: Increments | None = None) -> None:
+        """Write a checkpoint at an output, or on the way to one."""
+        kept, arrays = None, {}
+        if increments is not None:
+            kept = {"increments": increments.describe(), "evaluations": self._evaluations, "last_output": self._last_output[1]}
+            arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()}
+            arrays |= {f"{ACCEPTED}positions": self._accepted.positions, "last_output": self._last_output[0]}
+        self.run.checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
 
-def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way):
-    """Follow the equilibrium to the run's target; None where a bond would break on the way."""
-    increments, evaluations = way.increments, way.evaluations
-    ran_away, patience = None, np.inf
-    while not increments.finished:
-        accepted, began = _Accepted(run, solver), run.force.evaluations
-        way.accepted = accepted
-        try:
-            equilibrium = _follow(run, solver, branch, way, patience)
-        except TooSmall:
-            accepted.restore(run, solver)
-            raise
-        except FAILURES as error:
-            taken = run.force.evaluations - began
-            run.wasted += taken
-            patience = min(patience - taken, max(LEAST_PATIENCE, PATIENCE * np.mean(evaluations or 0)))
-            if isinstance(error, RanAway) and ran_away is None:
-                ran_away = error  # with short increments from close below a greatest load solvers fail in other ways
-            spent = patience <= 0 or run.wasted >= min(MOST_WASTED, run.problem.solver.most_evaluations)
-            _take_back(run, solver, accepted, increments, error, ran_away or error, spent)
-            continue
-        ran_away, patience = None, np.inf
-        if run.loading.course.adaptive:
-            run.earlier = accepted.parameter, accepted.positions
-            _lengthen(run, increments, evaluations, run.force.evaluations - began)
-        else:
-            increments.accept()
-        if run.damage is not None and run.body.share.any(len(run.damage.overstretched(run.force.positions)) > 0):
-            return None
-    return equilibrium
+    def _go_to_output(self, increments: Increments) -> Equilibrium | None:
+        """Follow the equilibrium to the run's target; None where a bond would break on the way."""
+        run, ran_away, patience = self.run, None, np.inf
+        while not increments.finished:
+            self._accepted, began = _Accepted(run, self.solver), run.force.evaluations
+            try:
+                equilibrium = self._follow(increments, patience)
+            except TooSmall:
+                self._accepted.restore(run, self.solver)
+                raise
+            except FAILURES as error:
+                taken = run.force.evaluations - began
+                run.state.wasted += taken
+                patience = min(patience - taken, max(LEAST_PATIENCE, PATIENCE * np.mean(self._evaluations or 0)))
+                if isinstance(error, RanAway) and ran_away is None:
+                    ran_away = error  # with short increments from close below a greatest load solvers fail in other ways
+                spent = patience <= 0 or run.state.wasted >= min(MOST_WASTED, run.problem.solver.most_evaluations)
+                self._take_back(increments, error, ran_away or error, spent)
+                continue
+            ran_away, patience = None, np.inf
+            if self._course.adaptive:
+                run.earlier = self._accepted.parameter, self._accepted.positions
+                self._lengthen(increments, run.force.evaluations - began)
+            else:
+                increments.accept()
+            if run.damage is not None and run.body.share.any(len(run.damage.overstretched(run.force.positions)) > 0):
+                return None
+        return equilibrium
 
+    def _lengthen(self, increments: Increments, taken: int) -> None:
+        """Go on after an increment that took so many evaluations, with a longer one if it was easy."""
+        easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
+        self._evaluations.append(taken)
+        if increments.accept(easy):
+            again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
+            self.run.note(self.run.state.parameter, reason=again)
 
-def _lengthen(run: Run, increments: Increments, evaluations: list[int], taken: int) -> None:
-    """Go on after an increment that took so many evaluations, with a longer one if it was easy."""
-    easy = not evaluations or taken <= HARD * np.mean(evaluations)
-    evaluations.append(taken)
-    if increments.accept(easy):
-        run.note(run.parameter, reason=f"increments of {increments.size:.3g} again, after one of {taken} evaluations")
+    def _follow(self, increments: Increments, patience: float) -> Equilibrium:
+        """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
+        run, state, target = self.run, self.run.state, increments.target
+        guess = self._best(self._course.guesses(run.positions, state.parameter, target, run.earlier), target)
+        tolerance = run.problem.solver.tolerance
+        if not increments.ends:
+            tolerance = max(tolerance, COARSE if run.loaded.nearly_incompressible else FINE)
+        start, self._iterate = guess if self._iterate is None else self._best([guess, self._iterate], target), None
+        run.loading.apply(target, run.loaded, start)
+        run.positions[:] = start
+        equilibrium = self._solve(target, tolerance, guess, patience, increments)
+        self._branch.check(state.parameter, target, guess, run.positions)
+        if increments.ends:
+            _check_resolved(run, target)
+        state.parameter = target
+        return equilibrium
+
+    def _best(self, guesses: list[np.ndarray], target: float) -> np.ndarray:
+        """Return the guess with the least residual force."""
+        run = self.run
+
+        def residual(guess: np.ndarray) -> float:
+            forces = np.empty_like(guess)
+            run.loading.apply(target, run.loaded, guess)
+            try:
+                run.loaded(guess, forces)
+            except InvalidState:
+                return np.inf
+            forces *= run.loading.free
+            return run.body.share.dot(forces, forces)
+
+        return guesses[0] if len(guesses) == 1 else min(guesses, key=residual)
+
+    def _take_back(self, increments: Increments, error: Exception, cause: Exception, spent: bool) -> None:
+        """Go back to before an increment that failed with an error, and shorten it unless failures have spent all their evaluations.
+
+        Raises
+        ------
+        NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable
+            The cause of the failure, with how far the loading came, where the increment is not shortened.
+        """
+        run, state = self.run, self.run.state
+        run.note(increments.target, failure=str(error))
+        logger.info("increment to %s taken back: %s", run.loading.at(increments.target), error)
+        self._accepted.restore(run, self.solver)
+        size, first = increments.size, increments.share == 1
+        if not spent and increments.shorten():
+            return
+        reached = run.problem.reached(state.parameter)
+        if first and not reached:
+            raise cause
+        if self._course.adaptive and state.parameter not in (state.begin, *(level["t"] for level in state.levels[-1:])):
+            self._record_reached()
+        what = f"equilibrium was followed to {run.loading.at(state.parameter)}, and not further with increments down to {size:.2g}"
+        raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
+
+    def _record_reached(self) -> None:
+        """Record the last equilibrium on the way to an output that is not reached, if it can be made as exact as an output."""
+        run = self.run
+        target, run.target = run.target, run.state.parameter
+        # What a coarse tolerance let pass close below a greatest load need not be an equilibrium.
+        with suppress(*FAILURES):
+            self._record(self._solve(run.target, run.problem.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
+        run.target = target
+
+    def _solve(
+        self, target: float, tolerance: float, guess: np.ndarray, patience: float, increments: Increments | None = None
+    ) -> Equilibrium:
+        """Return the equilibrium at a value of the parameter from where the run is, near a guess, within so many evaluations."""
+        run, began = self.run, self.run.force.evaluations
+
+        def report(evaluations: int, residual: float) -> None:
+            run.residual = residual
+            logger.debug("%d evaluations, residual %.3g", began + evaluations, residual)
+            energy = {"energy": run.strain_energy()} if run.force.has_energy else {}
+            run.note(target, evaluation=began + evaluations, residual=residual, **energy)
+            run.report("residual", evaluations, residual, tolerance)
+            self._keep_or_stop(increments)
+            if evaluations > patience:
+                raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
+            moved = 0.0 if run.loads is None else run.body.share.greatest(np.abs(run.positions - guess))
+            if moved > self._farthest:
+                weak = note_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
+                raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
+
+        least_drive = run.state.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0
+        return self.solver.solve(run.loaded, run.positions, tolerance, report, least_drive)
+
+    def _keep_or_stop(self, increments: Increments | None) -> None:
+        """Write a checkpoint where one is due, or where none exists yet, and stop a run that received a signal.
+
+        A run that was interrupted goes on from its last output, to the same bits, where it has come to one and not long gone on since; one
+        whose time is over goes on from here.
+        """
+        run = self.run
+        asked = run.interruption.asked
+        due = run.checkpoints.late or (asked and (run.interruption.out_of_time or not run.checkpoints.resumable))
+        asked, due = run.body.share.total((int(asked), int(due)))
+        if due and increments is not None:
+            self._checkpoint(increments)
+        if asked:
+            raise Interrupted
+
+    def _record(self, equilibrium: Equilibrium) -> None:
+        """Record an output in equilibrium; raise Unbalanced if loads and reactions are not in balance."""
+        run, state = self.run, self.run.state
+        drive = equilibrium.drive if _is_driven(run, state.parameter) else state.greatest_drive or None
+        state.greatest_drive = max(state.greatest_drive, drive or 0.0)
+        level = output_row(run, drive=drive)
+        level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
+        if drive and level["force_balance"] > MOST_OFF:
+            off = f"{100 * level['force_balance']:.2g} % of what drives the body, and may leave {100 * MOST_OFF:g} %"
+            raise Unbalanced(f"the sum of all loads and reactions is {off}")
+        state.levels.append(level)
+        reached = run.loading.at(state.parameter), equilibrium.evaluations, equilibrium.residual, equilibrium.method
+        logger.info("%s: equilibrium after %d evaluations, residual %.2g, by %s", *reached)
+        state.history.append(equilibrium_columns(run, level))
+        run.record()
 
 
 class _Accepted:
     """The equilibrium that the next increment starts from, and comes back to if it fails."""
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
-        self.parameter, self.positions, self.gave_up = run.parameter, run.positions.copy(), solver.gave_up
+        self.parameter, self.positions, self.gave_up = run.state.parameter, run.positions.copy(), solver.gave_up
         self.arrays = {key: array.copy() for key, array in run.force.state_arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
-        run.parameter, solver.gave_up = self.parameter, self.gave_up
+        """Bring a run and its solver back to this equilibrium."""
+        run.state.parameter, solver.gave_up = self.parameter, self.gave_up
         run.positions[:] = self.positions
         for key, array in run.force.state_arrays().items():
             array[:] = self.arrays[key]
-        run.loading.apply(run.parameter, run.loaded, run.positions)
-
-
-def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way, patience: float) -> Equilibrium:
-    """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
-    increments = way.increments
-    target, spec = increments.target, run.problem.solver
-    guess = _best(run, run.loading.course.guesses(run.positions, run.parameter, target, run.earlier), target)
-    on_the_way = COARSE if run.loaded.nearly_incompressible else FINE
-    tolerance = spec.tolerance if increments.ends else max(spec.tolerance, on_the_way)
-    start, way.iterate = guess if way.iterate is None else _best(run, [guess, way.iterate], target), None
-    run.loading.apply(target, run.loaded, start)
-    run.positions[:] = start
-    equilibrium = _solve(run, solver, target, tolerance, guess, patience, way)
-    branch.check(run.parameter, target, guess, run.positions)
-    if increments.ends:
-        _check_resolved(run, target)
-    run.parameter = target
-    return equilibrium
+        run.loading.apply(self.parameter, run.loaded, run.positions)
 
 
 def _check_resolved(run: Run, target: float) -> None:
@@ -243,14 +332,13 @@ def _check_resolved(run: Run, target: float) -> None:
     if not _is_driven(run, target):
         return
     moduli = [law.shear_modulus for law, _ in run.force.laws]
-    rounding = max(FORCE_ROUNDING[run.force.precision], strain_rounding(run.body)) * max(moduli) / min(moduli)
+    contrast = max(moduli) / min(moduli)
+    least = RESOLVED * max(FORCE_ROUNDING[run.force.precision], strain_rounding(run.body)) * contrast
     strain = strain_of(run.loaded)
-    if strain < RESOLVED * rounding:
-        contrast = f" with moduli {max(moduli) / min(moduli):.3g} apart" if max(moduli) > min(moduli) else ""
-        raise TooSmall(
-            f"the greatest strain, {strain:.2g}, is too small for {PRECISION_NAMES[run.force.precision]} precision, which resolves "
-            f"{RESOLVED * rounding:.1g}{contrast}"
-        )
+    if strain < least:
+        apart = f" with moduli {contrast:.3g} apart" if contrast > 1 else ""
+        resolved = f"{PRECISION_NAMES[run.force.precision]} precision, which resolves {least:.1g}{apart}"
+        raise TooSmall(f"the greatest strain, {strain:.2g}, is too small for {resolved}")
 
 
 def _is_driven(run: Run, parameter: float) -> bool:
@@ -258,120 +346,4 @@ def _is_driven(run: Run, parameter: float) -> bool:
     if run.loading.at_rest(parameter):
         return False
     loads = run.loaded.applied()
-    if loads is not None and run.body.share.any(bool((loads * run.loading.free).any())):
-        return True
-    return not is_rigid(run.loaded)
-
-
-def _best(run: Run, guesses: list[np.ndarray], target: float) -> np.ndarray:
-    """The guess with the least residual force."""
-    if len(guesses) == 1:
-        return guesses[0]
-    sizes = []
-    for guess in guesses:
-        forces = np.empty_like(guess)
-        run.loading.apply(target, run.loaded, guess)
-        try:
-            run.loaded(guess, forces)
-            forces *= run.loading.free
-            sizes.append(run.body.share.dot(forces, forces))
-        except InvalidState:
-            sizes.append(np.inf)
-    return guesses[int(np.argmin(sizes))]
-
-
-def _take_back(
-    run: Run, solver: EquilibriumSolver, accepted: _Accepted, increments: Increments, error: Exception, cause: Exception, spent: bool
-) -> None:
-    """Go back to before an increment that failed with an error, and shorten it unless all evaluations that failures may take are spent.
-
-    Raises
-    ------
-    NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable
-        The cause of the failure, with how far the loading came, where the increment is not shortened.
-    """
-    run.note(increments.target, failure=str(error))
-    logger.info("increment to %s taken back: %s", run.loading.at(increments.target), error)
-    accepted.restore(run, solver)
-    size, first = increments.size, increments.share == 1
-    if not spent and increments.shorten():
-        return
-    reached = run.problem.reached(run.parameter)
-    if first and not reached:
-        raise cause
-    if run.loading.course.adaptive and run.parameter not in (run.begin, *(level["t"] for level in run.levels[-1:])):
-        _record_reached(run, solver)
-    what = f"equilibrium was followed to {run.loading.at(run.parameter)}, and not further with increments down to {size:.2g}"
-    raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
-
-
-def _record_reached(run: Run, solver: EquilibriumSolver) -> None:
-    """Record the last equilibrium on the way to an output that is not reached, if it can be made as exact as an output."""
-    target, run.target = run.target, run.parameter
-    # What a coarse tolerance let pass close below a greatest load need not be an equilibrium.
-    with suppress(*FAILURES):
-        _record(run, _solve(run, solver, run.parameter, run.problem.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
-    run.target = target
-
-
-def _solve(
-    run: Run, solver: EquilibriumSolver, target: float, tolerance: float, guess: np.ndarray, patience: float, way: Way | None = None
-) -> Equilibrium:
-    """Equilibrium at a value of the parameter from where the run is, near a guess, within so many evaluations."""
-    began = run.force.evaluations
-    farthest = FARTHEST * run.body.extent
-
-    def report(evaluations: int, residual: float) -> None:
-        run.residual = residual
-        logger.debug("%d evaluations, residual %.3g", began + evaluations, residual)
-        energy = {"energy": run.strain_energy()} if run.force.has_energy else {}
-        run.note(target, evaluation=began + evaluations, residual=residual, **energy)
-        run.report("residual", evaluations, residual, tolerance)
-        _keep_or_stop(run, solver, way)
-        if evaluations > patience:
-            raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
-        if run.loads is not None:
-            moved = run.body.share.greatest(np.abs(run.positions - guess))
-            if moved > farthest:
-                weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
-                raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
-
-    least_drive = run.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0
-    return solver.solve(run.loaded, run.positions, tolerance, report, least_drive)
-
-
-def _keep_or_stop(run: Run, solver: EquilibriumSolver, way: Way | None) -> None:
-    """Write a checkpoint where one is due, or where none exists yet, and stop a run that received a signal.
-
-    A run that was interrupted goes on from its last output, to the same bits, where it has come to one and not long gone on since; one
-    whose time is over goes on from here.
-    """
-    asked = run.interruption.asked
-    due = run.checkpoints.late or (asked and (run.interruption.out_of_time or not run.checkpoints.resumable))
-    asked, due = run.body.share.total((int(asked), int(due)))
-    if due and way is not None:
-        way.checkpoint(run, solver)
-    if asked:
-        raise Interrupted
-
-
-def _record(run: Run, equilibrium: Equilibrium) -> None:
-    """Record an output in equilibrium.
-
-    Raises
-    ------
-    Unbalanced
-        If loads and reactions are not in balance.
-    """
-    drive = equilibrium.drive if _is_driven(run, run.parameter) else run.greatest_drive or None
-    run.greatest_drive = max(run.greatest_drive, drive or 0.0)
-    level = output_row(run, drive=drive)
-    level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
-    if drive and level["force_balance"] > MOST_OFF:
-        off = f"{100 * level['force_balance']:.2g} % of what drives the body, and may leave {100 * MOST_OFF:g} %"
-        raise Unbalanced(f"the sum of all loads and reactions is {off}")
-    run.levels.append(level)
-    reached = run.loading.at(run.parameter), equilibrium.evaluations, equilibrium.residual, equilibrium.method
-    logger.info("%s: equilibrium after %d evaluations, residual %.2g, by %s", *reached)
-    run.history.append(equilibrium_columns(run, level))
-    run.record()
+    return (loads is not None and run.body.share.any(bool((loads * run.loading.free).any()))) or not is_rigid(run.loaded)

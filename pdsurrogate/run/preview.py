@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -16,14 +18,10 @@ from scipy.spatial import cKDTree
 
 from ..arguments import check_is
 from ..body import Body
-from ..problem import compile_scene
-from ..problem.prescriptions import region_of_hold
+from ..problem import Problem, compile_scene
 from ..problem.problem import scene_errors
-from ..problem.regions import BodyRegions
 from ..results import figures, views
 from ..scenes import Scene
-from ..scenes.model import EDGES
-from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
@@ -38,13 +36,14 @@ ARROW = 0.12
 """Length of an arrow over the extent of the body."""
 
 
-@dataclass(frozen=True)
-class _Mark:
-    """A part of the body that something is said of: what, its points, and the direction that it moves or is pulled in."""
+class _Mark(NamedTuple):
+    """A labelled part of the body: its points and colour, their middle, and the direction that it moves or is pulled in, if any."""
 
     text: str
     points: np.ndarray
-    arrow: np.ndarray | None = None
+    colour: tuple[float, ...]
+    place: np.ndarray
+    arrow: np.ndarray | None
 
 
 def preview(scene: Scene) -> Figure:
@@ -74,121 +73,98 @@ def preview(scene: Scene) -> Figure:
     """
     check_is(scene, Scene, "scene", "load_scene gives")
     problem = compile_scene(scene)
-    body, regions = problem.body, problem.regions
     with scene_errors(scene):
-        marks = _marks(scene, body, regions)
+        marks = _marks(problem)
     with matplotlib.rc_context(figures.STYLE):
-        if scene.dimension == 3:
-            return _in_space(scene, body, marks)
-        return _in_the_plane(scene, body, marks, _outline(regions))
+        draw = _in_space if scene.dimension == 3 else _in_the_plane
+        figure, axes = draw(problem, marks)
+        axes.set_title(f"{scene.name}: {len(problem.body):,} points, spacing {scene.units.amount(problem.body.spacing, 'length', 'g')}")
+        handles = [Patch(color=mark.colour, label=mark.text) for mark in marks]
+        handles += [Line2D([], [], color="black", lw=2, label="cut")] if scene.precuts else []
+        handles += [Line2D([], [], color="black", marker="x", ls="", label="probe")] if scene.probes else []
+        if handles:
+            figure.legend(handles=handles, loc="outside right upper", frameon=False)
+    return figure
 
 
-def _outline(regions: BodyRegions) -> np.ndarray:
-    """Ends of the pieces of the boundary, shape (k, 2, 2); none of a body whose boundary only a load would need, and that has none."""
-    try:
-        surface = regions.surface()
-    except ValueError:
-        return np.zeros((0, 2, 2))
-    return surface.nodes[surface.facets]
-
-
-def _marks(scene: Scene, body: Body, regions: BodyRegions) -> list[_Mark]:
+def _marks(problem: Problem) -> list[_Mark]:
     """Return the labelled parts of the body, larger ones first, since later ones are drawn over them."""
-    marks = [
-        _Mark(f"{regions.label(part.region, key)}: {part.material.law}", regions.points(part.region, f"{key}.region"))
-        for key, part in ((f"materials.{number}", part) for number, part in enumerate(scene.materials))
-    ]
-    spoken = {entry.region for entry in (*scene.materials, *scene.prescribed, *scene.loads) if isinstance(entry.region, str)}
-    marks += [_Mark(name, regions.points(name)) for name in scene.regions if name not in spoken]
-    for grip in scene.grips:
-        axis, side = EDGES[grip.edge]
-        arrow = side * np.eye(body.dimension)[axis] if grip.travel else None
-        how = "grip" if grip.holds == "all" else "roller"
-        marks.append(_Mark(f"{grip.edge}: {how}", regions.points(grip.edge, "grips"), arrow))
-    for number, hold in enumerate(scene.holds):
-        held = "all" if hold.components is None else ", ".join(hold.components)
-        marks.append(_Mark(f"holds.{number}: {held}", regions.points(region_of_hold(hold), f"holds.{number}")))
-    for number, entry in enumerate(scene.prescribed):
-        given = {f"x{axis}": value for axis, value in enumerate(entry.displacement, 1) if value is not None}
-        told = [f"{key} = {value:g}" for key, value in given.items()]
-        told += [] if entry.rotation is None else [f"turned by {entry.rotation:g} degrees"]
-        vector = np.array([value or 0.0 for value in entry.displacement[: body.dimension]])
-        label = entry.name or regions.label(entry.region, f"prescribed.{number}")
-        marks.append(_Mark(f"{label}: {', '.join(told)}", regions.points(entry.region), vector if vector.any() else None))
+    scene, regions = problem.scene, problem.regions
+    found: list[tuple[str, np.ndarray, np.ndarray | None]] = []
+    for number, part in enumerate(scene.materials):
+        key = f"materials.{number}"
+        found.append((f"{regions.label(part.region, key)}: {part.material.law}", regions.points(part.region, f"{key}.region"), None))
+    used = {entry.region for entry in (*scene.materials, *scene.prescribed, *scene.loads) if isinstance(entry.region, str)}
+    found += [(name, regions.points(name), None) for name in scene.regions if name not in used]
+    for one in sorted(problem.prescriptions, key=lambda one: one.key.startswith("holds")):
+        found.append((f"{one.holder or one.name}: {one.words}", regions.points(one.region, one.key), one.displacement))
     for number, load in enumerate(scene.loads):
-        value = getattr(load, load.kind)
-        told = f"{value:g}" if load.kind == "pressure" else f"({', '.join(f'{component:g}' for component in value)})"
-        label = load.name or regions.label(load.region, f"loads.{number}")
-        arrow = None if load.kind == "pressure" else np.array(value)
+        value, label = getattr(load, load.kind), load.name or regions.label(load.region, f"loads.{number}")
+        size = f"{value:g}" if load.kind == "pressure" else f"({', '.join(f'{component:g}' for component in value)})"
         points = regions.points(load.region) if load.kind != "body_force" else np.zeros(0, dtype=int)
-        marks.append(_Mark(f"{label}: {load.kind.replace('_', ' ')} {told}", points, arrow))
-    return marks
+        found.append((f"{label}: {load.kind.replace('_', ' ')} {size}", points, None if load.kind == "pressure" else np.array(value)))
+    palette, middle = matplotlib.colormaps["tab10"], (problem.regions.lower + problem.regions.upper) / 2
+    return [
+        _Mark(
+            text,
+            points,
+            palette(number % 10),
+            problem.body.points[points].mean(axis=0) if len(points) else middle,
+            vector / np.linalg.norm(vector) if vector is not None and vector.any() else None,
+        )
+        for number, (text, points, vector) in enumerate(found)
+    ]
 
 
-def _colours(body: Body, marks: list[_Mark]) -> tuple[np.ndarray, list]:
-    """Colour of every cell, and of every mark."""
-    palette = matplotlib.colormaps["tab10"]
-    of_marks = [palette(number % 10) for number in range(len(marks))]
+def _colours(body: Body, marks: list[_Mark]) -> np.ndarray:
+    """Return the colour of every cell."""
     colours = np.tile(matplotlib.colors.to_rgba(PLAIN), (len(body), 1))
-    for mark, colour in zip(marks, of_marks, strict=True):
-        colours[mark.points] = colour
-    return colours, of_marks
+    for mark in marks:
+        colours[mark.points] = mark.colour
+    return colours
 
 
-def _legend(figure: Figure, scene: Scene, marks: list[_Mark], colours: list) -> None:
-    handles = [Patch(color=colour, label=mark.text) for mark, colour in zip(marks, colours, strict=True)]
-    handles += [Line2D([], [], color="black", lw=2, label="cut")] if scene.precuts else []
-    handles += [Line2D([], [], color="black", marker="x", ls="", label="probe")] if scene.probes else []
-    if handles:
-        figure.legend(handles=handles, loc="outside right upper", frameon=False)
-
-
-def _in_the_plane(scene: Scene, body: Body, marks: list[_Mark], outline: np.ndarray) -> Figure:
+def _in_the_plane(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
+    """Draw the cells of a sheet and what is marked on it."""
+    scene, body = problem.scene, problem.body
     polygons = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
     extent = (high - low).max()
     size = (high - low) / extent * 5.0
     figure = Figure(figsize=(size[0] + 2.6, max(size[1] + 0.8, 1.6)), layout=ConstrainedLayoutEngine(w_pad=0.15))
-    axis = figure.subplots()
-    colours, of_marks = _colours(body, marks)
+    axes = figure.subplots()
     edges = {"edgecolors": "white", "linewidths": 0.3} if len(body) <= MOST_CELLS_WITH_EDGES else {"edgecolors": "face", "linewidths": 0.2}
-    axis.add_collection(PolyCollection(polygons, facecolors=colours, **edges))
-    axis.add_collection(LineCollection(outline, colors="#555555", linewidths=0.8))
+    axes.add_collection(PolyCollection(polygons, facecolors=_colours(body, marks), **edges))
+    with suppress(ValueError):  # of a body whose boundary only a load would need, and that has none
+        surface = problem.regions.surface()
+        axes.add_collection(LineCollection(surface.nodes[surface.facets], colors="#555555", linewidths=0.8))
     for cut in scene.precuts:
-        if isinstance(cut, Precut):
-            axis.plot(*zip(cut.start, cut.end, strict=True), color="black", lw=2)
-    middle = (low + high) / 2
-    for mark, colour in zip(marks, of_marks, strict=True):
+        axes.plot(*zip(cut.start, cut.end, strict=True), color="black", lw=2)
+    for mark in marks:
         if 0 < len(mark.points) <= FEW:
-            axis.plot(*body.points[mark.points].T, "o", color=colour, ms=5)
+            axes.plot(*body.points[mark.points].T, "o", color=mark.colour, ms=5)
         if mark.arrow is not None:
-            begin = body.points[mark.points].mean(axis=0) if len(mark.points) else middle
-            along = mark.arrow / np.linalg.norm(mark.arrow) * ARROW * extent
-            axis.annotate("", begin + along, begin, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.5, "ec": "black"})
+            arrow = {"arrowstyle": "-|>", "color": mark.colour, "lw": 1.5, "ec": "black"}
+            axes.annotate("", mark.place + ARROW * extent * mark.arrow, mark.place, arrowprops=arrow)
     for probe in scene.probes:
-        axis.plot(*probe.at, "x", color="black", ms=6)
-        axis.annotate(probe.name, probe.at, xytext=(4, 4), textcoords="offset points")
+        axes.plot(*probe.at, "x", color="black", ms=6)
+        axes.annotate(probe.name, probe.at, xytext=(4, 4), textcoords="offset points")
     room = 1.25 * ARROW * extent if any(mark.arrow is not None for mark in marks) else 0.03 * extent
-    axis.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
-    _name_axes(axis, scene)
-    axis.set_title(_title(scene, body))
-    _legend(figure, scene, marks, of_marks)
-    return figure
+    axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
+    axes.set(xlabel=scene.units.label("x1", "length"), ylabel=scene.units.label("x2", "length"))
+    return figure, axes
 
 
-def _in_space(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
-    cells, nodes = body.cells, body.cells.nodes
-    colours, of_marks = _colours(body, marks)
+def _in_space(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
+    """Draw a solid from outside and what is marked on it."""
+    scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    views.draw_outside(axes, cells, nodes, colours)
-    extent = (high - low).max()
-    for mark, colour in zip(marks, of_marks, strict=True):
+    views.draw_outside(axes, body.cells, nodes, _colours(body, marks))
+    for mark in marks:
         if mark.arrow is not None:
-            begin = body.points[mark.points].mean(axis=0) if len(mark.points) else (low + high) / 2
-            along = mark.arrow / np.linalg.norm(mark.arrow) * 2 * ARROW * extent
-            axes.quiver(*begin, *along, color=colour, lw=2, zorder=5)
+            axes.quiver(*mark.place, *(2 * ARROW * (high - low).max() * mark.arrow), color=mark.colour, lw=2, zorder=5)
     for cut in scene.precuts:
         axes.add_collection3d(Poly3DCollection([_rim(cut)], facecolors=(0, 0, 0, 0.25), edgecolors="black", zorder=6))
     tree, reach = cKDTree(body.points), np.linalg.norm(high - low)
@@ -196,19 +172,13 @@ def _in_space(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
         hidden = _hidden(np.array(probe.at), tree, body.cell.min(), reach)
         axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7, alpha=0.35 if hidden else 1)
         axes.text(*probe.at, f" {probe.name}{' (hidden)' if hidden else ''}", zorder=8, alpha=0.6 if hidden else 1)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]), xticks=[], yticks=[], zticks=[])
     axes.set_box_aspect(high - low, zoom=0.95)
     axes.set_axis_on()
-    lengths = [
-        f"x{number}: {scene.units.amount(f'{one:.4g} to {other:.4g}', 'length')}"
-        for number, (one, other) in enumerate(zip(low, high, strict=True), 1)
-    ]
-    axes.set(xticks=[], yticks=[], zticks=[], xlabel=lengths[0], ylabel=lengths[1], zlabel=lengths[2])
-    for each in (axes.xaxis, axes.yaxis, axes.zaxis):
-        each.labelpad = -5  # there are no ticks between it and the axis
-    axes.set_title(_title(scene, body))
-    _legend(figure, scene, marks, of_marks)
-    return figure
+    for name, one, other, axis in zip("123", low, high, (axes.xaxis, axes.yaxis, axes.zaxis), strict=True):
+        axis.set_label_text(f"x{name}: {scene.units.amount(f'{one:.4g} to {other:.4g}', 'length')}")
+        axis.labelpad = -5  # there are no ticks between it and the axis
+    return figure, axes
 
 
 def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
@@ -227,11 +197,3 @@ def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
     across /= np.linalg.norm(across)
     angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)[:, None]
     return np.array(cut.centre) + cut.radius * (np.cos(angles) * across + np.sin(angles) * np.cross(normal, across))
-
-
-def _name_axes(axis, scene: Scene) -> None:
-    axis.set(xlabel=scene.units.label("x1", "length"), ylabel=scene.units.label("x2", "length"))
-
-
-def _title(scene: Scene, body: Body) -> str:
-    return f"{scene.name}: {len(body):,} points, spacing {scene.units.amount(body.spacing, 'length', 'g')}"

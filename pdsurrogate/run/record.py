@@ -38,12 +38,12 @@ class Record:
         reached = {
             "n_force_evaluations": run.force.evaluations,
             "seconds_total": self._summary["seconds_total"] + began - self._began,
-            "levels": run.levels,
+            "levels": run.state.levels,
             "states": len(run.states),
-            **({"n_steps": run.steps} if "n_steps" in self._summary else {}),
-            **({"critical_stretch": run.critical_stretch, "crack": run.crack} if run.crack is not None else {}),
+            **({"n_steps": run.state.steps} if "n_steps" in self._summary else {}),
+            **({"critical_stretch": run.problem.critical_stretch, "crack": run.state.crack} if run.state.crack is not None else {}),
         }
-        write_tables(run.folder, self._summary | reached, run.history, run.convergence, run.problem.units)
+        write_tables(run.folder, self._summary | reached, run.state.history, run.state.convergence, run.problem.units)
         ended = time.monotonic()
         self._due_with_state = ended + SHARE * (ended - began)
         self._due = max(self._due_with_state, ended + SECONDS)

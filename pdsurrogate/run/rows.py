@@ -29,7 +29,7 @@ def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
 
 def displacements_by_name(run: Run) -> dict[str, np.ndarray]:
     """Return the mean displacement of everything that holds or loads the body, shape (d,), at its present positions."""
-    found = dict(zip(run.loading.names, run.loading.displacements(run.parameter, run.positions), strict=True))
+    found = dict(zip(run.loading.names, run.loading.displacements(run.state.parameter, run.positions), strict=True))
     return found if run.loads is None else run.loads.displacements(run.positions) | found
 
 
@@ -48,7 +48,7 @@ def _with_loads(names: tuple[str, ...], values: np.ndarray, loads: dict[str, np.
 
 def place_columns(run: Run, time: float | None = None) -> dict:
     """Return the columns that every row of the history begins with: its place in the programme, and the evaluations so far."""
-    row = {"step": run.stage, run.loading.parameter: run.parameter, "evaluations": run.force.evaluations}
+    row = {"step": run.state.stage, run.loading.parameter: run.state.parameter, "evaluations": run.force.evaluations}
     return row if time is None else row | {"time": time}
 
 
@@ -93,9 +93,9 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
         See `force_balance`.
     """
     reactions, declared = run.loading.reactions(run.loaded), run.problem.measures
-    row: dict = {run.loading.parameter: run.parameter}
+    row: dict = {run.loading.parameter: run.state.parameter}
     if declared.nominal_stress is None:
-        row["step"] = run.stage
+        row["step"] = run.state.stage
     else:
         axis, stress = run.loading.course.axis, declared.nominal_stress
         row |= {
@@ -116,10 +116,10 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
         row["energy"] = run.strain_energy()
     if regions := getattr(run.loaded, "rigid", ()):
         internal = run.loading.internal_forces(run.force)
-        row["rigid"] = {region.name: region.told(run.positions, internal) for region in regions}
+        row["rigid"] = {region.name: region.describe(run.positions, internal) for region in regions}
     if time is None:
         # A pull that rounding of the residual may show is no push.
-        least = run.problem.solver.tolerance * run.law.shear_modulus * min(run.problem.areas.values(), default=0.0)
+        least = run.problem.solver.tolerance * run.problem.law.shear_modulus * min(run.problem.measures.areas.values(), default=0.0)
         if run.loading.course.pushes(run.loaded, least):
             row["stability"] = "checked" if run.loaded.has_energy else "not checked"
         if declared.lateral is not None:
@@ -127,7 +127,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
             row |= run.ranks.to_all(None if displacements is None else _lateral(run.whole, displacements, declared.lateral))
     if len(run.probes):
         row["probes"] = run.probes.read(measures.PointState(run.force, run.positions))
-    for key, reference in declared.reference(run.parameter).items():
+    for key, reference in declared.reference(run.state.parameter).items():
         if key in row:
             row[f"{key}_reference"] = float(reference)
             row[f"{key}_error"] = float(row[key] / reference - 1) if reference else None

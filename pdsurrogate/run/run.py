@@ -11,22 +11,21 @@ import numpy as np
 from ..engine.threads import threads_for
 from ..forces import ForceModel
 from ..problem import Stage, compile_scene
-from ..problem.materials import check_fracture, models_of, settings_of, warn_of_bulk_moduli
 from ..problem.problem import scene_errors
 from ..ranks import communicator
 from ..results import measures
 from ..results.contents import Contents
 from ..results.probes import Probes
 from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory
-from ..scenes import Mesh, Scene
+from ..scenes import Scene
 from .checkpoints import Checkpoints
 from .damage import Damage
 from .interruption import Interruption
 from .progress import Progress, Silent
 from .sharing import compile_first, threads_of
+from .state import State
 
 if TYPE_CHECKING:
-    from .levels import Way
     from .record import Record
 
 __all__ = ["Progress", "Run", "Silent"]
@@ -56,47 +55,25 @@ class Run:
     ----------
     problem : Problem
     force : InternalForce
-    loaded : InternalForce, LoadedForce or RigidForce
+    loaded : InternalForce or LoadedForce
         The force with loads, supports and rigid regions, with which solvers work.
     body, loading, loads, stages
         Those of the problem.
     whole : Body or None
         The whole body; None on ranks other than the first.
     positions : ndarray, shape (n, d)
-    parameter, target : float
-        Loading parameter at the positions; and of the output that is under way.
-    stage, outputs : int
-        Number of the stage that is under way, and of its outputs so far.
-    begin : float
-        Loading parameter where that stage began.
+    state : State
+        Place in the programme and what has been recorded, as a checkpoint keeps it.
+    target : float
+        Loading parameter of the output that is under way.
     velocities : ndarray, shape (n, d), or None
         Velocities with which a stage in dynamics ended; None after equilibrium.
     earlier : tuple of float and ndarray, or None
         Parameter and positions of the equilibrium before the last.
-    way : Way or None
-        Way to the output under way in equilibrium, of a run that goes on from a checkpoint there.
-    greatest_drive : float
-        Greatest `Equilibrium.drive` of the outputs so far.
-    wasted : int
-        Evaluations of increments that failed.
-    elapsed : float
-        Time that earlier stages in dynamics took.
-    steps : int
-        Steps in dynamics.
     damage : Damage or None
         None without fracture.
-    critical_stretch : float or None
-        Stretch at which bonds break.
-    crack : dict or None
-        Entry of the summary about cracks.
     residual : float or None
         Latest residual of the search for equilibrium.
-    levels, history, convergence : list of dict
-        Measures at every level; rows of the history; rows about the search for equilibrium.
-    dynamics : list of dict
-        Entries of the summary about the stages in dynamics.
-    beyond_data : list of dict
-        For every recorded state of an energy from test data, the share of the bonds that is beyond them, and the farthest distance.
     states : States
     checkpoints : Checkpoints
     record_of_folder : Record or None
@@ -112,42 +89,30 @@ class Run:
         threads: int | None = None,
         interruption: Interruption | None = None,
     ) -> None:
-        self.scene, self.model, self.progress, self.folder = scene, model, progress, folder
+        self.model, self.progress, self.folder = model, progress, folder
         self.interruption, self.ranks = interruption or Interruption(), communicator()
-        self.law = scene.law()
-        check_fracture(scene, model)
-        warn_of_bulk_moduli(scene)
-        self.models = [model, *models_of(scene, model)]
-        self.contents = Contents.of(scene, self.models)
-        self.problem = compile_scene(scene, self.models, self.ranks)
-        self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loads
+        self.problem = compile_scene(scene, model, self.ranks)
+        self.contents = Contents.of(scene, self.problem.models)
+        self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loading.loads
         self.stages: tuple[Stage, ...] = self.problem.stages
         paying = threads_for(len(self.body.bonds.first))
         self.threads = (threads or paying) if self.ranks.size == 1 else threads_of(self.ranks, threads, paying)
         numba.set_num_threads(self.threads)
         if self.ranks.size > 1:
-            compile_first(self.ranks, model, self.law, settings_of(scene), scene.dimension)
+            compile_first(self.ranks, model, self.problem)
         self.force, self.loaded = self.problem.bind()
         with scene_errors(scene):
             self.probes = Probes(self.problem.whole, scene.probes, self._portion_of(), self.body.share)
         self.whole = None if self.ranks.rank else self.problem.whole
 
         self.positions = self.body.points.copy()
-        self.parameter = self.target = self.begin = self.loading.rest
-        self.stage = self.outputs = self.wasted = self.steps = 0
-        self.elapsed = self.greatest_drive = 0.0
+        self.state = State(self.loading.rest, self.loading.rest)
+        self.target = self.loading.rest
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
-        self.way: Way | None = None
         self.residual: float | None = None
-        self.critical_stretch = self.problem.critical_stretch
-        self.damage = None if self.critical_stretch is None else Damage(self.body, self.critical_stretch)
-        self.crack: dict | None = None
-        self.levels: list[dict] = []
-        self.history: list[dict] = []
-        self.convergence: list[dict] = []
-        self.dynamics: list[dict] = []
-        self.beyond_data: list[dict] = []
+        critical = self.problem.critical_stretch
+        self.damage = None if critical is None else Damage(self.body, critical)
         self.states = self.states_of()
         self.checkpoints = Checkpoints(self)
         self.record_of_folder: Record | None = None
@@ -159,9 +124,10 @@ class Run:
 
     def takes_double(self) -> bool:
         """Return whether the force models can be evaluated in double instead of single precision."""
-        if self.scene.precision is not None or self.force.precision == "float64":
+        settings = self.problem.settings
+        if settings.precision is not None or self.force.precision == "float64":
             return False
-        return all("float64" in model.honoured(self.scene.plane)["precision"] for model in self.models)
+        return all("float64" in model.honoured(settings.plane)["precision"] for model in self.problem.models)
 
     def take_double(self) -> None:
         """Evaluate the force models in double precision from here on."""
@@ -177,16 +143,16 @@ class Run:
     def states_of(self, moments: list[Moment] | None = None) -> States:
         """Return the storage of states, with the moments of those that are recorded already."""
         if self._in_pieces:
-            return StatesInFiles(self.folder, self.scene.name, self.body, moments)
+            return StatesInFiles(self.folder, self.problem.name, self.body, moments)
         if self.ranks.rank:
             return Moments(moments)
-        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.scene.name, self.whole, moments)
+        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, self.whole, moments)
 
     @property
     def _in_pieces(self) -> bool:
         """Return whether every rank writes the states of its own points, as for bodies that are too large for one rank to write."""
         large = self.body.share.size > MOST_GATHERED
-        return large and self.ranks.size > 1 and self.folder is not None and not isinstance(self.scene.body, Mesh)
+        return large and self.ranks.size > 1 and self.folder is not None and not self.problem.meshed
 
     def _portion_of(self) -> np.ndarray | None:
         """Return the material of every point of the whole body; None where there is one."""
@@ -203,7 +169,7 @@ class Run:
     def note(self, increment: float, **entries) -> None:
         """Add a row about an increment on the way to the present target to the convergence."""
         place = {self.loading.parameter: self.target, "increment": increment, "evaluation": self.force.evaluations}
-        self.convergence.append(place | entries)
+        self.state.convergence.append(place | entries)
 
     def record(self, time: float = 0.0) -> None:
         """Record the present state: of the last equilibrium, or so long after the beginning of the stage in dynamics."""
@@ -211,8 +177,8 @@ class Run:
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
         if not self._in_pieces:
             fields = {name: self.body.share.gather(values) for name, values in fields.items()}
-        equilibria, since = sum("time" not in level for level in self.levels), self.elapsed + time
-        moment = Moment(**{"run_time": equilibria + since, "time": since, "stretch": None, self.loading.parameter: self.parameter})
+        equilibria, since = sum("time" not in level for level in self.state.levels), self.state.elapsed + time
+        moment = Moment(**{"run_time": equilibria + since, "time": since, "stretch": None, self.loading.parameter: self.state.parameter})
         self._count_beyond_data(moment)
         self.states.append(moment, fields)
         if self.record_of_folder is not None:
@@ -225,8 +191,8 @@ class Run:
             return
         total, outside = (self.body.share.total(int(count)) for count in (len(beyond), np.count_nonzero(beyond > 0)))
         farthest = self.body.share.greatest(float(beyond.max(initial=0.0)))
-        row = {"run_time": moment.run_time, self.loading.parameter: self.parameter}
-        self.beyond_data.append(row | {"share": outside / max(total, 1), "log_stretch": farthest})
+        row = {"run_time": moment.run_time, self.loading.parameter: self.state.parameter}
+        self.state.beyond_data.append(row | {"share": outside / max(total, 1), "log_stretch": farthest})
 
     def strain_energy(self) -> float:
         """Return the stored energy per unit thickness in the state last evaluated, see `measures.strain_energy`."""
@@ -242,8 +208,6 @@ class Run:
 
     def directed_bonds(self) -> int:
         """Return the number of directed bonds within the body of the points that are counted here."""
-        bonds, n = self.body.bonds, len(self.body)
-        if not self.body.share.divided:
-            return bonds.n_directed
-        owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
-        return int(np.count_nonzero(self.body.share.own[owners] & (bonds.neighbours < n)))
+        bonds, own = self.body.bonds, self.body.share.own
+        within = bonds.second < len(self.body)
+        return int(np.count_nonzero(own[bonds.first[within]]) + np.count_nonzero(own[bonds.second[within]]))

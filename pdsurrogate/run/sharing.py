@@ -6,15 +6,18 @@ import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from ..body import Body, ReflectionPlane
 from ..body.body import Cells
-from ..forces import ForceModel, ForceSettings
-from ..materials import Law
+from ..forces import ForceModel
+from ..problem import Problem
 from ..ranks import Communicator
 from ..scenes import Scene, SceneError
+
+T = TypeVar("T")
 
 
 class Oversubscribed(RuntimeWarning):
@@ -38,17 +41,17 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
         )
 
 
-def together(ranks: Communicator, check: Callable[[], object]) -> None:
-    """Run a check, and raise on all ranks the error that it raises on the first that has one."""
+def together(ranks: Communicator, check: Callable[[], T]) -> T | None:
+    """Return what a check returns; raise on all ranks the error that it raises on the first that has one."""
     if ranks.size == 1:
-        check()
-        return
-    error = None
+        return check()
+    found = error = None
     try:
-        check()
-    except Exception as found:
-        error = found
+        found = check()
+    except Exception as raised:
+        error = raised
     ranks.agree(error)
+    return found
 
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
@@ -62,13 +65,14 @@ def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
     return threads
 
 
-def compile_first(ranks: Communicator, model: ForceModel, law: Law, settings: ForceSettings, dimension: int) -> None:
+def compile_first(ranks: Communicator, model: ForceModel, problem: Problem) -> None:
     """Let the first rank compile what the others then load: all would compile the same, on cores that one of them needs."""
     if ranks.rank == 0:
+        dimension = problem.body.dimension
         cells = Cells.filling((0.0,) * dimension, (8.0 if dimension == 2 else 5.0,) * dimension, 1.0)
         points = cells.centres()
         planes = (ReflectionPlane(0, 0.0, -1, (-1,) * dimension),)
         body = Body(points, np.full(len(points), cells.volume), 3.15 if dimension == 2 else 1.75, 1.0, planes=planes)
-        force = model.bind(body, law, settings)
+        force = model.bind(body, problem.law, problem.settings)
         force(points.copy(), np.empty_like(points))
     ranks.barrier()

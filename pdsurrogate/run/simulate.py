@@ -7,7 +7,7 @@ import math
 import time
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
@@ -16,7 +16,7 @@ from ..arguments import check_is, check_path, check_seconds, check_whole_number
 from ..engine.compile import compilation_clock
 from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from ..problem.materials import checked_models, models_of
+from ..problem.materials import checked_models
 from ..ranks import communicator
 from ..results import Result
 from ..results.contents import Contents
@@ -102,6 +102,8 @@ ADVICE = {
 
 DYNAMICS_ADVICE = "take a smaller dynamics.safety, more dynamics.viscosity or damping, or a finer spacing"
 
+SINGLE_ADVICE = "or take precision=float64, whose rounding leaves less of a residual and disturbs less"
+
 
 def simulate(
     scene: Scene | str | Path,
@@ -183,27 +185,15 @@ def simulate(
     elif not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, or the name or file of one, not {scene!r}")
     scene, model = _model_of(force, scene)
-    if progress is not None:
-        check_is(progress, Progress, "progress", "an object with the methods of pdsurrogate.run.simulate.Progress")
-    progress = progress or Silent()
-    if folder is not None:
-        check_path(folder, "folder")
-    if max_time is not None:
-        check_seconds(max_time, "max_time")
-    if threads is not None:
-        check_whole_number(threads, "threads")  # how many there are is told by `thread_count`
-    if resume and folder is None:
-        raise ValueError("a run is resumed from the folder of its results: give it")
-    if resume and overwrite:
-        raise ValueError("a run is either resumed or begun anew: give resume or overwrite, not both")
-    if folder is not None and not str(folder):
-        raise ValueError("a folder is needed for the results, and its name is empty")
+    _check_arguments(threads, progress, folder, max_time)
+    if resume and (folder is None or overwrite):
+        why = "is resumed from the folder of its results: give it" if folder is None else "is either resumed or begun anew: not both"
+        raise ValueError(f"resume: a run {why}")
     ranks = communicator()
     if ranks.size > 1:
         refuse_different(ranks, scene, model, folder, resume)
-        together(ranks, lambda: checked_models(scene, model))
-        if ranks.rank:
-            progress = Silent()
+    models = together(ranks, lambda: checked_models(scene, model))
+    progress = Silent() if progress is None or ranks.rank else progress
     folder = None if folder is None else Path(folder)
     writes = folder is not None and ranks.rank == 0
 
@@ -212,7 +202,7 @@ def simulate(
             check_names(folder, scene.name, resumed=True)
             remove_leftovers(folder)
         elif writes:
-            check_room(folder, Contents.of(scene, [model, *models_of(scene, model)]), overwrite)
+            check_room(folder, Contents.of(scene, models), overwrite)
 
     together(ranks, look_into_folder)  # before any work
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
@@ -227,8 +217,7 @@ def simulate(
             make_room(folder, run.contents, overwrite)
         if folder is not None:
             begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
-            if writes:
-                run.record_of_folder = Record(run, begun.summary)
+            run.record_of_folder = Record(run, begun.summary) if writes else None
 
         def ended(message: str | None, status: str) -> Result:
             result = result_of(run, clock.seconds, began, message, status)
@@ -244,24 +233,42 @@ def simulate(
                 raise
             over = not interruption.told and interruption.out_of_time
             what = f"stopped after max_time, {max_time:g} s" if over else "interrupted"
-            message = f"{run.loading.at(run.parameter)}: {what}"
+            message = f"{run.loading.at(run.state.parameter)}: {what}"
             raise SimulationInterrupted(message, ended(message, INTERRUPTED), over) from None
-        except (NotConverged, Diverging, RanAway, TooFar, TooSmall, Unstable, InvalidState, OutsideDomain, OwnForceFailed) as error:
-            inertia = run.stages[run.stage].inertia is not None and run.steps > 0
-            advice = DYNAMICS_ADVICE if inertia else ADVICE.get(type(error))
-            if isinstance(error, OwnForceFailed | OwnForceInvalid):
-                advice = None  # its message says what is wrong, and no smaller step mends it
-            if isinstance(error, NotConverged | Unstable) and run.force.precision == "float32":
-                advice += "; or take precision=float64, whose rounding leaves less of a residual and disturbs less"
-            message = f"{run.loading.at(run.target)}: {error}" + (f"; {advice}" if advice else "")
+        except (*ADVICE, OutsideDomain, OwnForceFailed) as error:
+            message = "; ".join([f"{run.loading.at(run.target)}: {error}", *_advice(run, error)])
             logger.info("the run failed at %s", message)
             raise SimulationFailed(message, ended(message, FAILED)) from error
         logger.info("%s ended: %d evaluations, %.3g s", scene.name, run.force.evaluations, time.perf_counter() - began)
         return ended(None, DONE)
 
 
-def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
-    """The force model that is meant by the `force` of `simulate`, and the scene with the material that comes with it."""
+def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) -> None:
+    """Refuse arguments of `simulate` of wrong types."""
+    if progress is not None:
+        check_is(progress, Progress, "progress", "an object with the methods of pdsurrogate.run.simulate.Progress")
+    if folder is not None:
+        check_path(folder, "folder")
+        if not str(folder):
+            raise ValueError("a folder is needed for the results, and its name is empty")
+    if max_time is not None:
+        check_seconds(max_time, "max_time")
+    if threads is not None:
+        check_whole_number(threads, "threads")  # `thread_count` checks how many there are
+
+
+def _advice(run: Run, error: Exception) -> list[str]:
+    """Return what to change after an error; nothing where the message of a user's own force says what is wrong."""
+    if isinstance(error, OwnForceFailed | OwnForceInvalid):
+        return []
+    moving = run.stages[run.state.stage].inertia is not None and run.state.steps > 0
+    advice = [DYNAMICS_ADVICE] if moving else [ADVICE[type(error)]] if type(error) in ADVICE else []
+    single = isinstance(error, NotConverged | Unstable) and run.force.precision == "float32"
+    return [*advice, SINGLE_ADVICE] if single else advice
+
+
+def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
+    """Return the force model that the `force` of `simulate` stands for, and the scene with the material that comes with it."""
     if force is None:
         return scene, artifacts.default_force(scene)
     if isinstance(force, str | Path):
@@ -273,18 +280,17 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
     # Imported here: only those who have a pipeline have scikit-learn loaded.
     from sklearn.base import BaseEstimator
 
-    if isinstance(force, BaseEstimator):
-        from ..learning.export import best_of
-        from ..learning.fitting import stated_against
-        from ..learning.surrogates import force_model_of
+    if not isinstance(force, BaseEstimator):
+        raise TypeError(
+            "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), a fitted "
+            f"surrogate_pipeline, or an object with a bond_force or an energy, not {force!r}"
+        )
+    from ..learning.export import best_of
+    from ..learning.fitting import force_model_of, stated_against
 
-        law = scene.law()
-        model = force_model_of(force, law)
-        try:
-            return scene, stated_against(model, law, best_of(force).training_inputs_)
-        except ValueError as error:
-            raise SceneError(f"scene {scene.name}: {error}") from None
-    raise TypeError(
-        "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), a fitted "
-        f"surrogate_pipeline, or an object with a bond_force or an energy, not {force!r}"
-    )
+    law = scene.law()
+    model = force_model_of(force, law)
+    try:
+        return scene, stated_against(model, law, best_of(force).training_inputs_)
+    except ValueError as error:
+        raise SceneError(f"scene {scene.name}: {error}") from None

@@ -6,7 +6,7 @@ import warnings
 
 from ..results.checkpoint import CheckpointError
 from ..solvers import EquilibriumSolver, TooSmall, Unstable
-from .levels import Way, go_through, solver_of
+from .levels import Equilibria, solver_of
 from .run import Run
 from .transient import Transient
 
@@ -25,41 +25,45 @@ class SinglePrecisionLeft(RuntimeWarning):
 
 def go(run: Run, resume: bool) -> None:
     """Go through the stages of the programme that are left."""
-    solver = solver_of(run)
-    transient = _take_up(run, solver) if resume else None
+    state, solver = run.state, solver_of(run)
+    current = _resumed(run, solver) if resume else None
     if run.record_of_folder is not None:
         run.record_of_folder.keep()
-    while run.stage < len(run.stages) and not (run.crack is not None and run.crack["through"]):
-        stage = run.stages[run.stage]
-        if stage.inertia is None:
-            try:
-                follows = run.stage + 1 if go_through(run, solver, stage) else _dynamics_after(run)
-            except TooSmall as error:
-                if not run.takes_double():
-                    raise
-                _take_double(run, error)
-                solver = solver_of(run)
-                continue
-            run.velocities = None
+    while state.stage < len(run.stages) and not (state.crack is not None and state.crack["through"]):
+        if current is None:
+            current = _stage_of(run, solver)
+            if isinstance(current, Transient):
+                current.begin()
+        try:
+            follows = state.stage + 1 if current.go() else _dynamics_after(run)
+        except TooSmall as error:
+            if not run.takes_double():
+                raise
+            _take_double(run, error)
+            current, solver = None, solver_of(run)
+            continue
+        if isinstance(current, Transient):
+            run.velocities, run.earlier = current.integrator.velocities, None
+            state.elapsed += current.account.time
         else:
-            if transient is None:
-                transient = Transient(run, stage)
-                transient.begin()
-            transient.go()
-            run.velocities, run.earlier, follows = transient.integrator.velocities, None, run.stage + 1
-            run.elapsed += transient.account.time
-            transient = None
-        run.stage, run.outputs, run.begin = follows, 0, run.parameter
+            run.velocities = None
+        state.stage, state.outputs, state.begin, current = follows, 0, state.parameter, None
+
+
+def _stage_of(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient:
+    """Return the stage that is under way."""
+    stage = run.stages[run.state.stage]
+    return Equilibria(run, stage, solver) if stage.inertia is None else Transient(run, stage)
 
 
 def _take_double(run: Run, error: TooSmall) -> None:
     """Go on in double precision, and warn of it."""
     reason = f"{error}: the forces are evaluated in double precision from here on"
-    run.note(run.parameter, reason=reason)
+    run.note(run.state.parameter, reason=reason)
     if run.ranks.rank == 0:
         warnings.warn(f"{run.loading.at(run.target)}: {reason}", SinglePrecisionLeft, stacklevel=4)
     run.take_double()
-    run.loading.apply(run.parameter, run.loaded, run.positions)
+    run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
 
 def _dynamics_after(run: Run) -> int:
@@ -70,24 +74,19 @@ def _dynamics_after(run: Run) -> int:
     Unstable
         If there is none.
     """
-    following = [number for number, stage in enumerate(run.stages) if number > run.stage and stage.inertia is not None]
+    following = [number for number, stage in enumerate(run.stages) if number > run.state.stage and stage.inertia is not None]
     if not following:
-        raise Unstable(f"a bond would break between {run.loading.at(run.parameter)} and here: what follows is not in equilibrium")
+        raise Unstable(f"a bond would break between {run.loading.at(run.state.parameter)} and here: what follows is not in equilibrium")
     return following[0]
 
 
-def _take_up(run: Run, solver: EquilibriumSolver) -> Transient | None:
-    """Bring a run to where its checkpoint was written; return the dynamics if it was in them."""
+def _resumed(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient | None:
+    """Bring a run to where its checkpoint was written, and return the stage under way; None where all have ended."""
     try:
         checkpoint = run.checkpoints.restore()
-        if checkpoint.progress["phase"] == "dynamics":
-            transient = Transient(run, run.stages[run.stage])
-            transient.resume(checkpoint)
-            return transient
-        solver.gave_up = bool(checkpoint.progress["gave_up"])
-        run.way = Way.resumed(run, checkpoint)
-        run.loading.apply(run.parameter, run.loaded, run.positions)
-        return None
+        stage = _stage_of(run, solver)
+        stage.resume(checkpoint)
+        return stage
     except CheckpointError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:

@@ -6,12 +6,9 @@ import time
 
 import numpy as np
 
-from ..forces import ForceModel
 from ..results import Result
 from ..results.folder import INTERRUPTED
 from ..results.provenance import provenance
-from ..scenes import Part
-from ..scenes.model import RIGID
 from .run import Run
 
 
@@ -23,17 +20,16 @@ def _peak(history: list[dict]) -> dict | None:
 
 def result_of(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
     """Return the result that the run has reached so far."""
-    force, scene = run.force, run.scene
-    residuals = [level["residual"] for level in run.levels if "residual" in level]
+    force, state = run.force, run.state
+    residuals = [level["residual"] for level in state.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
         residuals.append(run.residual)
     outside = force.fraction_outside
     total, stress = run.body.share.total, run.problem.measures.nominal_stress
     directed = total(run.directed_bonds())
     summary = {
-        "scene": scene.name,
+        **run.problem.describe(),
         "force": run.contents.force,
-        "material": run.law.describe(),
         "plane": force.plane,
         "thickness": 1.0,
         "n_points": run.body.share.size,
@@ -45,7 +41,6 @@ def result_of(run: Run, seconds_compile: float, began: float, failure: str | Non
         "horizon": run.body.horizon,
         "precision": force.precision,
         "correction": force.correction,
-        "support": scene.support,
         **({"ranks": run.ranks.size} if run.ranks.size > 1 else {}),
         "threads": run.threads,
         "status": status,
@@ -57,33 +52,21 @@ def result_of(run: Run, seconds_compile: float, began: float, failure: str | Non
         "seconds_total": time.perf_counter() - began,
         "seconds_compile": seconds_compile,
         "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * directed),
-        "fallback_fraction": outside if scene.outside in (None, "fallback") else 0.0,
+        "fallback_fraction": outside if run.problem.settings.outside in (None, "fallback") else 0.0,
         "fraction_outside_domain": outside,
-        **({"beyond_data": run.beyond_data} if run.beyond_data else {}),
+        **({"beyond_data": state.beyond_data} if state.beyond_data else {}),
         "unsupported_points": run.unsupported_points(),
-        "units": {**scene.units.model_dump(), "force": scene.units.force, "energy": scene.units.energy},
-        **({} if stress is None else {"grip_areas": run.problem.areas}),
-        "levels": run.levels,
+        "levels": state.levels,
         **run.contents.describe(),
         "provenance": provenance(),
     }
-    if scene.materials:
-        summary["materials"] = [_part(part, model) for part, model in zip(scene.materials, run.models[1:], strict=True)]
     if any(stage.inertia is not None for stage in run.stages):
         if stress is not None:
-            stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]
+            stresses = [row["nominal_stress"] for row in [*state.levels, *state.history] if "nominal_stress" in row]
             summary["peak_nominal_stress"] = max(stresses, default=None)
-        summary["n_steps"] = run.steps
-        summary["dynamics"] = run.dynamics
-    if run.crack is not None:
-        summary["critical_stretch"] = run.critical_stretch
-        summary["crack"] = run.crack | ({} if stress is None else {"peak": _peak(run.history)})
-    return Result(scene, run.body if run.whole is None else run.whole, summary, run.history, run.states, run.convergence)
-
-
-def _part(part: Part, model: ForceModel) -> dict:
-    """Return the entry of the summary about a region of another material."""
-    region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
-    if part.rigid:
-        return {**region, "material": {"law": RIGID}}
-    return {**region, "material": part.material.build().describe(), "force": model.name}
+        summary["n_steps"] = state.steps
+        summary["dynamics"] = state.dynamics
+    if state.crack is not None:
+        summary["critical_stretch"] = run.problem.critical_stretch
+        summary["crack"] = state.crack | ({} if stress is None else {"peak": _peak(state.history)})
+    return Result(run.problem.scene, run.body if run.whole is None else run.whole, summary, state.history, run.states, state.convergence)

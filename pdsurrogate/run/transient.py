@@ -29,6 +29,10 @@ Material that snaps back from a crack moves in waves as short as a bond, and thi
 by `bond-energy` close their accounts within 0.1 % with it; without it they gain half of the energy put in (`docs/guide/cracks.md`)."""
 
 
+INTEGRATOR = ("time_step", "last_step", "steps")
+"""Attributes of the integrator that a checkpoint keeps."""
+
+
 class Transient:
     """The dynamics of one stage of a run.
 
@@ -41,19 +45,10 @@ class Transient:
 
     def __init__(self, run: Run, stage: Stage) -> None:
         self.run, self.spec, self.most_outputs = run, stage.inertia, stage.outputs
-        self.motion, self.viscosity = self.spec.motion(run.begin, stage.to), self._viscosity()
-        self.integrator = ExplicitDynamics(
-            run.force,
-            self._hold,
-            run.positions,
-            np.zeros_like(run.positions),
-            run.loading.free,
-            self.spec.density * run.body.volumes,
-            self.spec.damping,
-            self.viscosity,
-            self.spec.safety,
-            run.loads,
-        )
+        self.motion, self.viscosity = self.spec.motion(run.state.begin, stage.to), self._viscosity()
+        masses, moved = self.spec.density * run.body.volumes, (run.positions, np.zeros_like(run.positions), run.loading.free)
+        damped = {"damping": self.spec.damping, "viscosity": self.viscosity, "safety": self.spec.safety}
+        self.integrator = ExplicitDynamics(run.force, self._hold, *moved, masses, **damped, loads=run.loads)
         # A stage with a duration ends, and is recorded, exactly then.  One at a rate goes to the first step past an output.
         self._timed = self.spec.duration is not None
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)
@@ -66,11 +61,9 @@ class Transient:
 
     def _viscosity(self) -> float:
         """Return the retardation time of the stage: the scene's own, or by default the time that a crack needs."""
-        if self.spec.viscosity is not None:
-            return self.spec.viscosity
-        if self.run.damage is None:
-            return 0.0
-        return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.law.shear_modulus)
+        if self.spec.viscosity is not None or self.run.damage is None:
+            return self.spec.viscosity or 0.0
+        return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.problem.law.shear_modulus)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the entries of a checkpoint for the dynamics."""
@@ -92,62 +85,57 @@ class Transient:
         if self._books.every_step and run.velocities is None:
             integrator.centre()
         if motion.duration > MOST_STEPS * integrator.time_step:
-            duration = run.problem.units.amount(motion.duration, "time", ".3g")
-            raise Diverging(
-                f"the dynamics take {duration} in steps of {integrator.time_step:.3g}, more "
-                f"than {MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
-            )
-        run.dynamics.append({"step": run.stage, "viscosity": float(self.viscosity)})
+            duration, key = run.problem.units.amount(motion.duration, "time", ".3g"), self.spec.key
+            many = f"the dynamics take {duration} in steps of {integrator.time_step:.3g}, more than {MOST_STEPS:.0e} of them"
+            raise Diverging(f"{many}; check the units of {key}.density and {key}.{self.spec.pace}")
+        run.state.dynamics.append({"step": run.state.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)
 
     def resume(self, checkpoint: Checkpoint) -> None:
         """Bring the dynamics to where a checkpoint was written."""
         run, integrator, kept = self.run, self.integrator, checkpoint.progress["transient"]
         vars(self.account).update(kept["account"])
-        integrator.time_step, integrator.last_step, integrator.steps = kept["time_step"], kept["last_step"], kept["steps"]
-        integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
-        if self.viscosity > 0:
-            integrator.elastic[:] = checkpoint.arrays["elastic"]
-        integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
-        for array in self.arrays().values():
+        for key in INTEGRATOR:
+            setattr(integrator, key, kept[key])
+        integrator.frequency.fresh = False
+        for key, array in self.arrays().items():
+            array[:] = checkpoint.arrays[key]
             run.body.share.clear(array)  # points of the halo are moved by their owners
         self._limit_step()
         self._apply()
 
-    def go(self) -> None:
+    def go(self) -> bool:
         """Run to the end of the stage, or until the body has come apart."""
-        run, account, integrator, motion = self.run, self.account, self.integrator, self.motion
-        while account.outputs < self.most_outputs:
+        run, account, integrator, through = self.run, self.account, self.integrator, False
+        while account.outputs < self.most_outputs and not through:
             try:
                 self.step()
-                if integrator.steps % STEPS_PER_ROW == 0:
-                    self._check_inside()
+                on_row = integrator.steps % STEPS_PER_ROW == 0
+                if on_row:
+                    run.loading.check_inside(run.state.parameter, run.force, run.positions)
             except InvalidState as error:
                 self.save_last_state()
                 raise type(error)(f"time {account.time:.4g}: {error}") from None
-            if integrator.steps % STEPS_PER_ROW == 0:
+            if on_row:
                 self._row()
-                broken = run.crack["broken_bonds"] if run.crack else 0
-                run.report("dynamics", min(1.0, account.time / motion.duration), run.parameter, broken)
+                broken = run.state.crack["broken_bonds"] if run.state.crack else 0
+                run.report("dynamics", min(1.0, account.time / self.motion.duration), run.state.parameter, broken)
             else:
                 self._books.between_rows()
             due = self._due()
             if due:
-                self._last_row()
-                through = self._through()
-                self.output()
+                through = self.output_at_row()
                 self._books.check()
-                if through:
-                    break
             # A checkpoint has the row and the output of its step, and not the row that an interruption adds.
             asked, late = run.body.share.total((int(run.interruption.asked), int(run.checkpoints.late)))
-            if due or asked or late:
+            if not through and (due or asked or late):
                 self._checkpoint()
-            if asked:
+            if not through and asked:
                 self._last_row()
                 raise Interrupted
-        if self._books.closes and run.dynamics[-1]["remark"] and run.ranks.rank == 0:
-            warnings.warn(run.dynamics[-1]["remark"], stacklevel=4)
+        if self._books.closes and run.state.dynamics[-1]["remark"] and run.ranks.rank == 0:
+            warnings.warn(run.state.dynamics[-1]["remark"], stacklevel=4)
+        return True
 
     def _time_due(self, outputs: int) -> float:
         """Return the time of the output after so many, in a stage with a duration."""
@@ -166,20 +154,14 @@ class Transient:
         run, integrator = self.run, self.integrator
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
-        run.parameter = self.motion.at(self.account.time)
-        recorded = run.states.moments[-1].time - run.elapsed if len(run.states) else -np.inf
+        run.state.parameter = self.motion.at(self.account.time)
+        recorded = run.states.moments[-1].time - run.state.elapsed if len(run.states) else -np.inf
         if self.account.time > recorded + 0.5 * integrator.last_step:
             with suppress(InvalidState, Diverging):
                 self._apply()
-                self._check_inside()
+                run.loading.check_inside(run.state.parameter, run.force, run.positions)
                 integrator.evaluate_at_rest()
-                self._last_row()
-                self._through()
-                self.output()
-
-    def _check_inside(self) -> None:
-        """Raise InvalidState if a point has passed through a plane of reflection."""
-        self.run.loading.check_inside(self.run.parameter, self.run.force, self.run.positions)
+                self.output_at_row()
 
     def step(self) -> None:
         """Advance the body by one step."""
@@ -188,8 +170,8 @@ class Transient:
         integrator.move()
         ended = self._timed and integrator.last_step == left
         account.time = self._time_due(account.outputs) if ended else account.time + integrator.last_step
-        run.steps += 1
-        run.parameter = run.target = self._parameter()
+        run.state.steps += 1
+        run.state.parameter = run.target = self._parameter()
         self._apply()
         if self._cracks is None:
             integrator.evaluate()
@@ -221,11 +203,11 @@ class Transient:
 
     def _apply(self) -> None:
         """Move everything that is held to its present place, and bring the loads to their size."""
-        self.run.loading.apply(self.run.parameter, self.run.force, self.run.positions)
+        self.run.loading.apply(self.run.state.parameter, self.run.force, self.run.positions)
 
     def _hold(self, positions: np.ndarray, ahead: float) -> None:
         """Move everything that is held to its place a time `ahead` from now."""
-        self.run.loading.hold(self.run.parameter + ahead * self.motion.rate, self.run.force, positions)
+        self.run.loading.hold(self.run.state.parameter + ahead * self.motion.rate, self.run.force, positions)
 
     def _last_row(self) -> None:
         """Add a row at the present state, unless there is one."""
@@ -239,7 +221,7 @@ class Transient:
         books.add_work(reactions)
         forces = forces_by_name(run, reactions)
         books.add_damping(evaluate=True)
-        strain, row = run.strain_energy(), place_columns(run, run.elapsed + self.account.time)
+        strain, row = run.strain_energy(), place_columns(run, run.state.elapsed + self.account.time)
         if stress is not None:
             row["nominal_stress"] = stress.of(reactions.forces)
         else:
@@ -247,11 +229,18 @@ class Transient:
         row |= books.columns(kinetic, strain, first) | component_columns("force", forces) | state_columns(run)
         if books.closes:
             row["released_energy"] = self.account.released_energy
-        if run.crack is not None:
-            row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": run.unsupported_points()}
-        run.history.append(row)
-        run.dynamics[-1] |= books.entries()
+        if run.state.crack is not None:
+            row |= {"broken_bonds": run.state.crack["broken_bonds"], "free_points": run.unsupported_points()}
+        run.state.history.append(row)
+        run.state.dynamics[-1] |= books.entries()
         run.report("account", self.integrator.steps, kinetic, strain)
+
+    def output_at_row(self) -> bool:
+        """Record the present state, with a row; return whether the body has come apart between its supports."""
+        self._last_row()
+        through = self._cracks is not None and self._cracks.through()
+        self.output()
+        return through
 
     def output(self) -> None:
         """Record the present state, as a level where the results' levels include those in dynamics."""
@@ -261,21 +250,11 @@ class Transient:
             self._cracks.output()
         if run.problem.measures.nominal_stress is None:
             run.loaded(run.positions, np.empty_like(run.positions))
-            row = output_row(run, run.elapsed + account.time)
-            run.levels.append(row | {"kinetic_energy": self._books.kinetic_energy()})
+            row = output_row(run, run.state.elapsed + account.time)
+            run.state.levels.append(row | {"kinetic_energy": self._books.kinetic_energy()})
         run.record(account.time)
         account.outputs += 1
 
-    def _through(self) -> bool:
-        """Return whether the body has come apart between its supports."""
-        return self._cracks is not None and self._cracks.through()
-
     def _checkpoint(self) -> None:
-        integrator = self.integrator
-        kept = {
-            "account": asdict(self.account),
-            "time_step": integrator.time_step,
-            "last_step": integrator.last_step,
-            "steps": integrator.steps,
-        }
-        self.run.checkpoints.write({"phase": "dynamics", "transient": kept}, self.arrays())
+        kept = {key: getattr(self.integrator, key) for key in INTEGRATOR} | {"account": asdict(self.account)}
+        self.run.checkpoints.write({"transient": kept}, self.arrays())

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
-from collections.abc import Iterator, Mapping
-from graphlib import CycleError, TopologicalSorter
-from typing import Annotated, Any, Literal, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
 from ..html_tables import html_facts
 from ..materials import LAWS, Law
-from .amplitudes import amplitude_of
-from .loading import Load, DynamicsSettings, Prescribed, Probe, Step
+from .consistency import check_consistency
+from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
 from .problems import SceneError, suggestion
-from .regions import FACES, Region, RegionName, RegionReference, edge_names, references_in, reserved_names
+from .regions import EDGES, FACES, Region, RegionName, RegionReference, reserved_names
 from .shapes import Mesh, Precut, TaggedOutline, shape_of
-from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Prism, Sphere, Tube, cut_of
-from .strict_model import Finite, Positive, StrictModel, Vector, Whole, vectors_in
+from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Sphere, Tube, cut_of
+from .strict_model import Finite, Positive, StrictModel, Vector, Whole
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Result files are named after a scene: no path, and nothing that a terminal or a shell would read."""
@@ -30,90 +28,8 @@ UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
 Level = Annotated[Positive, Field(le=100)]
 """A stretch; rubber breaks below 10."""
 
-EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate(FACES)}
-"""Coordinate held by each edge or face of the bounding box, and the side of the body it lies on."""
-
 HORIZON_RATIOS = {2: 3.15, 3: 1.75}
 """Horizons over the side of a cell where none is asked for, by dimension.  In space short ones are more accurate and cheaper: 26 bonds."""
-
-TIP_DIAMETER = 1.15
-"""Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no energy.
-
-The diameter is the energy release rate at which a crack runs over the uniaxial energy density at the critical stretch.  It was measured in
-the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22 (`pipelines/reproduce_paper.py`), and gives the peak of a strip in pure
-shear within 7 % at horizons of 2.2 to 4.2 spacings."""
-
-
-class TipDiameter(NamedTuple):
-    """An effective diameter of a crack tip, with the force models and horizons for which it was measured.
-
-    Attributes
-    ----------
-    family : str
-        Family of the force models, see `pdsurrogate.forces.ForceModel`.
-    plane : str
-    least, greatest : float
-        Horizons in spacings, from and to.
-    horizons : float
-        The diameter in horizons.
-    """
-
-    family: str
-    plane: str
-    least: float
-    greatest: float
-    horizons: float
-
-    def __str__(self) -> str:
-        ratios = f"{self.least:g}" if self.least == self.greatest else f"{self.least:g} to {self.greatest:g}"
-        return f"{self.family}, {_place(self.plane)}, horizon_ratio {ratios}"
-
-
-def _place(plane: str) -> str:
-    return "in space" if plane == "space" else f"plane {plane}"
-
-
-TIP_DIAMETERS = (
-    TipDiameter("bond force", "stress", 2.2, 4.2, TIP_DIAMETER),
-    TipDiameter("bond energy", "space", 1.75, 1.75, 1.2),
-    TipDiameter("bond energy", "space", 2.2, 2.2, 0.83),
-)
-"""Diameters that were measured.
-
-In space that at 2.2 is from trouser tears at a spacing of 2/3 mm, 0.82 and 0.84; tears at another spacing, and with another critical
-stretch, are predictions.  That at 1.75 is the mean of 1.29 and 1.13, of tears at two spacings (`docs/validation/cracks-in-space.md`).  In a
-sheet by `bond-energy` 1.15 gives 8 to 23 % too little, so it is not among them.  See `pdsurrogate.critical_stretch_of`."""
-
-
-def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) -> float:
-    """Return the effective diameter of a crack tip in horizons.
-
-    Parameters
-    ----------
-    plane : str
-    horizon_ratio : float
-    family : str, optional
-        Family of the force model; without it any family will do.
-
-    Raises
-    ------
-    ValueError
-        If the diameter was not measured; says where it was.
-    """
-    for known in TIP_DIAMETERS:
-        fits = known.plane == plane and known.least - 1e-9 <= horizon_ratio <= known.greatest + 1e-9
-        if fits and family in (None, known.family):
-            return known.horizons
-    here = f"{'' if family is None else f'{family}, '}{_place(plane)}, horizon_ratio {horizon_ratio:g}"
-    raise ValueError(
-        "fracture.energy gives a critical stretch only where the diameter of a crack tip was measured "
-        f"({'; '.join(map(str, TIP_DIAMETERS))}), and not for {here}; give fracture.critical_stretch"
-    )
-
-
-MOST_INCREMENTS = 100_000
-"""Of a step; more take days on the smallest body."""
-
 
 RIGID = "rigid"
 """What an entry of `materials` names in the place of a law, whose region moves as one body."""
@@ -170,15 +86,15 @@ class MaterialSpec(StrictModel):
             raise ValueError(f"unknown law {self.law!r}; {suggestion(self.law, sorted(LAWS))}")
         law = LAWS[self.law]
         known = {field.name for field in dataclasses.fields(law)}
-        given = dict(self.model_extra or {})
-        for key, value in given.items():
+        given: dict[str, float | tuple[float, ...]] = {}
+        for key, value in (self.model_extra or {}).items():
             if key not in known:
                 raise ValueError(f"{self.law} has no parameter {key!r}; {suggestion(key, sorted(known), 'it has')}")
-            numbers = value if isinstance(value, list | tuple) else [value]
-            if any(isinstance(number, bool) or not isinstance(number, int | float) for number in numbers):
+            listed = isinstance(value, list | tuple)
+            if any(isinstance(number, bool) or not isinstance(number, int | float) for number in (value if listed else [value])):
                 raise ValueError(f"{key} must be a number, not {value!r}")
             try:
-                given[key] = tuple(map(float, value)) if isinstance(value, list | tuple) else float(value)
+                given[key] = tuple(map(float, value)) if listed else float(value)
             except OverflowError:
                 raise ValueError(f"{key} is too large a number") from None
         try:
@@ -278,7 +194,7 @@ class Fracture(StrictModel):
 
 
 class Dynamics(DynamicsSettings):
-    """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate; see `DynamicsSettings` for other settings.
+    """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate; other settings are those of its base.
 
     Attributes
     ----------
@@ -399,10 +315,10 @@ class Scene(StrictModel):
     units: Units = Units()
     reference: Literal["uniaxial", "finite-elements"] | None = None
 
-    @field_validator("stretches", mode="before")
+    @field_validator("stretches", "steps", mode="before")
     @classmethod
     def _one_or_many(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, int | float) else value
+        return (value,) if isinstance(value, int | float | dict) else value
 
     @field_validator("weight")
     @classmethod
@@ -410,11 +326,6 @@ class Scene(StrictModel):
         if value not in WEIGHT_FUNCTIONS:
             raise ValueError(f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
         return value
-
-    @field_validator("steps", mode="before")
-    @classmethod
-    def _one_or_many_steps(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, int | float | dict) else value
 
     @field_validator("plane", "horizon_ratio", mode="before")
     @classmethod
@@ -455,6 +366,11 @@ class Scene(StrictModel):
         """Whether the loading is given by grips and stretches."""
         return bool(self.grips)
 
+    @property
+    def loaded_axis(self) -> int:
+        """0 where the body is pulled along x1, 1 along x2, 2 along x3."""
+        return EDGES[self.grips[0].edge][0]
+
     @model_validator(mode="before")
     @classmethod
     def _spacing_of_a_mesh(cls, value: Any) -> Any:
@@ -463,181 +379,9 @@ class Scene(StrictModel):
         return {**value, "spacing": None} if asked else value
 
     @model_validator(mode="after")
-    def _spaced(self) -> Scene:
-        if self.spacing is None and not isinstance(self.body, Mesh):
-            raise ValueError("spacing: a number is needed; only a mesh has a spacing of its own")
+    def _consistent(self) -> Scene:
+        check_consistency(self)
         return self
-
-    @model_validator(mode="after")
-    def _one_dimension(self) -> Scene:
-        """Refuse what belongs to another dimension than the body."""
-        here, there = ("space", "the plane") if self.dimension == 3 else ("the plane", "space")
-        if (self.plane == "space") != (self.dimension == 3):
-            taken = "plane=space, which is also the default" if self.dimension == 3 else "plane=stress or plane=strain"
-            raise ValueError(f"plane: a {self.body.shape} lies in {here} and takes {taken}, not {self.plane}")
-        for key in ("holes", "precuts"):
-            for number, part in enumerate(getattr(self, key)):
-                if part.dimension != self.dimension:
-                    what = f"a {part.shape}" if key == "holes" else "this cut"
-                    raise ValueError(f"{key}.{number}: {what} belongs to {there}, and the body, a {self.body.shape}, to {here}")
-        for number, entry in enumerate(self.prescribed):
-            misfit = entry.misfit(self.dimension)
-            if misfit:
-                raise ValueError(f"prescribed.{number}.{misfit[0]}: {misfit[1]}")
-        for number, hold in enumerate(self.holds):
-            if self.dimension == 2 and "x3" in (hold.components or ()):
-                raise ValueError(f"holds.{number}.components: a body in the plane has x1 and x2, and no x3")
-        for number, grip in enumerate(self.grips):
-            if grip.edge not in edge_names(self.dimension):
-                raise ValueError(f"grips.{number}.edge: a body in the plane has no {grip.edge}; it has {', '.join(edge_names(2))}")
-        for key, region in self._references():
-            misfit = region.misfit(self.dimension) if isinstance(region, Region) else None
-            if misfit:
-                raise ValueError(f"{key}: {misfit}")
-        for key, vector in vectors_in(self):
-            if len(vector) != self.dimension:
-                raise ValueError(f"{key}: needs {self.dimension} components for a body in {here}, not {len(vector)}")
-        return self
-
-    @model_validator(mode="after")
-    def _one_way_of_loading(self) -> Scene:
-        general = [key for key in ("prescribed", "loads", "steps") if getattr(self, key)]
-        short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(self, key)]
-        if general and short:
-            raise ValueError(
-                f"{short[0]} and {general[0]} are two ways of saying the loading: give grips and stretches (with holds and dynamics), or "
-                "prescribed and loads with steps (dynamics within a step)"
-            )
-        if general:
-            if not self.steps:
-                raise ValueError(f"{general[0]} need steps: the values of the loading parameter t to go to, as steps=1")
-            if not (self.prescribed or self.loads):
-                raise ValueError("steps change nothing without prescribed displacements or loads")
-        elif not self.grips:
-            raise ValueError("nothing is loaded: give two grips and stretches, or prescribed displacements or loads, and steps")
-        return self
-
-    @model_validator(mode="after")
-    def _rigid_regions(self) -> Scene:
-        if self.material is not None and self.material.rigid:
-            raise ValueError("material: the rest of a body is of a law; a rigid region is an entry of materials")
-        number = next((number for number, part in enumerate(self.materials) if part.rigid), None)
-        if number is None:
-            return self
-        if self.stretched:
-            raise ValueError(f"materials.{number}: beside a rigid region the loading is said by prescribed, loads and steps, not by grips")
-        moving = next((step for step, entry in enumerate(self.steps) if entry.dynamics is not None), None)
-        if moving is not None:
-            raise ValueError(f"steps.{moving}.dynamics: a rigid region (materials.{number}) is taken in equilibrium only")
-        return self
-
-    @model_validator(mode="after")
-    def _opposite_grips(self) -> Scene:
-        if not self.grips:
-            return self
-        if len(self.grips) != 2:
-            raise ValueError(f"grips needs 2 entries, on opposite edges, not {len(self.grips)}; more are said by prescribed")
-        pairs = [FACES[axis : axis + 2] for axis in range(0, 2 * self.dimension, 2)]
-        if {grip.edge for grip in self.grips} not in map(set, pairs):
-            raise ValueError(f"grips must hold two opposite edges, {' or '.join(' and '.join(pair) for pair in pairs)}")
-        travel = sum(grip.travel for grip in self.grips)
-        if not math.isclose(travel, 1.0):
-            raise ValueError(f"the travel of the two grips must add up to 1, not {travel:g}")
-        return self
-
-    @model_validator(mode="after")
-    def _programme(self) -> Scene:
-        if self.fracture is not None and self.dynamics is None and not any(step.dynamics for step in self.steps):
-            where = "a step with dynamics" if self.steps else "dynamics"
-            raise ValueError(f"fracture needs {where}: a crack that runs is not in equilibrium")
-        begin = 0.0
-        for number, step in enumerate(self.steps):
-            if step.largest_increment is not None and abs(step.to - begin) > MOST_INCREMENTS * step.largest_increment:
-                raise ValueError(
-                    f"steps.{number}.largest_increment: {step.largest_increment:g} makes more than {MOST_INCREMENTS:,} increments "
-                    f"from t = {begin:g} to {step.to:g}"
-                )
-            begin = step.to
-        if self.fracture is not None and self.fracture.energy is not None:
-            tip_diameter(self.plane, self.horizon_ratio)  # of which force, a run tells
-        if not self.stretched:
-            return self
-        if not self.stretches and self.dynamics is None:
-            raise ValueError("the programme is empty: give stretches, or dynamics")
-        if self.dynamics is not None and self.dynamics.stretch <= (self.stretches[-1] if self.stretches else 1.0):
-            raise ValueError("dynamics.stretch must be greater than the last of stretches, where the dynamics start")
-        return self
-
-    @model_validator(mode="after")
-    def _thickness_of_pressures(self) -> Scene:
-        for number, load in enumerate(self.loads):
-            if self.plane != "stress" and load.thickness is not None:
-                why = "a body in space has none" if self.dimension == 3 else "under plane strain the thickness does not change"
-                raise ValueError(f"loads.{number}.thickness: {why}; leave it out")
-        return self
-
-    @model_validator(mode="after")
-    def _amplitudes_at_steps(self) -> Scene:
-        """Refuse amplitudes that have no value at the end of a step; values within a step are computed during the run."""
-        for key in ("prescribed", "loads"):
-            for number, entry in enumerate(getattr(self, key)):
-                amplitude = amplitude_of(entry.amplitude)
-                for step in self.steps:
-                    try:
-                        amplitude(step.to)
-                    except ValueError as error:
-                        raise ValueError(f"{key}.{number}.amplitude: {error}") from None
-        return self
-
-    @model_validator(mode="after")
-    def _names_once(self) -> Scene:
-        names = [probe.name for probe in self.probes]
-        twice = next((name for name in names if names.count(name) > 1), None)
-        if twice is not None:
-            raise ValueError(f"probes: the name {twice!r} is given twice")
-        return self
-
-    @model_validator(mode="after")
-    def _known_regions(self) -> Scene:
-        reserved = reserved_names(self.dimension)
-        for key, reference in self._references():
-            if not isinstance(reference, str):
-                continue
-            if reference == "holes" or reference.startswith("holes."):
-                self._check_hole(key, reference)
-            elif reference not in reserved and reference not in self.regions:
-                raise ValueError(f"{key}: there is no region {reference!r}; {suggestion(reference, [*self.regions, *reserved])}")
-        self._check_circles()
-        return self
-
-    def _check_hole(self, key: str, name: str) -> None:
-        """Refuse holes that are not there; those of a mesh are known when its file is read."""
-        if isinstance(self.body, Mesh):
-            return
-        # The bores of a tube and the holes of an extrusion are numbered after the scene's own.
-        count = len(self.holes) + (len(self.body.straight.bores) if isinstance(self.body, Prism) else 0)
-        if not count:
-            raise ValueError(f"{key}: there is no region {name!r}: the body has no holes")
-        names = [f"holes.{number}" for number in range(count)]
-        if name not in ("holes", *names):
-            raise ValueError(f"{key}: there is no region {name!r}; there are {', '.join([*names, 'holes'])}")
-
-    def _check_circles(self) -> None:
-        """Refuse named regions that are said by themselves."""
-        said_by = {name: [ref for _, ref in references_in("", region) if isinstance(ref, str)] for name, region in self.regions.items()}
-        try:
-            TopologicalSorter(said_by).prepare()
-        except CycleError as error:
-            circle = error.args[1][::-1]
-            raise ValueError(f"regions.{circle[0]}: it is said by itself: {' by '.join(circle)}") from None
-
-    def _references(self) -> Iterator[tuple[str, str | Region]]:
-        """All references to regions, each with its dotted key."""
-        for name, region in self.regions.items():
-            yield from references_in(f"regions.{name}", region)
-        for key in ("prescribed", "loads", "materials"):
-            for number, entry in enumerate(getattr(self, key)):
-                yield from references_in(f"{key}.{number}.region", entry.region)
 
     def __repr__(self) -> str:
         programme, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
@@ -652,8 +396,3 @@ class Scene(StrictModel):
         given = self.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
         facts = {key: value if isinstance(value, str | int | float) else json.dumps(value) for key, value in given.items()}
         return html_facts(f"Scene {facts.pop('name')}", facts)
-
-    @property
-    def loaded_axis(self) -> int:
-        """0 where the body is pulled along x1, 1 along x2, 2 along x3."""
-        return EDGES[self.grips[0].edge][0]

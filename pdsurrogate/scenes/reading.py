@@ -112,22 +112,21 @@ def apply_change(data: dict, key: str, value: Any) -> None:
     *path, last = key.split(".")
     place: dict | list = data
     for depth, step in enumerate(path, 1):
+        name, following = ".".join(path[:depth]), (*path, last)[depth]
         number = _entry(place, step, key, path[: depth - 1])
         inner = place.get(number) if isinstance(place, dict) else place[number]
-        following = (*path, last)[depth]
         if isinstance(inner, str) and step == "material":
             inner = {"law": inner}
         elif isinstance(inner, tuple):
             inner = list(inner)
-        elif inner is None and following.isdecimal():
-            raise SceneError(f"{key}: the scene has no {'.'.join(path[:depth])}")
-        elif inner is None:
+        elif inner is None and not following.isdecimal():
             inner = {}
+        if inner is None:
+            raise SceneError(f"{key}: the scene has no {name}")
+        if not isinstance(inner, dict | list) and following.isdecimal():
+            raise SceneError(f"{key}: {name} is no list but {inner!r}, which has no entries; change it whole: {name}=...")
         if not isinstance(inner, dict | list):
-            if following.isdecimal():
-                name = ".".join(path[:depth])
-                raise SceneError(f"{key}: {name} is no list but {inner!r}, which has no entries; change it whole: {name}=...")
-            raise SceneError(f"{key}: {'.'.join(path[:depth])} is not a table")
+            raise SceneError(f"{key}: {name} is not a table")
         place[number] = inner
         place = inner
     place[_entry(place, last, key, path)] = copy.deepcopy(value)

@@ -14,6 +14,10 @@ FACES = ("left", "right", "bottom", "top", "back", "front")
 """Faces of the bounding box of a body in space; the first four are the edges of one in the plane."""
 
 
+EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate(FACES)}
+"""Coordinate held by each edge or face of the bounding box, and the side of the body it lies on."""
+
+
 def edge_names(dimension: int) -> tuple[str, ...]:
     """Edges of the bounding box of a sheet, or faces of that of a solid."""
     return FACES[: 2 * dimension]

@@ -12,7 +12,7 @@ from .equilibrium import (
     TooSmall,
     Unbalanced,
     Unstable,
-    told_of_zero_energy_modes,
+    note_of_zero_energy_modes,
 )
 from .increments import Increments
 from .minimiser import EnergyMinimiser
@@ -41,5 +41,5 @@ __all__ = [
     "TooSmall",
     "Unbalanced",
     "Unstable",
-    "told_of_zero_energy_modes",
+    "note_of_zero_energy_modes",
 ]

@@ -38,7 +38,7 @@ class Automatic(EquilibriumSolver):
         return self._method(force).preconditioner(force)
 
     def _method(self, force) -> EquilibriumSolver:
-        """The quicker method that suits the force."""
+        """Return the quicker method that suits the force."""
         if self._quick is None:
             self._quick = (EnergyMinimiser if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
             self.gave_up |= not force.nearly_incompressible and self.share.total(len(self.volumes)) > self.MOST_POINTS

@@ -1,4 +1,4 @@
-"""Whether an equilibrium that a solver found is the one that was looked for: stable, and a continuation of the last one."""
+"""Check that an equilibrium is stable and continues the last one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ JUMP = 0.25
 cracks give some hundredths; a sheet that buckles several tenths to ten, and more the shorter the increment."""
 
 LEAST_JUMP = 0.1
-"""The same in spacings: less is what a finer tolerance changes."""
+"""Least distance, in spacings, that counts as a jump: a finer tolerance changes positions by less."""
 
 
 class Branch:
@@ -85,7 +85,7 @@ class Branch:
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:
-        """Context after which the force goes on as if it had not been evaluated in it."""
+        """Restore the state of the force that an evaluation inside the context has changed."""
         arrays = self._force.state_arrays()
         held = {key: array.copy() for key, array in arrays.items()}
         yield

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..body import Body
+from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
 from .loads import AT_REST, Loads
@@ -200,9 +201,9 @@ class Loading:
     def at_rest(self, parameter: float) -> bool:
         """Return whether, at a value of the parameter, everything held is in its place at rest and there are no loads."""
         shares = [np.abs(part.displacement(parameter)[..., list(part.components)]).max(initial=0.0) for part in self.held]
-        motions = [plane.motion(parameter) for plane in self.planes]
-        shares += [max(np.abs(motion[:, -1]).max(), np.abs(motion[:, :-1]).max() * self.body.spacing) for motion in motions]
-        moved = self._share.greatest(float(max(shares, default=0.0))) > AT_REST * self.body.extent
+        motions = np.abs(self.plane_motions(parameter))
+        shares += [motions[..., -1].max(initial=0.0), motions[..., :-1].max(initial=0.0) * self.body.spacing]
+        moved = self._share.greatest(max(shares)) > AT_REST * self.body.extent
         return not moved and (self.loads is None or self.loads.vanish(parameter))
 
     @cached_property
@@ -241,8 +242,8 @@ class Loading:
             return 0.0
 
         def places(parameter: float) -> np.ndarray:
-            motions = [*(part.displacement(parameter) for part in self.held), *(plane.motion(parameter) for plane in self.planes)]
-            return np.concatenate([np.ravel(motion) for motion in motions]) if motions else np.zeros(1)
+            motions = [*(part.displacement(parameter) for part in self.held), self.plane_motions(parameter)]
+            return np.concatenate([np.ravel(motion) for motion in motions])
 
         before, present, after = map(places, (last, now, ahead))
         way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
@@ -301,10 +302,8 @@ class Loading:
             Internal force and loads on every point in that state; summed from all pairs where they are not given.
         """
         bonds, planes, shares = self.crossing
-        crossing, dimension = force.pair_forces(bonds), self.body.dimension
-        on_planes = np.zeros((len(self.planes), dimension))
-        for component in range(dimension) if self.planes else ():
-            on_planes[:, component] = np.bincount(planes, crossing[:, component] * shares[:, component], len(self.planes))
+        crossing, on_planes = force.pair_forces(bonds), np.zeros((len(self.planes), self.body.dimension))
+        np.add.at(on_planes, planes, crossing * shares)
         levers = None
         if any(plane.turn is not None for plane in self.planes):
             levers = self._share.total(self._levers_on_planes(force, crossing))
@@ -363,9 +362,7 @@ class Loading:
         pulls, ends = crossing * shares, self.body.bonds
         middles = (force.positions[ends.first[bonds]] + force.positions[ends.second[bonds]]) / 2
         levers = np.zeros((len(self.planes), self.body.dimension, self.body.dimension))
-        for number in range(len(self.planes)):
-            own = planes == number
-            levers[number] = np.einsum("kr,kc->rc", pulls[own], middles[own])
+        np.add.at(levers, planes, pulls[:, :, None] * middles[:, None])
         return levers
 
     def _on_points(self, force: InternalForce) -> np.ndarray:
@@ -373,22 +370,14 @@ class Loading:
         total = self.internal_forces(force)
         if self.loads is not None:
             self.loads.forces(force.positions[: len(self.body)], force.thickness(), total)
-        if getattr(force, "rigid", None):
-            force.carry(force.positions[: len(self.body)], total)
+        for region in getattr(force, "rigid", ()):
+            region.carry(force.positions, total)
         return total
 
     def internal_forces(self, force: InternalForce) -> np.ndarray:
         """Return the internal force on every point in the state last evaluated, shape (n, d)."""
-        n, bonds, pair_forces = len(self.body), self.body.bonds, force.pair_forces()
-        within = bonds.second < n
-        total = np.stack(
-            [
-                np.bincount(bonds.first, pair_forces[:, component], n)
-                - np.bincount(bonds.second[within], pair_forces[within, component], n)
-                for component in range(self.body.dimension)
-            ],
-            axis=1,
-        )
+        bonds = self.body.bonds
+        total = sums_at_points(len(self.body), bonds.first, bonds.second, force.pair_forces(), -1)
         beside = force.forces_beside_pairs()
         return total if beside is None else total + beside
 
@@ -417,15 +406,18 @@ class Loading:
 
     def ends(self) -> list[np.ndarray]:
         """Return the points of this share that each holder holds directly."""
+        return self._by_holder(self.beside_planes, [part.points for part in self.held])
+
+    def _by_holder(self, at_planes: list[np.ndarray], at_points: list[np.ndarray]) -> list[np.ndarray]:
+        """Return the points that each holder holds, from those of every plane and of every entry of `held`."""
         found: list[list[np.ndarray]] = [[] for _ in self.names]
-        ghosts = self.body.ghosts
-        for number, plane in enumerate(self.planes):
+        for points, plane in zip(at_planes, self.planes, strict=True):
             for holder in {plane.holders[component] for component in plane.components}:
-                found[holder].append(ghosts.source[ghosts.plane == number])
-        for part in self.held:
+                found[holder].append(points)
+        for points, part in zip(at_points, self.held, strict=True):
             if part.holder is not None:
-                found[part.holder].append(part.points)
-        return [np.concatenate(parts) for parts in found]
+                found[part.holder].append(points)
+        return [np.unique(np.concatenate(parts)) for parts in found]
 
     def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
         """Return the mean displacement of what each holder holds, shape (holders, d): of its points, or of its plane in the middle.
@@ -453,14 +445,7 @@ class Loading:
     @cached_property
     def _beside(self) -> list[np.ndarray]:
         """Points that each holder holds directly; of a plane, those within a cell of it."""
-        found: list[list[np.ndarray]] = [[] for _ in self.names]
-        for number, (plane, held) in enumerate(zip(self.body.planes, self.planes, strict=True)):
-            sources = self.beside_planes[number]
-            near = sources[np.abs(self.body.points[sources, plane.axis] - plane.position) < self.body.cell[plane.axis]]
-            for holder in {held.holders[component] for component in held.components}:
-                found[holder].append(near)
-        for part in self.held:
-            if part.holder is not None:
-                found[part.holder].append(part.every)
-        points = [np.unique(np.concatenate(parts)) for parts in found]
-        return [own[self._share.own[own]] for own in points]
+        near = []
+        for plane, sources in zip(self.body.planes, self.beside_planes, strict=True):
+            near.append(sources[np.abs(self.body.points[sources, plane.axis] - plane.position) < self.body.cell[plane.axis]])
+        return [points[self._share.own[points]] for points in self._by_holder(near, [part.every for part in self.held])]

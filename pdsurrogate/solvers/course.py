@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..body.body import sums_at_points
 from ..forces import InternalForce
 from .conditions import HeldPoints, Loading, Reactions, displaced
 from .equilibrium import TooFar
@@ -210,13 +211,11 @@ class Paths:
         """
         n, bonds, positions = len(self.body), self.body.bonds, force.positions
         arms, pulls = positions[bonds.second] - positions[bonds.first], force.pair_forces()
-        within = bonds.second < n
         stress = np.empty((n, self.body.dimension, self.body.dimension))
         for i in range(self.body.dimension):
             for j in range(self.body.dimension):
                 product = (pulls[:, i] * arms[:, j] + pulls[:, j] * arms[:, i]) / 4
-                summed = np.bincount(bonds.first, product, n) + np.bincount(bonds.second[within], product[within], n)
-                stress[:, i, j] = summed / self.body.volumes
+                stress[:, i, j] = sums_at_points(n, bonds.first, bonds.second, product, 1) / self.body.volumes
         least, *_, greatest = np.linalg.eigvalsh(stress).T
         least, greatest = -self._share.greatest(-least), self._share.greatest(greatest)
         return bool(least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus))

@@ -52,7 +52,7 @@ class Power(NamedTuple):
     after: float = 0.0
 
     def plus(self, other: Power, share: float = 1.0) -> Power:
-        """With a share of another."""
+        """Return this power plus a share of another."""
         return Power(*(own + share * added for own, added in zip(self, other, strict=True)))
 
 
@@ -105,10 +105,11 @@ class ExplicitDynamics:
         self,
         force: InternalForce,
         hold: Callable[[np.ndarray, float], None],
-        positions,
-        velocities,
-        free,
-        mass,
+        positions: np.ndarray,
+        velocities: np.ndarray,
+        free: np.ndarray,
+        mass: np.ndarray,
+        *,
         damping: float,
         viscosity: float,
         safety: float,
@@ -160,11 +161,11 @@ class ExplicitDynamics:
 
     @property
     def followed(self) -> float:
-        """Share of the way to what is ahead by the viscosity that what is at the positions comes in a step, by implicit differences."""
+        """Share of the way to the forces ahead that the elastic forces go in a step, by implicit differences."""
         return self.last_step / (self.last_step + self._viscosity)
 
     def evaluate_at_rest(self) -> None:
-        """Forces at the positions, without what viscosity adds."""
+        """Evaluate the forces at the positions, without those that viscosity adds."""
         self.force(self.positions, self.forces)
         self._add_loads()
 
@@ -185,7 +186,7 @@ class ExplicitDynamics:
         self.velocities += self._half_step_of(-self.forces)
 
     def part_of(self, span: float) -> float:
-        """The longest step, no longer than the stable one, of which a whole number makes a span of time."""
+        """Return the longest stable step of which a whole number makes a span of time."""
         return span / max(1, math.ceil(span / self.time_step))
 
     def move(self) -> None:
@@ -198,13 +199,13 @@ class ExplicitDynamics:
         self._kicks = None
 
     def next_step(self) -> float:
-        """That is stable, moves no point too far, and is no longer than it may be."""
+        """Return the next step: stable, no longer than `longest`, and so short that no point moves too far."""
         fastest = self._share.greatest(max(self.velocities.max(), -self.velocities.min()))
         step = min(self.time_step, self.longest)
         return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
 
     def kick(self, forces: np.ndarray) -> None:
-        """Half a step's impulse of forces that end at the present positions.
+        """Add half a step's impulse of forces that end at the present positions.
 
         Velocities stand half a step back.  Bonds that break act up to now, but the forces of the next full step will be without them;
         left out, their last half step would hand the body energy that nothing supplied.
@@ -217,22 +218,22 @@ class ExplicitDynamics:
         return 0.5 * self.last_step * forces / self._mass[:, None] * self._free
 
     def evaluate(self) -> None:
-        """Forces at the positions, and now and then the time step."""
+        """Evaluate the forces at the positions, and from time to time the time step."""
         if self.steps % self.STEPS_BETWEEN_ESTIMATES == 0:
             self._estimate()
         self._evaluate()
 
     def kinetic_energy(self) -> float:
-        """Of the last half step."""
+        """Return the kinetic energy of the last half step."""
         return 0.5 * self._share.dot(self.velocities, self.velocities, self._mass)
 
     def velocities_around(self) -> VelocitiesAround:
-        """Velocities at the positions, and of the half steps before and after."""
+        """Return the velocities at the positions, and of the half steps before and after."""
         before = self.velocities if self._kicks is None else self.velocities - self._kicks
         return VelocitiesAround(before, self.mean_velocities(), self._following_velocities(self.next_step()))
 
     def kept_energy(self, velocities: VelocitiesAround) -> tuple[float, float]:
-        """Kinetic energy at the positions as the scheme comes to them and as it leaves them; with the strain energy there it is kept.
+        """Return the kinetic energies at the positions before and after them; each keeps its sum with the strain energy over steps.
 
         The former is the energy of the half step before with the work up to now of the forces that end here; the latter that of the half
         step after without the work from now on of the forces that begin here.  Under linear forces the change from the latter to the former
@@ -251,15 +252,15 @@ class ExplicitDynamics:
         return following
 
     def mean_velocities(self) -> np.ndarray:
-        """Velocities at the positions, the mean of those half a step before and after, shape (n, 2)."""
+        """Return the velocities at the positions, the mean of those half a step before and after, shape (n, d)."""
         return 0.5 * (self.velocities + self._following_velocities(self.last_step))
 
     def elastic_with_loads(self) -> np.ndarray:
-        """Forces on every point at the positions, without what viscosity adds, shape (n, d)."""
+        """Return the forces on every point at the positions, without those that viscosity adds, shape (n, d)."""
         return self.elastic if self._loads is None else self.elastic + self._applied
 
     def damped_power(self) -> Power:
-        """Power that damping and viscosity take, the latter by the elastic forces as they are known."""
+        """Return the power that damping and viscosity take, the latter by the elastic forces as they are known."""
         velocities = self.velocities_around()
         taking = self._damping * self._mass[:, None] * velocities.now
         power = self._damping * self._share.dot(velocities.now, velocities.now, self._mass)

@@ -1,4 +1,4 @@
-"""What every solver for equilibrium takes, gives and raises."""
+"""Protocol of solvers for equilibrium, their results and errors."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ UNBALANCED = 5e-4
 greater of them.  It bounds the error of every balance of forces, and of moments over the greatest lever."""
 
 PER_TOLERANCE = 500
-"""The same over the tolerance, where that asks for less than `UNBALANCED`."""
+"""Forces left over the drive of the body, over the tolerance, where that is stricter than `UNBALANCED`."""
 
 SINGLE = 1e-7
 """Residual that forces in single precision can be brought to: their rounding leaves some 1e-8 of it at rest."""
@@ -35,7 +35,7 @@ ROUNDED = 100
 as the forces left fall by a third within `IDLE` evaluations."""
 
 IDLE = 5
-"""See `ROUNDED`."""
+"""Evaluations within which the forces left must fall by a third once rounding may have left them, see `ROUNDED`."""
 
 
 RIGID = 1000
@@ -43,7 +43,7 @@ RIGID = 1000
 
 
 def no_report(evaluations: int, residual: float) -> None:
-    """Report to nobody."""
+    """Do nothing with a report."""
 
 
 class NotConverged(RuntimeError):
@@ -74,8 +74,8 @@ class RanAway(RuntimeError):
     """A body that loads carry far away within one increment, as they do beyond the greatest load that it bears."""
 
 
-def told_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
-    """What a message about a failure adds where the force has modes without energy; nothing where it has none."""
+def note_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
+    """Return the words about modes without energy for a message about a failure; none if the force has no such modes."""
     if not force.zero_energy_modes:
         return ""
     others = "force=bond-energy" if force.body.dimension == 3 else "force=analytic or force=bond-energy"
@@ -83,25 +83,25 @@ def told_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
 
 
 def strain_rounding(body: Body) -> float:
-    """Strain of a bond as long as the spacing that rounding of the positions of its ends makes."""
+    """Return the strain that rounding of the positions makes in a bond as long as the spacing."""
     farthest = body.share.greatest(np.abs(body.points))
     return float(np.finfo(float).eps) * farthest / body.spacing
 
 
 def is_rigid(force: InternalForce) -> bool:
-    """Whether the body has been moved as a whole, up to rounding, in the state last evaluated."""
+    """Return whether the body has been moved as a whole, up to rounding, in the state last evaluated."""
     return strain_of(force) <= RIGID * strain_rounding(force.body)
 
 
 def strain_of(force: InternalForce) -> float:
-    """Greatest change of length of a bond over its length at rest, in the state last evaluated."""
+    """Return the greatest change of length of a bond over its length at rest, in the state last evaluated."""
     n = len(force.body)
     return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """What a solver reached.
+    """Result of a solver.
 
     Attributes
     ----------
@@ -141,9 +141,9 @@ class EquilibriumSolver(ABC):
 
     name: str
     needs_energy = False
-    """Whether it works only with forces that have an energy."""
+    """True for methods that need a force with an energy."""
     gave_up = False
-    """Whether a quicker method has been found to fail on this body: all that a solver remembers from one call to the next."""
+    """True once a quicker method has failed on this body: all that a solver remembers from one call to the next."""
 
     def __init__(
         self,
@@ -190,7 +190,7 @@ class EquilibriumSolver(ABC):
         """
 
     def preconditioner(self, force: InternalForce) -> Preconditioner:
-        """What approximates the tangent of the force, made when it is first asked for."""
+        """Return the approximation of the tangent of the force, made on first use."""
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free)
             supports = getattr(force, "supports", None)
@@ -199,7 +199,7 @@ class EquilibriumSolver(ABC):
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
-        """Largest force density in units of shear modulus / spacing, see `InternalForce.force_scale`."""
+        """Return the largest force density in units of shear modulus / spacing, see `InternalForce.force_scale`."""
         unit, volumes = force.force_scale, self.volumes
         if isinstance(unit, np.ndarray):  # several materials: every point by its own
             unit, volumes = 1.0, volumes * unit
@@ -220,7 +220,7 @@ class EquilibriumSolver(ABC):
         self._rounding = ROUNDED * stiffness * strain_rounding(force.body)
 
     def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
-        """Residual in the state last evaluated, and whether the search ends there; forces as `evaluate` gives them.
+        """Return the residual in the state last evaluated, and whether the search ends there; forces as `evaluate` writes them.
 
         Raises
         ------
@@ -249,7 +249,7 @@ class EquilibriumSolver(ABC):
 
     @property
     def at_rounding(self) -> bool:
-        """Whether the search has come to where rounding may have left it."""
+        """True once the forces left may be due to rounding."""
         return self._least_left < np.inf
 
     @property
@@ -258,7 +258,7 @@ class EquilibriumSolver(ABC):
         return min(UNBALANCED, PER_TOLERANCE * self.tolerance)
 
     def _holding(self, force: InternalForce) -> float:
-        """Sum of the sizes of all forces on held components and across planes of reflection."""
+        """Return the sum of the sizes of all forces on held components and across planes of reflection."""
         crossing = self._crossing(force.body)
         across = np.abs(force.pair_forces(crossing)).sum() if len(crossing) else 0.0
         return self.share.total(float(np.abs(self._on_held).sum() + across))
@@ -269,16 +269,16 @@ class EquilibriumSolver(ABC):
         return np.flatnonzero(self.free.ravel() == 0)
 
     def _crossing(self, body: Body) -> np.ndarray:
-        """Numbers of the bonds across planes of reflection that are counted here."""
+        """Return the numbers of the bonds across planes of reflection that are counted here."""
         outer = np.flatnonzero(body.bonds.second >= len(body))
         return outer[body.share.own[body.bonds.first[outer]]]
 
     def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:
-        """The error for a residual, or a sum of forces, that is still too large."""
+        """Return the error for a residual, or a sum of forces, that is still too large."""
         reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
         if residual <= tolerance:
             reached = (
                 f"after {evaluations} force evaluations the forces left on free points are in sum more than {self.share_left:.1g} of those "
                 "that drive the body"
             )
-        return NotConverged(reached + told_of_zero_energy_modes(force, "which then never come to rest"))
+        return NotConverged(reached + note_of_zero_energy_modes(force, "which then never come to rest"))

@@ -1,4 +1,4 @@
-"""Into the body what its held parts do: the affine map that follows them best, and a network of springs for the rest."""
+"""Affine map that follows the held parts of a body best, and strains of bonds between two states."""
 
 from __future__ import annotations
 
@@ -8,24 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..body import Body
+from ..kernels.steps import greatest_strain
 
 LEAST_SPREAD = 0.5
-"""Spread of the places that tell a gradient along some direction, over that of the body: what a thin edge says across itself is noise."""
+"""Least spread of places along a direction in which they determine a gradient, over that of the body: across a thin edge it is noise."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Where held components are, and where they go.
+    """Held components of places before and after an increment.
 
     Attributes
     ----------
     places : ndarray, shape (k, d)
     components : ndarray of int, shape (k,)
-        Which component of a place is held.
+        Component of each place that is held.
     goals : ndarray, shape (k,)
-        Its value after.
+        Value of the component after the increment.
     points : ndarray of int, shape (k,), optional
-        The point of the body that each is of, or beside.
+        Point of the body that each place belongs to, or lies next to.
     """
 
     places: np.ndarray
@@ -35,16 +36,16 @@ class Samples:
 
 
 def affine_extension(samples: Samples, spread_along: Callable[[np.ndarray], float]) -> tuple[np.ndarray, np.ndarray]:
-    """The affine map that is nearest to what samples do: a gradient A and a shift b, of which positions y of the body go to A y + b.
+    """Return the affine map y -> A y + b that is nearest to the samples: the gradient A and the shift b.
 
-    Where samples do not tell the gradient along a direction it is taken to be that of the identity; where all of them lie on one line, in
-    space on one plane, as those of a single clamped edge or face do, the direction across it turns with them.
+    Along directions in which the samples do not determine the gradient it is that of the identity. Where all of them lie on one line, in
+    space on one plane, as on a single clamped edge or face, the direction across it turns with them.
 
     Parameters
     ----------
     samples : Samples
     spread_along : callable
-        Standard deviation of the positions of the body along a direction (d,), which says what the samples tell.
+        Standard deviation of the positions of the body along a direction (d,).
 
     Returns
     -------
@@ -84,12 +85,12 @@ def affine_extension(samples: Samples, spread_along: Callable[[np.ndarray], floa
 
 
 def _normal(directions: np.ndarray) -> np.ndarray:
-    """Normal to a direction in the plane, shape (1, 2), or to two in space, shape (2, 3), on the side that a turn of them keeps."""
+    """Return the normal to a direction in the plane (1, 2), or to two in space (2, 3), which turns with them."""
     return np.array([-directions[0, 1], directions[0, 0]]) if directions.shape[1] == 2 else np.cross(*directions)
 
 
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
-    """Greatest change of length of a bond within the body between two states, over its length at rest; turning is no strain."""
+    """Return the greatest change of length of a bond within the body between two states, over its length at rest."""
     bonds, n = body.bonds, len(body)
     within = bonds.second < n
     first, second = bonds.first[within], bonds.second[within]
@@ -98,3 +99,9 @@ def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> f
         return np.linalg.norm(positions[second] - positions[first], axis=1)
 
     return float((np.abs(lengths(after) - lengths(before)) / lengths(body.points)).max())
+
+
+def strain_of_step(body: Body, step: np.ndarray) -> float:
+    """Return the greatest strain of a bond that displacements (n, d) make, whose halo is filled first."""
+    body.share.fill(step)
+    return body.share.greatest(greatest_strain[step.shape[1]](step, body.points, body.bonds.first, body.bonds.second))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 LEAST_SHARE = 1 / 64
-"""Of a planned increment: a solution that shorter ones do not find is taken not to be there."""
+"""Least share of a planned increment: a solution that shorter ones do not find is taken not to exist."""
 
 
 class Increments:
@@ -36,29 +36,29 @@ class Increments:
         self._done, self.share = done, share
 
     def describe(self) -> dict[str, float]:
-        """What the way is made of again, besides its end."""
+        """Return the arguments from which the way is made again, without its end."""
         return {"start": self._start, "largest": self._largest, "done": self._done, "share": self.share}
 
     @property
     def finished(self) -> bool:
-        """Whether the end has been reached."""
+        """True if the end has been reached."""
         return self._done == self._count
 
     @property
     def ends(self) -> bool:
-        """Whether the present increment leads to the end."""
+        """True if the present increment leads to the end."""
         return self._done + self.share == self._count
 
     @property
     def target(self) -> float:
-        """Where the present increment leads."""
+        """Value to which the present increment leads."""
         number, part = divmod(self._done + self.share, 1.0)
         first = self._planned[int(number)]
         return float(first + part * (self._planned[int(number) + 1] - first) if part else first)
 
     @property
     def size(self) -> float:
-        """Of the present increment."""
+        """Size of the present increment."""
         return float(abs(self._planned[-1] - self._planned[0]) * self.share / self._count)
 
     def accept(self, easy: bool = True) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
 from ..ranks import Share
 from .supports import Supports
+
+if TYPE_CHECKING:
+    from .rigid import RigidRegion
 
 AT_REST = 1e-14
 """Displacement over the extent of the body, or amplitude of a load, that counts as none: rounding leaves as much of a sine."""
@@ -131,13 +135,10 @@ class _Facets:
             if not (there > 0).all():
                 raise InvalidState("the thickness of the sheet that a pressure acts on, continued to the boundary, is not positive there")
             pull = pull * there
-        forces = np.empty_like(sides[0])
         if len(sides) == 1:
-            np.multiply(pull, sides[0][:, 1], out=forces[:, 0])
-            np.multiply(pull, sides[0][:, 0], out=forces[:, 1])
-            np.negative(forces[:, 0], out=forces[:, 0])
+            forces = np.stack([-(pull * sides[0][:, 1]), pull * sides[0][:, 0]], axis=1)
         else:
-            np.multiply(-0.5 * pull[:, None], np.cross(*sides), out=forces)
+            forces = -0.5 * pull[:, None] * np.cross(*sides)
         if not np.isfinite(forces).all():
             raise InvalidState("the force of a pressure on the boundary is not finite")
         return forces
@@ -354,15 +355,18 @@ class Loads:
 
 
 class LoadedForce:
-    """An internal force with loads and supports at places: what solvers are given instead of the internal force where there are any.
+    """An internal force with loads, supports at places and rigid regions: the force of solvers where a body has any of them.
 
-    All else that solvers use is the internal force's own.
+    All else that solvers use is the internal force's own. Positions that it is called with are brought, in place, to the nearest ones in
+    which regions are rigid. Forces on the points of a region are those of the same resultant that move it as one body, so that any solver
+    that divides them by volumes, or by `RigidStiffness`, takes steps in the motions of the region.
 
     Parameters
     ----------
     internal : InternalForce
     loads : Loads or None
     supports : Supports, optional
+    rigid : sequence of RigidRegion
 
     Attributes
     ----------
@@ -370,14 +374,15 @@ class LoadedForce:
         Whether the sum of forces and loads is minus the derivative of an energy.
     no_energy_because : str or None
         Why the loads have no potential; None if they have one.
-    internal, loads, supports
+    internal, loads, supports, rigid
     """
 
-    def __init__(self, internal: InternalForce, loads: Loads | None, supports: Supports | None = None) -> None:
-        self.internal, self.loads, self.supports = internal, loads, supports
+    def __init__(
+        self, internal: InternalForce, loads: Loads | None, supports: Supports | None = None, rigid: Sequence[RigidRegion] = ()
+    ) -> None:
+        self.internal, self.loads, self.supports, self.rigid = internal, loads, supports, rigid
         self.no_energy_because = None if loads is None else loads.no_potential_because
         self.has_energy = internal.has_energy and self.no_energy_because is None
-        self._thickness, self._product = np.ones(len(internal.body)), np.empty(len(internal.body))
 
     def __getattr__(self, name: str):
         if name == "internal":  # while an object is being copied
@@ -390,10 +395,12 @@ class LoadedForce:
         Raises
         ------
         InvalidState
-            Where the state has no force.
+            Where the state has no force, or a region cannot follow what is prescribed.
         OutsideDomain
             See `InternalForce`.
         """
+        for region in self.rigid:
+            region.snap(positions)
         if self.supports is not None:
             self.supports.place(positions)
         self.internal(positions, out)
@@ -401,9 +408,11 @@ class LoadedForce:
             self.loads.forces(positions, self.thickness(), out)
         if self.supports is not None:
             self.supports.fold(out)
+        for region in self.rigid:
+            region.carry(positions, out)
 
     def applied(self) -> np.ndarray | None:
-        """See `InternalForce`."""
+        """Return the forces of the loads on the points in the state last evaluated, shape (n, d); None without loads."""
         if self.loads is None:
             return self.internal.applied()
         found = np.zeros_like(self.body.points)
@@ -420,12 +429,8 @@ class LoadedForce:
         """
         if self.loads is None or not self.loads.needs_thickness:
             return None
-        J3, F = self.internal.volume_ratios(), self.internal.deformation_gradients()
-        thickness, product = self._thickness, self._product
-        np.multiply(F[:, 0, 0], F[:, 1, 1], out=thickness)
-        np.multiply(F[:, 0, 1], F[:, 1, 0], out=product)
-        thickness -= product
-        return np.divide(J3, thickness, out=thickness)
+        F = self.internal.deformation_gradients()
+        return self.internal.volume_ratios() / (F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0])
 
     def energy(self) -> float:
         """Return stored energy and potential of the loads, per unit thickness, in the state last evaluated."""

@@ -6,8 +6,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..forces import InvalidState
-from .equilibrium import Diverging
 from .quasi_newton import QuasiNewton
 
 
@@ -22,6 +20,7 @@ class EnergyMinimiser(QuasiNewton):
     """
 
     name = "minimiser"
+    NO_STEP = "no step along the direction of descent brings the energy down"
     needs_energy = True
 
     # Each step lowers the energy: there is no need to give up early.
@@ -30,7 +29,7 @@ class EnergyMinimiser(QuasiNewton):
     # Rounding of the energy by precision of the pass, in units of shear modulus times volume.
     ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
 
-    def _advance(self, force, positions, step, forces, trial):
+    def _criterion(self, force, step, forces):
         slope, before = -self.share.dot(forces, step), self._energy(force)
         if slope >= 0:
             # Rounding has spoilt the curvature that was gathered: the preconditioned force itself is downhill.
@@ -38,26 +37,15 @@ class EnergyMinimiser(QuasiNewton):
             self._bound(force, step)
             slope = -self.share.dot(forces, step)
         noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.share.sum(self.volumes)
-        following, share = np.empty_like(forces), 1.0
-        while share >= self.LEAST_STEP:
-            np.multiply(step, share, out=trial)
-            trial += positions
-            shorter = 0.5
-            try:
-                self.evaluate(force, trial, following)
-                change, slope_there = self._energy(force) - before, -self.share.dot(following, step)
-                falls = change <= self.SUFFICIENT * share * slope and -share * slope > noise
-                if falls or (change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope):
-                    step *= share
-                    positions[:] = trial
-                    return following
-                if slope_there > slope:
-                    # Where the slope vanishes if it changes evenly.
-                    shorter = float(np.clip(slope / (slope - slope_there), 0.1, 0.5))
-            except InvalidState:
-                pass
-            share *= shorter
-        raise Diverging("no step along the direction of descent brings the energy down")
+
+        def accepts(following: np.ndarray, share: float) -> tuple[bool, float]:
+            change, slope_there = self._energy(force) - before, -self.share.dot(following, step)
+            falls = change <= self.SUFFICIENT * share * slope and -share * slope > noise
+            accepted = falls or (change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope)
+            # The slope vanishes at this share of the step if it changes evenly.
+            return accepted, float(np.clip(slope / (slope - slope_there), 0.1, 0.5)) if slope_there > slope else 0.5
+
+        return accepts
 
     def _energy(self, force) -> float:
         return self.share.total(force.energy())

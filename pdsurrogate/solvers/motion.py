@@ -1,4 +1,4 @@
-"""How a loading parameter goes on in time, while a body has inertia."""
+"""Loading parameter as a function of time, for bodies with inertia."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ class Motion:
     Attributes
     ----------
     begin, end : float
-        Of the parameter.
+        Values of the parameter.
     rate : float
-        Its change per unit time.
+        Change of the parameter per unit time.
     duration : float
-        Of the phase.
+        Duration of the phase.
     """
 
     begin: float
@@ -26,15 +26,15 @@ class Motion:
 
     @classmethod
     def lasting(cls, begin: float, end: float, duration: float) -> Motion:
-        """Evenly from one value to another in a given time; the values may be the same."""
+        """Return the even motion from one value to another in a given time; the values may be equal."""
         return cls(begin, end, (end - begin) / duration, duration)
 
     @classmethod
     def at_rate(cls, begin: float, end: float, rate: float) -> Motion:
-        """From one value to a greater one at a given rate."""
+        """Return the motion from one value to a greater one at a given rate."""
         return cls(begin, end, rate, (end - begin) / rate)
 
     def at(self, time: float) -> float:
-        """The parameter at a time; from the end of the phase on it stays."""
+        """Return the parameter at a time; from the end of the phase on it stays constant."""
         value = self.begin + self.rate * time
         return min(value, self.end) if self.rate > 0 else max(value, self.end)

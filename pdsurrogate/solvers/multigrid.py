@@ -74,7 +74,7 @@ class Multigrid:
         self._factor = factor_of(matrix)
 
     def cycle(self, right: np.ndarray) -> np.ndarray:
-        """Nearly the solution for a right hand side, shape (n,), or as many as there are columns in (n, width)."""
+        """Return the approximate solution for a right hand side (n,), or for several in the columns of (n, width)."""
         if len(self._levels) == 1:
             return self._factor.solve(right) / self._unit
         finest, unit = self._levels[0], power_of_two(np.abs(right).max())
@@ -101,7 +101,7 @@ class Multigrid:
 
 
 class _Level:
-    """What a level works with.
+    """Arrays and passes of one level.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class _Level:
 
 
 def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
-    """Numbers of the boxes that points lie in, shape (n,): along each axis as many of the same width as come nearest to `COARSENING`."""
+    """Return the numbers of the boxes that points lie in, shape (n,), of equal widths along each axis nearest to `COARSENING`."""
     least = points.min(axis=0) - spacing / 2
     extent = points.max(axis=0) + spacing / 2 - least
     counts = np.maximum(1, np.rint(extent / (COARSENING * spacing))).astype(np.int64)
@@ -147,5 +147,5 @@ def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _rows(matrix: sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pointers, columns and values of the rows, as passes take them."""
+    """Return pointers, columns and values of the rows in the types of the passes."""
     return matrix.indptr.astype(np.uint64), matrix.indices.astype(np.uint32), matrix.data.astype(np.float32)

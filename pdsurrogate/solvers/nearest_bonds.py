@@ -9,6 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from ..body import Body
+from ..body.body import sums_at_points
 from ..ranks import Share
 from .multigrid import Multigrid, factor_of
 
@@ -107,8 +108,7 @@ class NearestBonds:
 
     def on_points(self, forces: np.ndarray) -> np.ndarray:
         """Return the forces on the points, shape (n, d), from those on the first ends (k, d)."""
-        first, second, within, n = self.first, self.second, self.within, len(self.body)
-        return np.stack([np.bincount(first, force, n) - np.bincount(second[within], force[within], n) for force in forces.T], axis=1)
+        return sums_at_points(len(self.body), self.first, self.second, forces, -1)
 
 
 class Springs:

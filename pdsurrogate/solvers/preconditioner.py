@@ -1,4 +1,4 @@
-"""Preconditioners of quasi-Newton methods: the stiffness of the nearest bonds, and what a great bulk modulus adds to it."""
+"""Preconditioners of quasi-Newton methods, chosen by the force, and extensions of held displacements into the body."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EXPONENT_ERROR = 0.5
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner that suits the tangent of a force in which components (n, d) are free."""
     body, moduli = force.body, force.stiffness_moduli
-    if getattr(force, "rigid", None):
+    if getattr(force, "rigid", ()):
         return RigidStiffness(force, free)
     if force.nearly_incompressible:
         return IncompressibleStiffness(force, _inverse_of_laplacian(body, moduli, free))
@@ -98,7 +98,7 @@ class IncompressibleStiffness(Preconditioner):
     """An approximation of the tangent of a nearly incompressible body, A + D^T C D, that is solved for displacements (theory (58), (59)).
 
     A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C their stiffness against
-    it.  D is not approximated: what is over of a change of volume costs K.  With pressures p for the unknowns the system has the size
+    it.  D is not approximated: a remainder of a change of volume costs K.  With pressures p for the unknowns the system has the size
     of the bulk compliance and not of K, (C^-1 + D A^-1 D^T) p = D A^-1 f, and a few steps of conjugate gradients solve it.
 
     Parameters
@@ -106,7 +106,7 @@ class IncompressibleStiffness(Preconditioner):
     force : InternalForce
         Nearly incompressible.
     laplacian : Preconditioner
-        What solves with A, or nearly: a fixed operator, symmetric and positive definite.
+        Exact or approximate inverse of A: a fixed operator, symmetric and positive definite.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class IncompressibleStiffness(Preconditioner):
         self._dilatation.take()
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Displacements under forces, shape (n, d)."""
+        """Return the displacements under forces, shape (n, d)."""
         laplacian, dilatation = self._laplacian, self._dilatation
         compliance = 1 / dilatation.stiffness
         displacements = laplacian.solve(forces)
@@ -145,16 +145,16 @@ class IncompressibleStiffness(Preconditioner):
         return displacements
 
     def _precondition(self, left: np.ndarray) -> np.ndarray:
-        """V mu (mu/K + W^4)^-1 nearly: D has the smoothing W, and the bonds' means smooth about as much again."""
+        """Return about V mu (mu/K + W^4)^-1 of a rest: D has the smoothing W, and the bonds' means smooth about as much again."""
         return self._modulus * self._volumes * self._inverse(left)
 
     def _dot(self, first: np.ndarray, second: np.ndarray) -> float:
-        """Inner product of values at the points, shape (n,)."""
+        """Return the inner product of values at the points, shape (n,)."""
         return self._share.dot(first[:, None], second[:, None])
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:
-    """Chebyshev coefficients on [0, 1] of a polynomial near 1/(compliance + s^2), of the least degree that keeps to `EXPONENT_ERROR`."""
+    """Return Chebyshev coefficients on [0, 1] of a polynomial near 1/(compliance + s^2), of the least degree within `EXPONENT_ERROR`."""
     s = (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400)) / 2
     for degree in range(2, 64):
         table = np.polynomial.chebyshev.chebvander(2 * s - 1, degree) * (compliance + s * s)[:, None]

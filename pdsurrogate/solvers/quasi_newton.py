@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
 from ..forces import InvalidState
-from ..kernels.steps import greatest_strain
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
+from .extension import strain_of_step
 
 
 class QuasiNewton(EquilibriumSolver):
@@ -24,6 +25,7 @@ class QuasiNewton(EquilibriumSolver):
     """
 
     name = "quasi-newton"
+    NO_STEP = "no step along the quasi-Newton direction brings the residual down"
 
     MEMORY = 6
     # Change of a bond's stretch in one step: beyond it the tangent has little to do with the next one.
@@ -70,36 +72,39 @@ class QuasiNewton(EquilibriumSolver):
         return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
 
     def _comes_on(self, residuals: list[float]) -> bool:
-        """Whether a search that takes long is worth going on with."""
+        """Return whether a long search makes progress."""
         return min(residuals[-self.WINDOW :]) < 0.1 * min(residuals[-2 * self.WINDOW : -self.WINDOW], default=0.0)
 
     def _bound(self, force, step) -> None:
-        """Shorten a step that strains a bond more than may be."""
-        bonds = force.body.bonds
-        force.body.share.fill(step)
-        strain = self.share.greatest(greatest_strain[step.shape[1]](step, force.body.points, bonds.first, bonds.second))
-        step *= min(1.0, self.LARGEST_STRAIN / max(strain, 1e-300))
+        """Shorten a step that strains a bond more than `LARGEST_STRAIN`."""
+        step *= min(1.0, self.LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
 
     def _advance(self, force, positions, step, forces, trial):
-        """Take the longest part of a step that the residual allows; returns the forces there, and scales `step` to what was taken."""
-        square, share = self.share.dot(forces, forces), 1.0
-        following = np.empty_like(forces)
+        """Take the longest part of a step that is accepted; returns the forces there, and scales `step` to what was taken."""
+        accepts, following, share = self._criterion(force, step, forces), np.empty_like(forces), 1.0
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
             trial += positions
+            shorter = 0.5
             try:
                 self.evaluate(force, trial, following)
-                if self.share.dot(following, following) <= self.MOST_GROWTH**2 * square:
+                accepted, shorter = accepts(following, share)
+                if accepted:
                     step *= share
                     positions[:] = trial
                     return following
             except InvalidState:
                 pass
-            share *= 0.5
-        raise Diverging("no step along the quasi-Newton direction brings the residual down")
+            share *= shorter
+        raise Diverging(self.NO_STEP)
+
+    def _criterion(self, force, step, forces) -> Callable[[np.ndarray, float], tuple[bool, float]]:
+        """Return the rule that accepts forces after a share of a step, or says by which factor to shorten it."""
+        square = self.share.dot(forces, forces)
+        return lambda following, share: (self.share.dot(following, following) <= self.MOST_GROWTH**2 * square, 0.5)
 
     def _direction(self, preconditioner, forces, history):
-        """Two-loop recursion, with the preconditioner between the loops."""
+        """Return the direction of the two-loop recursion, with the preconditioner between the loops."""
         q = forces.copy()
         factors = []
         for step, change, rho in reversed(history):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from ..body import Body
-from ..forces import InternalForce, InvalidState
+from ..forces import InvalidState
 from .conditions import moment_of
 from .loads import LoadedForce
 from .multigrid import factor_of
@@ -19,10 +17,10 @@ MOST_STEPS = 30
 """Newton steps by which a region is brought to where its held components are; from the last state two or three are taken."""
 
 HELD = 1e-6
-"""Of the region's size: how far held components may be from any place that the region can take as one body."""
+"""Distance of held components from any place that the region can take as one body, over its size, that is refused."""
 
 INDEPENDENT = 1e-9
-"""Of the greatest singular value of the held components: below it a motion of the region is free."""
+"""Singular value of the held components, over the greatest, below which a motion of the region is free."""
 
 
 class RigidRegion:
@@ -59,7 +57,7 @@ class RigidRegion:
 
     @property
     def all_held(self) -> bool:
-        """Whether nothing of it is free to move at rest."""
+        """True if no motion of the region is free at rest."""
         return len(self._free_motions(self.motions(self._middle + self._arms)).T) == 0
 
     def snap(self, positions: np.ndarray) -> None:
@@ -91,7 +89,7 @@ class RigidRegion:
         positions[self.points[self._held[0]], self._held[1]] = goals
 
     def motions(self, placed: np.ndarray) -> np.ndarray:
-        """Displacements of the points (k, d) by translations, then by turns about their middle times `size`, shape (k, d, motions)."""
+        """Return displacements of points (k, d) by translations, then by turns about their middle over `size`, shape (k, d, motions)."""
         arms = (placed - self._volumes @ placed / self._volumes.sum()) / self.size
         k, d = arms.shape
         found = np.zeros((k, d, self.n_motions))
@@ -101,7 +99,7 @@ class RigidRegion:
         return found
 
     def _free_motions(self, motions: np.ndarray) -> np.ndarray:
-        """Orthonormal motions that leave held components where they are, as columns."""
+        """Return the orthonormal motions that leave held components in place, as columns."""
         held = motions[self._held]
         if not len(held):
             return np.eye(self.n_motions)
@@ -109,8 +107,8 @@ class RigidRegion:
         sizes = np.concatenate([sizes, np.zeros(self.n_motions - len(sizes))])
         return directions[sizes <= INDEPENDENT * sizes.max()].T
 
-    def told(self, positions: np.ndarray, forces: np.ndarray) -> dict:
-        """Force and moment about the origin that point forces (n, d) exert on the region, and how it has moved, for results.
+    def describe(self, positions: np.ndarray, forces: np.ndarray) -> dict:
+        """Return, for results, force and moment about the origin of forces (n, d) on the region, and its displacement and rotation.
 
         The displacement is that of its middle; the rotation is in degrees, in space along the axis that it turns about.
         """
@@ -134,72 +132,27 @@ class RigidRegion:
         self._by_volume = by_volume
 
     def resultant(self, forces: np.ndarray) -> np.ndarray:
-        """Force, and moment about the middle over `size`, of forces (k, d) on the points."""
+        """Return force, and moment about the middle over `size`, of forces (k, d) on the points."""
         return np.einsum("kdm,kd->m", self._motions, forces)
 
     def expand(self, motion: np.ndarray) -> np.ndarray:
-        """Displacements of the points, shape (k, d), in a motion."""
+        """Return the displacements of the points, shape (k, d), in a motion."""
         return self._motions @ motion
 
-    def carry(self, forces: np.ndarray) -> None:
-        """Replace forces on the points, in place, by those of the same resultant that accelerate all of them as one body does.
+    def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
+        """Replace forces on the region's points at given positions, both (n, d), in place.
 
-        What held components bear of the resultant is on these: the least forces that do.
+        Those with the same resultant that accelerate all points as one body take their place. What held components bear of the resultant
+        is on these: the least forces that do.
         """
-        resultant = self.resultant(forces)
+        self.take(positions[self.points])
+        resultant = self.resultant(forces[self.points])
         motion = self._spread @ resultant
         carried = self._volumes[:, None] * self.expand(motion)
         if len(self._held[0]):
             left = resultant - self._by_volume @ motion
             carried[self._held] += np.linalg.lstsq(self._motions[self._held].T, left, rcond=INDEPENDENT)[0]
-        forces[:] = carried
-
-
-class RigidForce:
-    """A force, with or without loads, on a body of which some regions are rigid: what solvers are given in its place.
-
-    Positions that it is called with are brought to the nearest ones in which the regions are rigid, in place.  Forces on the points of a
-    region are those of the same resultant that move it as one body, so that any solver that divides them by volumes, or by
-    `RigidStiffness`, takes steps in the motions of the region.
-
-    Parameters
-    ----------
-    loaded : InternalForce or LoadedForce
-    rigid : sequence of RigidRegion
-
-    Attributes
-    ----------
-    loaded, rigid
-    """
-
-    def __init__(self, loaded: InternalForce | LoadedForce, rigid: Sequence[RigidRegion]) -> None:
-        self.loaded, self.rigid = loaded, rigid
-
-    def __getattr__(self, name: str):
-        if name == "loaded":  # while an object is being copied
-            raise AttributeError(name)
-        return getattr(self.loaded, name)
-
-    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Force on every point at the nearest positions (n, d) in which regions are rigid; both are written.
-
-        Raises
-        ------
-        InvalidState
-            Where the state has no force, or a region cannot follow what is prescribed.
-        """
-        for region in self.rigid:
-            region.snap(positions)
-        self.loaded(positions, out)
-        self.carry(positions, out)
-
-    def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
-        """Carry forces (n, d) on points at positions (n, d) as the regions do, in place."""
-        for region in self.rigid:
-            region.take(positions[region.points])
-            on_region = forces[region.points]
-            region.carry(on_region)
-            forces[region.points] = on_region
+        forces[self.points] = carried
 
 
 class RigidStiffness(Preconditioner):
@@ -207,12 +160,13 @@ class RigidStiffness(Preconditioner):
 
     Parameters
     ----------
-    force : RigidForce
+    force : LoadedForce
+        With rigid regions.
     free : ndarray, shape (n, d)
         1 where a component may move.
     """
 
-    def __init__(self, force: RigidForce, free: np.ndarray) -> None:
+    def __init__(self, force: LoadedForce, free: np.ndarray) -> None:
         body, self._regions = force.body, force.rigid
         n, d = free.shape
         inside = np.zeros(n, dtype=bool)
@@ -240,7 +194,7 @@ class RigidStiffness(Preconditioner):
         self._factor = factor_of(held_matrix(matrix.tocsc(), self._free))
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Displacements under forces, shape (n, d)."""
+        """Return the displacements under forces, shape (n, d)."""
         size = forces.size
         reduced = np.concatenate([forces.ravel(), *(r.projector @ r.resultant(forces[r.points]) for r in self._regions)])
         found = self._factor.solve(reduced * self._free) * self._free
@@ -251,21 +205,21 @@ class RigidStiffness(Preconditioner):
 
 
 def _nearest_turn(matrix: np.ndarray) -> np.ndarray:
-    """Rotation nearest to a matrix, shape (d, d)."""
+    """Return the rotation nearest to a matrix, shape (d, d)."""
     U, _, V = np.linalg.svd(matrix)
     U[:, -1] *= np.sign(np.linalg.det(U @ V))
     return U @ V
 
 
 def _rotation_of(turn: np.ndarray) -> np.ndarray:
-    """Angle of a rotation in the plane; in space the vector along its axis that is as long."""
+    """Return the angle of a rotation in the plane; in space the vector along its axis of that length."""
     if len(turn) == 2:
         return np.arctan2(turn[1, 0], turn[0, 0])
     return Rotation.from_matrix(turn).as_rotvec()
 
 
 def _turn_by(vector: np.ndarray) -> np.ndarray:
-    """Rotation by an angle in the plane, shape (1,), or by a vector along its axis in space, shape (3,)."""
+    """Return the rotation by an angle in the plane (1,), or by a vector along its axis in space (3,)."""
     if len(vector) == 3:
         return Rotation.from_rotvec(vector).as_matrix()
     cosine, sine = np.cos(vector[0]), np.sin(vector[0])

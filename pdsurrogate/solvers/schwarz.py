@@ -1,4 +1,4 @@
-"""Preconditioners of a body in parts: what inverts the stiffness of every part and what is beside it, and what the parts do as a whole."""
+"""Preconditioners of a body divided among ranks: inverses of overlapping parts, and the affine motions of each part."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
+from ..body.body import sums_at_points
 from . import conjugate_gradients
 from .multigrid import factor_of
 from .nearest_bonds import (
@@ -25,7 +26,7 @@ from .nearest_bonds import (
 from .stability import random_vector
 
 SOLVED, EXACTLY = 0.05, 1e-6
-"""What is left of the forces by inner conjugate gradients, and by those that stand in the place of a factor.
+"""Shares of the forces that inner conjugate gradients leave, and those that stand for a factor.
 
 Restricted Schwarz alone, which exchanges less, was tried for few parts: a ring under pressure then takes 173 evaluations on two
 ranks and 273 on three, where one takes 76 and conjugate gradients 78 on two."""
@@ -33,14 +34,14 @@ ranks and 273 on three, where one takes 76 and conjugate gradients 78 on two."""
 MOST_STEPS = 200
 
 LEFT_BY_CHEBYSHEV = 0.2
-"""What Chebyshev's method may leave of any component of an error.  A cycle of multigrid, which takes the place of a factor in
+"""Share of any component of an error that Chebyshev's method may leave.  A cycle of multigrid, which takes the place of a factor in
 large bodies that are all there, leaves as much."""
 
 LANCZOS_STEPS = 20
 """Steps after which the ends of a spectrum are known well enough for Chebyshev's method."""
 
 MARGIN = 1.1
-"""By which the greatest Ritz value is raised: beyond the end of what it is told Chebyshev's method magnifies."""
+"""Factor of the greatest Ritz value: Chebyshev's method magnifies components beyond the end of its interval."""
 
 
 class TwoLevels:
@@ -79,12 +80,12 @@ class TwoLevels:
         multiply: Callable[[np.ndarray], np.ndarray],
         free: np.ndarray,
     ) -> None:
-        share, n = body.share, len(body)
+        share = body.share
         self._share, self._multiply, self._free, self._body = share, multiply, free, body
         self._around = free.copy()
         share.fill(self._around)
         bonds = NearestBonds(body, shear_moduli)
-        degrees = (np.bincount(bonds.first, minlength=n) + np.bincount(bonds.second[bonds.within], minlength=n)).astype(float)
+        degrees = sums_at_points(len(body), bonds.first, bonds.second, np.ones(len(bonds.first)), 1)
         of_owners = degrees.copy()
         share.fill(of_owners)
         self.inside = self._around * (degrees == of_owners)[:, None]
@@ -92,7 +93,7 @@ class TwoLevels:
         self._coarse: tuple[np.ndarray, np.ndarray] | None = None
 
     def balanced(self, values: np.ndarray) -> np.ndarray:
-        """Values that are zero on the halo, less their mean along the axes along which nothing holds the body; changed in place.
+        """Return values less their mean along the axes in which nothing holds the body, with zeros on the halo; changed in place.
 
         Of a body that drifts only balanced forces have an answer: others have conjugate gradients go on for ever.
         """
@@ -101,12 +102,12 @@ class TwoLevels:
         return values
 
     def applied(self, displacements: np.ndarray) -> np.ndarray:
-        """The stiffness times displacements, whose halo is brought up to date."""
+        """Return the stiffness times displacements, whose halo is filled first."""
         self._share.fill(displacements)
         return self._multiply(displacements) * self._free
 
     def both(self, forces: np.ndarray) -> np.ndarray:
-        """What both levels say of forces that are zero on the halo."""
+        """Return the displacements of both levels under forces that are zero on the halo."""
         around = forces.copy()
         self._share.fill(around)
         found = self.invert(around * self.inside) * self.inside
@@ -118,7 +119,7 @@ class TwoLevels:
         return found * self._free
 
     def _affine(self) -> tuple[np.ndarray, np.ndarray]:
-        """Affine motions of the own points as far as they are free, shape (d n, k), and the inverse stiffness of those of all parts."""
+        """Return the affine motions of own free components, shape (d n, k), and the inverse stiffness of those of all parts."""
         if self._coarse is None:
             points, share, (n, d) = self._body.points, self._share, self._free.shape
             middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
@@ -141,12 +142,12 @@ class TwoLevels:
         return self._coarse
 
     def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
-        """Conjugate gradients, until no more than a share of the forces is left."""
+        """Return the solution of conjugate gradients that leaves a share of the forces."""
         rest = self.balanced(forces * self._free)
         return self.balanced(conjugate_gradients.solution(rest, self.both, self.applied, self._share.dot, left, MOST_STEPS))
 
     def spectrum(self) -> tuple[float, float]:
-        """Least and greatest Ritz value of what both levels make of the stiffness, by conjugate gradients on random forces."""
+        """Return the least and greatest Ritz value of the preconditioned stiffness, by conjugate gradients on random forces."""
         rest = self.balanced(random_vector(self._share, self._free))
         steps = conjugate_gradients.steps(rest, self.both, self.applied, self._share.dot, EXACTLY, LANCZOS_STEPS)
         shares, sizes = np.array([(1 / length, size) for length, _, size in steps]).T

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from ..forces import InternalForce
-from ..kernels.steps import greatest_strain
 from ..ranks import Share
+from .extension import strain_of_step
 from .nearest_bonds import Preconditioner
 
 
@@ -36,7 +36,7 @@ class FrequencyEstimate:
         self.fresh = True
 
     def __call__(self, force: InternalForce, positions: np.ndarray) -> float:
-        """Greatest eigenvalue of M^-1 K at the given positions (square of the highest frequency)."""
+        """Return the greatest eigenvalue of M^-1 K at the given positions, the square of the highest frequency."""
         if not self._share.any(self.vector.any()):
             return 0.0
         probe = 1e-6 * force.body.spacing
@@ -74,7 +74,7 @@ KNOWN = 1 / 3
 """Bound of the error of the least Ritz value, over the value, with which a positive one is taken for the least curvature."""
 
 NEGATIVE = -0.01
-"""Least curvature, over that of the body at rest, that is told from zero."""
+"""Curvature, over that of the body at rest, that counts as negative."""
 
 
 def least_curvature(
@@ -83,7 +83,7 @@ def least_curvature(
     free: np.ndarray,
     stiffness: Preconditioner,
 ) -> float:
-    """An upper bound of the least curvature of the energy over that of the body at rest, which is near the truth where it is negative.
+    """Return an upper bound of the least curvature of the energy over that at rest, which is close where it is negative.
 
     Lanczos' method on P^-1 K, with K v from force differences and P an approximation of it, stopped at the first negative
     value: a Ritz value is the curvature along some displacement, so that a negative one proves that the state is not stable.  It is stopped
@@ -98,7 +98,7 @@ def least_curvature(
         1 where a component may move.
     stiffness : Preconditioner
     """
-    bonds, points, share = force.body.bonds, force.body.points, force.body.share
+    share = force.body.share
     strain, one_sided = PROBES[force.precision], force.precision == "float64"
     ahead, behind = np.empty_like(positions), np.empty_like(positions)
     if one_sided:
@@ -122,8 +122,7 @@ def least_curvature(
         p, q = p / norm, q / norm
         displacements.append(q)
         duals.append(p)
-        share.fill(q)
-        probe = strain / max(share.greatest(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second)), 1e-300)
+        probe = strain / max(strain_of_step(force.body, q), 1e-300)
         force(positions + probe * q, ahead)
         if not one_sided:
             force(positions - probe * q, behind)

@@ -106,11 +106,11 @@ class SupportedPreconditioner(Preconditioner):
         self._inner, self._fields, self._share = inner, supports.fields, supports.share
 
     def update(self) -> None:
-        """See `Preconditioner`."""
+        """Adapt the inner preconditioner to the state in which the force was last evaluated."""
         self._inner.update()
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """See `Preconditioner`."""
+        """Return the displacements under forces, shape (n, d), which move no supported place."""
         balanced = forces.copy()
         for weights, follows in self._fields:
             balanced -= weights * self._share.dot(follows, balanced)

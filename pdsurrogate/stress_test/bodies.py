@@ -15,34 +15,37 @@ HORIZONS = {2: 3.15, 3: 1.75}
 """Horizons in spacings, by dimension: the paper's in the plane, and 26 bonds to a point in three dimensions."""
 
 
-def regular(dimension: int, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
-    """Return a square or cube with `cells` points a side, or a box with a number of points along each axis."""
-    cells = (cells,) * dimension if isinstance(cells, int) else cells
-    ratio = ratio or HORIZONS[dimension]
-    if dimension == 2:
-        return Body.rectangle(*(count * SPACING for count in cells), SPACING, ratio * SPACING, **options)
-    return of_points(_lattice(tuple(count * SPACING for count in cells)), ratio, **options)
-
-
-def sheet(spacing=0.1, width=1.2, height=1.0, **options) -> Body:
-    """Return a rectangle with a horizon of 3.15 spacings."""
-    return Body.rectangle(width, height, spacing, 3.15 * spacing, **options)
-
-
-def block(width=1.2, height=1.0, thickness=0.4, **options) -> Body:
-    """Return a block with a horizon of 1.75 spacings."""
-    return of_points(_lattice((width, height, thickness)), **options)
-
-
-def plain(dimension: int, **options) -> Body:
-    """Return a `sheet` or a `block`, by dimension."""
-    return (sheet if dimension == 2 else block)(**options)
+def lattice(*sides: float) -> np.ndarray:
+    """Return cell-centred points 0.1 apart in a box at the origin, x1 fastest."""
+    return grid((0,) * len(sides), sides, SPACING)
 
 
 def of_points(points: np.ndarray, ratio: float | None = None, **options) -> Body:
     """Return a body of points 0.1 apart; the horizon is 3.15 spacings in the plane and 1.75 in three dimensions unless given."""
     dimension = points.shape[1]
     return Body(points, np.full(len(points), SPACING**dimension), (ratio or HORIZONS[dimension]) * SPACING, SPACING, **options)
+
+
+def regular(dimension: int, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
+    """Return a square or cube with `cells` points a side, or a box with a number of points along each axis."""
+    cells = (cells,) * dimension if isinstance(cells, int) else cells
+    return of_points(lattice(*(count * SPACING for count in cells)), ratio, **options)
+
+
+def sheet(spacing=SPACING, width=1.2, height=1.0, **options) -> Body:
+    """Return a rectangle with a horizon of 3.15 spacings."""
+    return Body.rectangle(width, height, spacing, HORIZONS[2] * spacing, **options)
+
+
+def plain(dimension: int, width=1.2, **options) -> Body:
+    """Return a `sheet`, or a block that is 0.4 thick, by dimension."""
+    return of_points(lattice(*(width, 1.0, 0.4)[:dimension]), **options)
+
+
+def gripped(dimension=2, parity=(-1, 1, 1)) -> Body:
+    """Return a `plain` body that images continue beyond its left and right edges or faces."""
+    ends = ((0.0, -1), (1.2, 1))
+    return plain(dimension, planes=tuple(ReflectionPlane(0, place, side, parity[:dimension]) for place, side in ends))
 
 
 def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount=0.2) -> Body:
@@ -70,38 +73,29 @@ def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount
 
 def jittered(random: np.random.Generator, amount=0.3, dimension=2, **options) -> Body:
     """Return a rectangle or block whose points are moved by up to `amount` spacings."""
-    points = _lattice((1.2, 1.0, 0.4)[:dimension])
+    points = lattice(*(1.2, 1.0, 0.4)[:dimension])
     return of_points(points + amount * 0.1 * random.uniform(-1, 1, points.shape), **options)
 
 
 def disc_with_hole(dimension=2, **options) -> Body:
     """Return a disc with a hole, or a tube: no straight edge, incomplete horizons of every kind."""
-    points = _lattice((2.0, 2.0, 0.4)[:dimension])
+    points = lattice(*(2.0, 2.0, 0.4)[:dimension])
     radius = np.linalg.norm(points[:, :2] - 1, axis=1)
     return of_points((points - 1)[(radius < 0.95) & (radius > 0.3)], **options)
 
 
 def notched(dimension=2, **options) -> Body:
     """Return a body of some 80 points, or 250 in three dimensions, without symmetry, with edges and a notch."""
-    points = _lattice((1.0, 0.9, 0.3)[:dimension])
+    points = lattice(*(1.0, 0.9, 0.3)[:dimension])
     return of_points(points[(np.abs(points[:, :2] - [0.35, 0.9]) > [0.1, 0.3]).any(axis=1)], **options)
 
 
-def _lattice(sides: tuple[float, ...]) -> np.ndarray:
-    """Return cell-centred points 0.1 apart in a box at the origin, x1 fastest."""
-    if len(sides) == 2:
-        return grid((0, 0), sides, 0.1)
-    axes = [(np.arange(round(side / 0.1)) + 0.5) * 0.1 for side in sides]
-    return np.stack(np.meshgrid(*axes[::-1], indexing="ij"), axis=-1).reshape(-1, 3)[:, ::-1].copy()
+def inner_points(body: Body) -> np.ndarray:
+    """Return which points are not the outermost ones along any axis."""
+    margin = np.minimum(body.points - body.points.min(axis=0), body.points.max(axis=0) - body.points).min(axis=1)
+    return margin > 0.5 * body.spacing
 
 
-def gripped(dimension: int) -> Body:
-    """Return `gripped_sheet`, or a block between rollers at its left and right faces."""
-    if dimension == 2:
-        return gripped_sheet()
-    return block(planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)), ReflectionPlane(0, 1.2, 1, (-1, 1, 1))))
-
-
-def gripped_sheet(parity=(-1, 1)) -> Body:
-    """Return a rectangle that images continue beyond its left and right edges."""
-    return sheet(planes=(ReflectionPlane(0, 0.0, -1, parity), ReflectionPlane(0, 1.2, 1, parity)))
+def middle_point(body: Body) -> int:
+    """Return the point nearest to the middle of a body."""
+    return int(np.linalg.norm(body.points - body.points.mean(axis=0), axis=1).argmin())

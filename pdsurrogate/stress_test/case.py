@@ -2,44 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import operator
+import warnings
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ..artifacts import law_of, load_card, load_surrogate
 from ..body import Body
-from ..forces import FORCES, ForceModel, ForceSettings, InternalForce
-from ..materials import PLANES, Law, NeoHookean, dimension_of, plane_stress
+from ..forces import FORCES, ForceModel, ForceSettings, InternalForce, InvalidState
+from ..materials import PLANES, Law, NeoHookean, dimension_of, homogeneous, plane_stress
+from ..results import Result
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
+from ..scenes import Scene
+from ..solvers import Diverging, NotConverged, Unstable
 from .bodies import regular
 
 PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
 """Verdicts: passed; a named weakness; a clear stop where no solution exists; not applicable to the model."""
 
 WEAKNESSES = {
-    "zero-energy modes": "the force does not feel modes that leave the deformation gradients alone (paper, Eq. (10)): "
-    "points move against their neighbours for next to nothing",
-    "not conservative": "averaged features make a force that is not the gradient of an energy (theory, section 10): the tangent is "
-    "unsymmetric where horizons are incomplete, and undamped motion gains energy at edges; damp, or use an energy model",
-    "moments": "pair forces that are not along their bonds cancel in their moments only over whole horizons in homogeneous deformation: "
-    "linear momentum is conserved exactly, angular momentum to second order in the spacing",
-    "force at rest": "a fit on features without a rest state built in leaves a force on a body that is merely turned",
-    "weights do not add up": "the weights (13) of BA-NOSB do not add up to the volume of the horizon: exact bond stresses give a mean "
-    "stress that is off, by about 6 per cent on a sheet of ten points",
-    "no transverse stress": "the paper's features do not give T_mm, which the tensor correction of incomplete horizons needs; the "
-    "scalar one (24) leaves errors of per cents at edges",
-    "cut horizons": "corrections make a horizon that a surface cuts count as a whole one in homogeneous states: where all are cut, in bars "
-    "of few points across, bending is resisted by more than it should be; take more points, or an energy model",
+    "zero-energy modes": "points move against their neighbours at almost no energy: the force sees deformation gradients only (Eq. (10))",
+    "not conservative": "it is not the gradient of an energy (section 10): undamped motion gains energy; add damping, or use an energy",
+    "moments": "pair forces across their bonds conserve linear momentum exactly, angular momentum to second order in the spacing",
+    "force at rest": "the fit does not vanish at rest and leaves a force on a body that is only rotated",
+    "weights do not add up": "the weights (13) of BA-NOSB do not add up to the volume of the horizon: mean stresses are 6 % off",
+    "no transverse stress": "the paper's features do not give T_mm: the scalar correction (24) leaves errors of per cents at edges",
+    "cut horizons": "where a surface cuts all horizons, in thin bars, corrections stiffen bending; take more points, or an energy model",
     "loses stability": "the tangent of a homogeneous state has a direction without resistance, where that of the material has none",
-    "stiff contrasts": "points of a soft part within the horizon of one many times as stiff take part of its stiffness: a layer of four "
-    'points is too stiff, or too soft by per cents; take an energy model, or `material = "rigid"` beside what is as good as rigid',
+    "stiff contrasts": "soft points near much stiffer ones become too stiff; use an energy model, or material = 'rigid'",
     "does not converge": "no equilibrium was found within the evaluations allowed",
-    "no mirror symmetry": "features that know left from right: mirrored bodies have mirrored forces to the error of the fit",
-    "last step of J3": "forces are formed with the response before the last step of the iteration for J3: they depend on its start by "
-    "up to 1e-8 K/mu",
-    "settings ignored": "a setting that the model cannot honour is taken without a word",
-    "accuracy": "the error is larger than asked for",
+    "no mirror symmetry": "the features distinguish left from right: mirrored bodies have mirrored forces to the error of the fit",
+    "last step of J3": "forces use the response before the last step of the iteration for J3: they depend on its start by up to 1e-8 K/mu",
+    "settings ignored": "a setting that the model does not support is ignored without a message",
+    "accuracy": "the error is larger than the limit",
 }
 """Names of weaknesses, with explanations."""
 
@@ -66,32 +65,88 @@ class Outcome:
     weakness: str | None = None
 
     @classmethod
-    def below(cls, value: float, limit: float, weakness: str, figure: str = "{:.1e}") -> Outcome:
-        """Return an outcome that is passed if the value is at most the limit."""
-        passed = bool(value <= limit)
-        return cls(PASS if passed else WEAK, figure.format(value), float(value), limit, None if passed else weakness)
+    def below(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure: str = "{:.1e}") -> Outcome:
+        """Return an outcome that is passed if the value, or the greatest of several by their names, is at most the limit."""
+        return cls._compared(value, max, operator.le, limit, weakness, figure)
 
     @classmethod
-    def above(cls, value: float, limit: float, weakness: str, figure: str = "{:.2g}") -> Outcome:
-        """Return an outcome that is passed if the value is at least the limit."""
-        passed = bool(value >= limit)
+    def above(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure: str = "{:.2g}") -> Outcome:
+        """Return an outcome that is passed if the value, or the least of several by their names, is at least the limit."""
+        return cls._compared(value, min, operator.ge, limit, weakness, figure)
+
+    @classmethod
+    def _compared(cls, value, worst: Callable, holds: Callable, limit: float, weakness: str, figure: str) -> Outcome:
+        if isinstance(value, Mapping):
+            name = worst(value, key=value.get)
+            value, figure = value[name], f"{figure} ({name})"
+        passed = bool(holds(value, limit))
         return cls(PASS if passed else WEAK, figure.format(value), float(value), limit, None if passed else weakness)
+
+    @staticmethod
+    def of_all(*outcomes: Outcome) -> Outcome:
+        """Return the first outcome that is weak; the last one if none is."""
+        return next((outcome for outcome in outcomes if outcome.verdict == WEAK), outcomes[-1])
+
+
+class Ended(Exception):
+    """End of a case before anything is measured: its outcome."""
+
+    def __init__(self, verdict: str, figure: str, weakness: str | None = None) -> None:
+        super().__init__(figure)
+        self.outcome = Outcome(verdict, figure, weakness=weakness)
+
+
+def required(holds: bool, otherwise: str) -> None:
+    """End a case as inapplicable, for a reason, unless a condition holds."""
+    if not holds:
+        raise Ended(INAPPLICABLE, otherwise)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case: its title, its requirement, and the function that tests it."""
+    """A hard case, called with a subject.
+
+    Attributes
+    ----------
+    title, asked : str
+        Title and requirement, for a table.
+    function : callable
+        Function of a subject that returns the outcome, or raises `Ended`.
+    planes : tuple of str
+        States that it applies to: plane stress ("stress"), plane strain ("strain"), three-dimensional bodies ("space").
+    failing : str, optional
+        Weakness of a model that meets an impossible state or does not converge; without it such an error goes to the caller.
+    drawn : bool
+        Whether it also accepts deformations of `notched` bodies, so that a test can draw them.
+    """
 
     title: str
     asked: str
-    function: Callable[[Subject], Outcome]
-    planes: tuple[str, ...] = ("stress", "space")
-    """States in which it is tested: plane stress ("stress"), plane strain ("strain"), three-dimensional bodies ("space")."""
+    function: Callable[..., Outcome]
+    planes: tuple[str, ...] = tuple(PLANES)
+    failing: str | None = None
+    drawn: bool = False
 
     @property
     def key(self) -> str:
         """Name in JSON."""
         return self.function.__name__
+
+    def __call__(self, subject: Subject, *given) -> Outcome:
+        """Return the outcome for a force model."""
+        try:
+            return self.function(subject, *given)
+        except Ended as ended:
+            return ended.outcome
+        except (InvalidState, NotConverged, Diverging) as error:
+            if self.failing is None:
+                raise
+            return Outcome(WEAK, str(error), weakness=self.failing)
+
+
+def case(title: str, asked: str, **options) -> Callable[[Callable[..., Outcome]], Case]:
+    """Return a decorator that makes a `Case` of a function."""
+    return lambda function: Case(title, asked, function, **options)
 
 
 @dataclass(frozen=True)
@@ -112,7 +167,7 @@ class Subject:
     quick: bool = False
     plane: str = "stress"
     measured: dict = field(default_factory=dict)
-    """Results that several cases share, measured once."""
+    """Results that several cases share, see `once`."""
 
     @property
     def dimension(self) -> int:
@@ -131,9 +186,24 @@ class Subject:
             return NeoHookean()
         return law_of(load_card(self.reference))
 
-    def body(self, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
-        """Return a square or cube with `cells` points a side; see `pdsurrogate.stress_test.bodies.regular`."""
-        return regular(self.dimension, cells, ratio, **options)
+    def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return a result that is made once for all cases; one that `Ended` ends the next case alike."""
+        if key not in self.measured:
+            try:
+                self.measured[key] = make()
+            except Ended as ended:
+                self.measured[key] = ended
+        if isinstance(self.measured[key], Ended):
+            raise self.measured[key]
+        return self.measured[key]
+
+    def sized(self, plane: Any, space: Any) -> Any:
+        """Return the first size for bodies in the plane, the second for those in three dimensions."""
+        return plane if self.dimension == 2 else space
+
+    def body(self, plane: int | tuple[int, ...], space: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
+        """Return a `regular` body with the first number of points a side in the plane, with the second in three dimensions."""
+        return regular(self.dimension, self.sized(plane, space), ratio, **options)
 
     def gradient(self, F: np.ndarray) -> np.ndarray:
         """Return the gradient for an in-plane deformation F: F itself, or, in three dimensions, with the free stretch across the plane."""
@@ -144,13 +214,22 @@ class Subject:
         full[:2, :2], full[2, 2] = F, plane_stress.volume_ratio(self.law, trace, J) / J
         return full
 
+    def uniaxial(self, stretch: float) -> np.ndarray:
+        """Return the gradient in uniaxial tension or compression under plane stress."""
+        return self.gradient(np.diag([stretch, homogeneous.uniaxial(self.law, stretch).lateral_stretch]))
+
     def exact_stress(self, F: np.ndarray) -> np.ndarray:
         """Return the law's first Piola-Kirchhoff stress, shape (d, d)."""
         return PLANES[self.plane].first_piola_stress(self.law, F)
 
-    def bind(self, body: Body, law: Law | None = None, precision: str = "float64") -> InternalForce:
-        """Return the model bound to a body."""
-        return self.model.bind(body, law or self.law, ForceSettings(precision=precision, plane=self.plane))
+    def bind(self, body: Body, law: Law | None = None, model: ForceModel | None = None, **settings) -> InternalForce:
+        """Return the model, or another one, bound to a body, by default in double precision."""
+        settings = ForceSettings(**{"precision": "float64", "plane": self.plane} | settings)
+        return (model or self.model).bind(body, law or self.law, settings)
+
+    def takes(self, setting: str) -> tuple:
+        """Return the values of a setting that the model declares to honour."""
+        return self.model.honoured(self.plane).get(setting, ())
 
     def describes(self, law: Law) -> bool:
         """Return whether the model can be used for a material."""
@@ -159,6 +238,38 @@ class Subject:
         except ValueError:
             return False
         return True
+
+    def scene(self, sides: tuple[float, ...], **described) -> Scene:
+        """Return a scene of a rectangle or box in the material of the subject, with other keys."""
+        body = {"shape": self.sized("rectangle", "box"), "size": sides[: self.dimension]}
+        return Scene(**{"name": "hard-case", "plane": self.plane, "material": self.law.describe(), "body": body} | described)
+
+    def held_at(self, region: str) -> dict[str, Any]:
+        """Return the prescription that holds a region in place."""
+        return {"region": region, **{f"x{axis + 1}": 0.0 for axis in range(self.dimension)}}
+
+    def run(
+        self, scene: Scene, force: str | None = None, where: str = "", weakness="does not converge", unstable=WEAK, **options
+    ) -> Result:
+        """Return the run of a scene with the model or another force; raise `Ended` if it fails, KeyboardInterrupt if it is interrupted.
+
+        `where` precedes the reason of a failure; `unstable` is the verdict if the equilibrium is not stable.
+        """
+        try:
+            with warnings.catch_warnings(action="ignore"):  # what a run warns of shows in what is measured
+                return simulate(scene, force or self.model, **options)
+        except SimulationInterrupted:
+            raise KeyboardInterrupt from None
+        except SimulationFailed as error:
+            verdict = unstable if isinstance(error.__cause__, Unstable) else WEAK
+            raise Ended(verdict, f"{where}{error}", weakness if verdict == WEAK else None) from error
+
+
+def forces_at(force: InternalForce, positions: np.ndarray) -> np.ndarray:
+    """Return the forces at positions."""
+    out = np.empty_like(positions)
+    force(positions, out)
+    return out
 
 
 def spring_stiffness(body: Body, shear_modulus: float) -> float:
@@ -171,8 +282,3 @@ def spring_stiffness(body: Body, shear_modulus: float) -> float:
     distance = np.linalg.norm(np.stack(np.meshgrid(*[cells] * d)), axis=0)
     reach = (distance > 0) & (distance <= body.horizon * (1 + 1e-9))
     return float(4 * shear_modulus * body.spacing ** (2 * d) * body.weigh(distance[reach]).sum() / body.kappa)
-
-
-def middle_point(body: Body) -> int:
-    """Return the point nearest to the middle of a body."""
-    return int(np.linalg.norm(body.points - body.points.mean(axis=0), axis=1).argmin())

@@ -71,8 +71,7 @@ def stress_test(
     ValueError
         If there are fewer threads.
     """
-    references, planes = None if references is None else list(references), list(planes)
-    subjects = []
+    planes, subjects = list(planes), []
     for reference in references or dict.fromkeys(name for plane in planes for name in all_models(plane)):
         progress(0, 1, f"reading {reference}")
         taken = load_surrogate(reference).honours["plane"]
@@ -81,27 +80,23 @@ def stress_test(
             asked = " or ".join(BODIES[plane] for plane in planes)
             raise ArtifactError(f"{reference} takes plane={' and '.join(taken)}: the hard cases are those of {asked}")
         subjects += found
-    for subject in subjects:
-        _ = subject.law
-    models, done = [], 0
-    asked = sum(subject.plane in case.planes for subject in subjects for case in CASES)
+    # A damaged card is found here, before any case is run.
+    models = [{"force": one.reference, "plane": one.plane, "material": one.law.describe(), "results": {}} for one in subjects]
+    tests = [(*pair, case) for pair in zip(subjects, models, strict=True) for case in CASES if pair[0].plane in case.planes]
     # BLAS threads would spin on the cores that the kernels need.
     with at_most(threads), threadpool_limits(1, user_api="blas"):
-        for subject in subjects:
-            results = {}
-            for case in CASES:
-                if subject.plane not in case.planes:
-                    continue
-                progress(done, asked, f"{subject.reference}, {BODIES[subject.plane]}: {case.title}")
-                done += 1
-                began = time.perf_counter()
-                outcome = case.function(subject)
-                results[case.key] = {**vars(outcome), "seconds": time.perf_counter() - began}
-            models.append({"force": subject.reference, "plane": subject.plane, "material": subject.law.describe(), "results": results})
+        for done, (subject, model, case) in enumerate(tests):
+            progress(done, len(tests), f"{subject.reference}, {BODIES[subject.plane]}: {case.title}")
+            began = time.perf_counter()
+            outcome = case(subject)
+            model["results"][case.key] = {**vars(outcome), "seconds": time.perf_counter() - began}
     shown = {result["weakness"] for model in models for result in model["results"].values()}
     return {
         "machine": {"processor": processor(), "threads": threads or most_threads(), "version": __version__, "quick": quick},
-        "cases": [{"case": case.key, "title": case.title, "asked": case.asked, "planes": case.planes} for case in CASES],
+        "cases": [
+            {"case": case.key, "title": case.title, "asked": case.asked, "planes": [plane for plane in BODIES if plane in case.planes]}
+            for case in CASES
+        ],
         "models": models,
         "weaknesses": {name: what for name, what in WEAKNESSES.items() if name in shown},
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
@@ -9,8 +10,8 @@ import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from ..materials import homogeneous
-from .case import WEAK, Case, Outcome, Subject, middle_point, spring_stiffness
+from .bodies import inner_points, middle_point
+from .case import Outcome, Subject, case, forces_at, spring_stiffness
 
 HELD = 0.1
 """Least resistance required, as a share of that of springs along the bonds, where the rubber is as stiff as at rest (`share_of_rest`).
@@ -18,11 +19,8 @@ Rubber in tension of 3 differs from its springs at rest by a factor of two or th
 where both sides are narrow; zero-energy modes have less than a fiftieth.
 """
 
-CELLS = {2: 12, 3: 7}
-"""Points a side, by dimension."""
-
-FREE_CELLS = {2: 7, 3: 4}
-"""Points a side of a body without supports, by dimension."""
+CELLS = 12, 7
+"""Points a side in the plane and in three dimensions."""
 
 
 @dataclass(frozen=True)
@@ -62,45 +60,34 @@ def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> T
     If `held`, the outermost points are fixed; otherwise all are free.
     """
     body, d = force.body, positions.shape[1]
-    margin = np.minimum(body.points - body.points.min(axis=0), body.points.max(axis=0) - body.points).min(axis=1)
-    free = np.flatnonzero(margin > 0.5 * body.spacing) if held else np.arange(len(body))
+    free = np.flatnonzero(inner_points(body)) if held else np.arange(len(body))
     probe = 1e-5 * body.spacing
-    forward, backward = np.empty_like(positions), np.empty_like(positions)
     matrix = np.empty((d * len(free), d * len(free)))
-    for number, point in enumerate(free):
-        for component in range(d):
-            for sign, out in ((1, forward), (-1, backward)):
-                moved = positions.copy()
-                moved[point, component] += sign * probe
-                force(moved, out)
-            matrix[:, d * number + component] = ((backward - forward)[free] / (2 * probe)).ravel()
+    for column, (point, component) in enumerate(product(free, range(d))):
+        moved = positions.copy()
+        moved[point, component] += probe
+        forward = forces_at(force, moved)
+        moved[point, component] = positions[point, component] - probe
+        matrix[:, column] = ((forces_at(force, moved) - forward)[free] / (2 * probe)).ravel()
     return Tangent(matrix, free)
 
 
 def states(subject: Subject) -> dict[str, np.ndarray]:
     """Return the deformation gradients at which the tangent is computed: those of theory, section 10, and a compression with free x3."""
-
-    def uniaxial(stretch):
-        return np.diag([stretch, homogeneous.uniaxial(subject.law, stretch).lateral_stretch])
-
-    found = {
-        "rest": np.eye(2),
-        "uniaxial 2": uniaxial(2.0),
-        "uniaxial 3": uniaxial(3.0),
-        "uniaxial 0.7": uniaxial(0.7),
-        "shear 0.8": np.array([[1.0, 0.8], [0.0, 1.0]]),
-        "equibiaxial 2": np.diag([2.0, 2.0]),
-    }
-    return {name: subject.gradient(F) for name, F in found.items()}
+    uniaxial = {f"uniaxial {stretch:g}": subject.uniaxial(stretch) for stretch in (2.0, 3.0, 0.7)}
+    sheared, equibiaxial = np.array([[1.0, 0.8], [0.0, 1.0]]), np.diag([2.0, 2.0])
+    others = {"rest": np.eye(2), "shear 0.8": sheared, "equibiaxial 2": equibiaxial}
+    return uniaxial | {name: subject.gradient(F) for name, F in others.items()}
 
 
 def tangents(subject: Subject) -> tuple[Body, dict[str, Tangent]]:
     """Return the tangents in all states, computed once for a subject."""
-    if "tangents" not in subject.measured:
-        body = subject.body(CELLS[subject.dimension])
-        found = {name: tangent(subject.bind(body), body.points @ F.T) for name, F in states(subject).items()}
-        subject.measured["tangents"] = body, found
-    return subject.measured["tangents"]
+
+    def make() -> tuple[Body, dict[str, Tangent]]:
+        body = subject.body(*CELLS)
+        return body, {name: tangent(subject.bind(body), body.points @ F.T) for name, F in states(subject).items()}
+
+    return subject.once("tangents", make)
 
 
 def least_of_a_continuum(body: Body, shear_modulus: float) -> float:
@@ -124,49 +111,45 @@ def share_of_rest(subject: Subject, F: np.ndarray) -> float:
     return float(least)
 
 
-def worst(values: dict[str, float]) -> tuple[str, float]:
-    """Return the least of several values, and its key."""
-    place = min(values, key=values.get)
-    return place, values[place]
+def _over_springs(subject: Subject, stiffness: Callable[[Body, Tangent], float]) -> dict[str, float]:
+    """Return a stiffness in every state, over that of springs along the bonds that are as stiff as the rubber in that state."""
+    body, found = tangents(subject)
+    springs, applied = spring_stiffness(body, subject.law.shear_modulus), states(subject)
+    return {name: stiffness(body, formed) / (springs * share_of_rest(subject, applied[name])) for name, formed in found.items()}
 
 
+@case("single point displaced (Fig. 2)", "held with 0.1 of its bonds' springs, in six states")
 def single_point(subject: Subject) -> Outcome:
     """Test the resistance to the displacement of one point in the middle, the least over all directions and states.
 
     It is measured in units of the stiffness of springs along its bonds, as stiff as the rubber in that state; `HELD` is required.
     """
-    body, found = tangents(subject)
-    middle, d, applied = middle_point(body), body.dimension, states(subject)
-    springs, stiffness = spring_stiffness(body, subject.law.shear_modulus), {}
-    for name, formed in found.items():
-        at = d * int(np.flatnonzero(formed.free == middle)[0])
-        stiffness[name] = np.linalg.eigvalsh(formed.symmetric[at : at + d, at : at + d])[0] / (
-            springs * share_of_rest(subject, applied[name])
-        )
-    place, least = worst(stiffness)
-    return Outcome.above(least, HELD, "zero-energy modes", f"{{:.2g}} ({place})")
+
+    def resisted(body: Body, formed: Tangent) -> float:
+        at = body.dimension * int(np.flatnonzero(formed.free == middle_point(body))[0])
+        own = slice(at, at + body.dimension)
+        return np.linalg.eigvalsh(formed.symmetric[own, own])[0]
+
+    return Outcome.above(_over_springs(subject, resisted), HELD, "zero-energy modes")
 
 
+@case("checkerboard and hourglass modes", "resisted with 0.1 of the bonds' springs, in six states")
 def checkerboard(subject: Subject) -> Outcome:
     """Test the resistance to displacements that alternate in sign from point to point along any of the axes, the least over all states.
 
     It is compared with springs as for a single point: such modes stretch the bonds even more.
     """
-    body, found = tangents(subject)
-    cell = np.rint((body.points - body.points.min(axis=0)) / body.spacing).astype(int)
-    d, springs, stiffness, applied = body.dimension, spring_stiffness(body, subject.law.shear_modulus), {}, states(subject)
-    for name, formed in found.items():
-        own = springs * share_of_rest(subject, applied[name])
-        for axes in list(product((0, 1), repeat=d))[1:]:
-            signs = (-1.0) ** (cell[formed.free] @ axes)
-            for direction in np.eye(d):
-                mode = np.outer(signs, direction).ravel()
-                value = mode @ formed.matrix @ mode / (mode @ mode) / own
-                stiffness[name] = min(value, stiffness.get(name, np.inf))
-    place, least = worst(stiffness)
-    return Outcome.above(least, HELD, "zero-energy modes", f"{{:.2g}} ({place})")
+
+    def resisted(body: Body, formed: Tangent) -> float:
+        cell, d = np.rint((body.points - body.points.min(axis=0)) / body.spacing).astype(int)[formed.free], body.dimension
+        signs = [(-1.0) ** (cell @ axes) for axes in list(product((0, 1), repeat=d))[1:]]
+        modes = [np.outer(sign, direction).ravel() for sign in signs for direction in np.eye(d)]
+        return min(mode @ formed.matrix @ mode / (mode @ mode) for mode in modes)
+
+    return Outcome.above(_over_springs(subject, resisted), HELD, "zero-energy modes")
 
 
+@case("least eigenvalue of the tangent", "at least 0.25 of a continuum's, in six states")
 def least_eigenvalue(subject: Subject) -> Outcome:
     """Test the least eigenvalue of the symmetric part of the tangent, over that of a continuous membrane or block, over all states.
 
@@ -176,34 +159,39 @@ def least_eigenvalue(subject: Subject) -> Outcome:
     """
     body, found = tangents(subject)
     bound = least_of_a_continuum(body, subject.law.shear_modulus)
-    place, least = worst({name: formed.least / bound for name, formed in found.items()})
-    return Outcome.above(least, 0.25, "zero-energy modes" if least >= -0.25 else "loses stability", f"{{:.2g}} ({place})")
+    least = {name: formed.least / bound for name, formed in found.items()}
+    return Outcome.above(least, 0.25, why_not_resisted(min(least.values()), 0.25))
 
 
+def why_not_resisted(resisted: float, least: float) -> str:
+    """Return the weakness of a model that resists less than `least`: about nothing, or less than nothing."""
+    return "zero-energy modes" if resisted > -least else "loses stability"
+
+
+@case("symmetry of the tangent", "1e-6 at the most, in six states")
 def symmetry(subject: Subject) -> Outcome:
     """Test whether the force is the gradient of an energy by |A - A^T|/|A|, the greatest over all states.
 
     Rounding and differences leave 1e-9; the limit is 1e-6.
     """
     _, found = tangents(subject)
-    place = max(found, key=lambda name: found[name].asymmetry)
-    return Outcome.below(found[place].asymmetry, 1e-6, "not conservative", f"{{:.1e}} ({place})")
+    return Outcome.below({name: formed.asymmetry for name, formed in found.items()}, 1e-6, "not conservative")
 
 
+@case("displacements of a free body that no force answers", "the rigid ones alone: 3 in the plane, 6 in space")
 def rigid_motions(subject: Subject) -> Outcome:
     """Test that the displacements of a free body at rest without a force are the three or six rigid ones, and no other.
 
     These are singular values of the tangent below a millionth of the springs' stiffness, the level of rounding and differences. The next
     one of a body of seven or four points a side is a bending or twisting mode of hundredths, or of thousandths with zero-energy modes.
     """
-    body = subject.body(FREE_CELLS[subject.dimension])
+    body = subject.body(7, 4)
     formed = tangent(subject.bind(body), body.points.copy(), held=False)
     values = np.linalg.svd(formed.matrix, compute_uv=False)[::-1] / spring_stiffness(body, subject.law.shear_modulus)
     without, rigid = int((values < 1e-6).sum()), body.dimension * (body.dimension + 1) // 2
     figure = f"{without}, the next {values[min(without, len(values) - 1)]:.2g}"
-    if without < rigid:
-        return Outcome(WEAK, figure, without, rigid, "force at rest")
-    return Outcome.below(without, rigid, "zero-energy modes", figure)
+    few = Outcome.above(without, rigid, "force at rest", figure)
+    return Outcome.of_all(few, Outcome.below(without, rigid, "zero-energy modes", figure))
 
 
 def resistance(subject: Subject, body: Body, F: np.ndarray) -> float:
@@ -211,10 +199,4 @@ def resistance(subject: Subject, body: Body, F: np.ndarray) -> float:
     return tangent(subject.bind(body), body.points @ F.T).least / least_of_a_continuum(body, subject.law.shear_modulus)
 
 
-CASES = (
-    Case("single point displaced (Fig. 2)", "held with 0.1 of its bonds' springs, in six states", single_point),
-    Case("checkerboard and hourglass modes", "resisted with 0.1 of the bonds' springs, in six states", checkerboard),
-    Case("least eigenvalue of the tangent", "at least 0.25 of a continuum's, in six states", least_eigenvalue),
-    Case("displacements of a free body that no force answers", "the rigid ones alone: 3 in the plane, 6 in space", rigid_motions),
-    Case("symmetry of the tangent", "1e-6 at the most, in six states", symmetry),
-)
+CASES = (single_point, checkerboard, least_eigenvalue, rigid_motions, symmetry)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -39,6 +38,7 @@ class Distribution(StrictModel):
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, Finite]
 
     distribution: str
 
@@ -49,7 +49,7 @@ class Distribution(StrictModel):
 
     @property
     def discrete(self) -> bool:
-        """Whether its values are whole numbers."""
+        """True if its values are whole numbers."""
         from scipy import stats
 
         return isinstance(getattr(stats, self.distribution), stats.rv_discrete)
@@ -64,22 +64,17 @@ class Distribution(StrictModel):
         """
         from scipy import stats
 
-        known = [name for name in dir(stats) if isinstance(getattr(stats, name), stats.rv_continuous | stats.rv_discrete)]
+        known = {name: kind for name, kind in vars(stats).items() if isinstance(kind, stats.rv_continuous | stats.rv_discrete)}
         if self.distribution not in known:
             nearest = suggestion(self.distribution, known, "")
             meant = nearest if nearest.endswith("?") else f"names are those of scipy.stats, such as {', '.join(USUAL)}"
             raise ValueError(f"unknown distribution {self.distribution!r}; {meant}")
-        kind = getattr(stats, self.distribution)
+        kind, given = known[self.distribution], self.model_extra or {}
         shapes = kind.shapes.split(", ") if kind.shapes else []
-        takes = [*shapes, "loc", *(["scale"] if isinstance(kind, stats.rv_continuous) else [])]
-        given = dict(self.model_extra or {})
-        for key, value in given.items():
-            if key not in takes:
-                raise ValueError(f"{self.distribution} has no parameter {key!r}; it has {', '.join(takes)}")
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise ValueError(f"{key} must be a finite number, not {value!r}")
-        missing = [key for key in shapes if key not in given]
-        if missing:
+        takes = [*shapes, "loc", *([] if self.discrete else ["scale"])]
+        if unknown := [key for key in given if key not in takes]:
+            raise ValueError(f"{self.distribution} has no parameter {unknown[0]!r}; it has {', '.join(takes)}")
+        if missing := [key for key in shapes if key not in given]:
             raise ValueError(f"{self.distribution} needs {', '.join(missing)}; it has {', '.join(takes)}")
         frozen = kind(**given)
         if not np.isfinite(frozen.ppf([0.25, 0.5, 0.75])).all():
@@ -154,14 +149,10 @@ class Study(StrictModel):
         """Flatten dotted keys, which TOML reads as nested tables unless they are quoted."""
         if not isinstance(data, Mapping):
             return data
-        data = dict(data)
-        if isinstance(data.get("set"), Mapping):
-            data["set"] = _flattened(data["set"])
-        if isinstance(data.get("parameters"), Mapping):
-            data["parameters"] = _flattened(data["parameters"])
-            for key, values in data["parameters"].items():
-                data["parameters"][key] = _values(key, values)
-        return data
+        flat = {key: _flattened(data[key]) for key in ("set", "parameters") if isinstance(data.get(key), Mapping)}
+        if "parameters" in flat:
+            flat["parameters"] = {key: _values(key, values) for key, values in flat["parameters"].items()}
+        return {**data, **flat}
 
     @field_validator("quantities", mode="before")
     @classmethod
@@ -170,25 +161,23 @@ class Study(StrictModel):
 
     @model_validator(mode="after")
     def _whole(self) -> Study:
-        if (self.scene is None) == (self.fit is None):
-            raise ValueError("a study needs either a scene or a [fit]")
-        if not self.parameters:
-            raise ValueError("parameters: there are none; name one and give its values, or its distribution")
-        if self.fit is not None and (self.force is not None or self.set):
-            key = "force" if self.force is not None else "set"
-            raise ValueError(f"{key}: belongs to a scene; put settings common to all fits in [fit]")
-        if self.force is not None and FORCE in self.parameters:
-            raise ValueError("force: is also a parameter; set it in one place only")
-        both = [key for key in self.set if key in self.parameters]
-        if both:
-            raise ValueError(f"set.{both[0]}: is also a parameter; set it in one place only")
         drawn = self.design in ("random", "latin-hypercube")
-        if drawn and self.samples is None:
-            raise ValueError(f"samples: design={self.design} needs the number of samples")
-        if not drawn and self.samples is not None:
-            raise ValueError(
-                f"samples: design={self.design} uses every value of the lists; to draw samples, use design=random or design=latin-hypercube"
-            )
+        key = "force" if self.force is not None else "set"
+        to_draw = "to draw samples, use design=random or design=latin-hypercube"
+        for wrong, message in (
+            ((self.scene is None) == (self.fit is None), "a study needs either a scene or a [fit]"),
+            (not self.parameters, "parameters: there are none; name one and give its values, or its distribution"),
+            (
+                self.fit is not None and (self.force is not None or self.set),
+                f"{key}: belongs to a scene; put settings common to all fits in [fit]",
+            ),
+            (self.force is not None and FORCE in self.parameters, "force: is also a parameter; set it in one place only"),
+            *((key in self.parameters, f"set.{key}: is also a parameter; set it in one place only") for key in self.set),
+            (drawn and self.samples is None, f"samples: design={self.design} needs the number of samples"),
+            (not drawn and self.samples, f"samples: design={self.design} uses every value of the lists; {to_draw}"),
+        ):
+            if wrong:
+                raise ValueError(message)
         for key, values in self.parameters.items():
             if not drawn and isinstance(values, Distribution):
                 raise ValueError(f"parameters.{key}: a distribution needs design=random or design=latin-hypercube, not {self.design}")
@@ -232,24 +221,21 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
     """
     if isinstance(given, Study):
         return given, "study", Path()
+    source, folder = "study", Path()
     if isinstance(given, Mapping):
-        return _checked(dict(given), "study"), "study", Path()
-    check_path(given, "a study")
-    path = Path(given)
+        data = dict(given)
+    else:
+        check_path(given, "a study")
+        source, folder = str(given), Path(given).parent
+        try:
+            data = tomllib.loads(read_description(Path(given)))
+        except OSError as error:
+            raise SceneError(f"cannot read study file {source}: {error.strerror}") from None
+        except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+            what = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else error
+            raise SceneError(f"{source}: not valid TOML: {what}") from None
     try:
-        data = tomllib.loads(read_description(path))
-    except OSError as error:
-        raise SceneError(f"cannot read study file {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise SceneError(f"{path}: not valid TOML: it is not UTF-8 text") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise SceneError(f"{path}: not valid TOML: {error}") from None
-    return _checked(data, str(path)), str(path), path.parent
-
-
-def _checked(data: dict, source: str) -> Study:
-    try:
-        return Study.model_validate(data)
+        return Study.model_validate(data), source, folder
     except ValidationError as error:
         raise SceneError(f"{source}: {explain(error, Study)}") from None
 

@@ -32,8 +32,8 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
             raise SceneError(f"parameters: design=zip needs lists of equal length, but {told} values")
         rows = zip(*study.parameters.values(), strict=True)
     else:
-        columns = [_drawn(values, share) for values, share in zip(study.parameters.values(), _shares(study, len(keys)).T, strict=True)]
-        rows = zip(*columns, strict=True)
+        shares = _shares(study, len(keys)).T
+        rows = zip(*map(_drawn, study.parameters.values(), shares), strict=True)
     return [dict(zip(keys, row, strict=True)) for row in rows]
 
 

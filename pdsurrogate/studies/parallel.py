@@ -7,24 +7,31 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import joblib
 import numba
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+from ..arguments import check_whole_number
 from ..results.files import write_json
 from ..results.folder import LOCK, FolderTaken, occupied
+from ..run.simulate import SimulationInterrupted
 from ..scenes import SceneError
-from .tasks import OutOfTime, Task
+from .tasks import Task
 
 OUTCOME = "outcome.json"
 """File that is written last in the folder of a run and marks it as done."""
 
 SECONDS_TO_LEAVE = 10.0
 """Seconds to wait for another process that still holds the folder of a run; a process whose study was killed ends within a second."""
+
+NOT_DONE = "not done yet"
+"""Failure of a run that has not been carried out to its end."""
 
 MOST_ENDS = 2
 """Number of times that a run may lose its process before it counts as failed."""
@@ -39,14 +46,11 @@ class Outcome:
     place : str
         Name of its folder.
     failure : str or None
-        Why it failed, if it did.
-    out_of_time : bool
-        Whether its time was over; it resumes with the study.
+        Why it failed, if it did; `NOT_DONE` if its time was over, after which it resumes with the study.
     """
 
     place: str
     failure: str | None
-    out_of_time: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,11 +75,12 @@ class Workers:
     def chosen(cls, runs: int, jobs: int | None, threads: int | None, scheduler: str | None) -> Workers:
         """Return workers with the given jobs and threads; values left open are chosen from the number of cores.
 
-        Raise SceneError if a number is invalid, if jobs are given together with a scheduler, or if Dask is not installed.
+        Raise TypeError or ValueError if a number is invalid, SceneError if jobs are given together with a scheduler, or if Dask is not
+        installed.
         """
         for key, value in (("jobs", jobs), ("threads", threads)):
-            if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
-                raise SceneError(f"{key}: must be a whole number of at least 1, not {value!r}")
+            if value is not None:
+                check_whole_number(value, key, 1)
         if scheduler is not None:
             if jobs is not None:
                 raise SceneError("jobs: with a scheduler the number of jobs is that of its workers' threads; leave jobs out")
@@ -103,16 +108,17 @@ class Workers:
         if not tasks:
             return
         left, ends = dict(tasks), dict.fromkeys(tasks, 0)
-        with self._client(folder) as client:
+        with self._backend(folder) as (study, backend, lost):
             while left:
+                # Each worker gets one run at a time: only that run is lost with the worker.
+                with joblib.parallel_config(**backend):
+                    parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
+                calls = [joblib.delayed(carry_out)(task, folder / place, self.threads, study, max_time) for place, task in left.items()]
                 try:
-                    for outcome in self._parallel(client)(
-                        joblib.delayed(carry_out)(task, folder / place, self.threads, os.getpid() if client is None else None, max_time)
-                        for place, task in list(left.items())
-                    ):
+                    for outcome in parallel(calls):
                         del left[outcome.place]
                         yield outcome
-                except _lost(client):
+                except lost:
                     begun = [place for place in left if (folder / place / LOCK).exists()]
                     for place in begun or list(left):
                         ends[place] += 1
@@ -120,50 +126,33 @@ class Workers:
                             del left[place]
                             yield Outcome(place, f"its process was killed {MOST_ENDS} times, possibly for lack of memory")
 
-    def _parallel(self, client) -> joblib.Parallel:
-        # Each worker gets one run at a time: only that run is lost with the worker.
-        common = {"return_as": "generator_unordered", "batch_size": 1}
-        if client is not None:
-            with joblib.parallel_config(backend="dask", client=client):
-                return joblib.Parallel(**common)
-        if self.jobs == 1:
-            return joblib.Parallel(1, **common)
-        with joblib.parallel_config(backend="loky", inner_max_num_threads=self.threads):
-            return joblib.Parallel(self.jobs, **common)
+    @contextmanager
+    def _backend(self, folder: Path) -> Iterator[tuple[int | None, dict[str, Any], type[Exception]]]:
+        """Yield the process that workers end with, the backend of joblib, and the exception that signals the end of a worker's process.
 
-    def _client(self, folder: Path) -> AbstractContextManager:
-        return nullcontext() if self.scheduler is None else _dask_client(self.scheduler, folder)
+        Raise SceneError unless the workers of a Dask scheduler see the study's folder.
+        """
+        if self.scheduler is None:
+            yield os.getpid(), {"backend": "loky", "n_jobs": self.jobs, "inner_max_num_threads": self.threads}, TerminatedWorkerError
+            return
+        from distributed import Client
+        from distributed.scheduler import KilledWorker
 
-
-def _lost(client) -> tuple[type[Exception], ...]:
-    """Return the exceptions that signal the end of a worker's process."""
-    if client is None:
-        return (TerminatedWorkerError,)
-    from distributed.scheduler import KilledWorker
-
-    return (KilledWorker,)
-
-
-@contextmanager
-def _dask_client(scheduler: str, folder: Path) -> Iterator:
-    """Connect to a Dask scheduler; raise SceneError unless all its workers see the study's folder."""
-    from distributed import Client
-
-    try:
-        client = Client(scheduler, timeout="10s", set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise SceneError(f"scheduler: no Dask scheduler answers at {scheduler}: {error}") from None
-    with client:
         try:
-            client.wait_for_workers(1, timeout=10)
-        except TimeoutError:
-            raise SceneError(f"scheduler: the one at {scheduler} has no workers; start them with: dask worker {scheduler}") from None
-        seen = client.run(os.path.isdir, str(folder))
-        if blind := [worker for worker, found in seen.items() if not found]:
-            raise SceneError(
-                f"scheduler: {len(blind)} of {len(seen)} workers, the first {blind[0]}, do not see {folder}; put it on a shared disk"
-            )
-        yield client
+            client = Client(self.scheduler, timeout="10s", set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise SceneError(f"scheduler: no Dask scheduler answers at {self.scheduler}: {error}") from None
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=10)
+            except TimeoutError:
+                start = f"start them with: dask worker {self.scheduler}"
+                raise SceneError(f"scheduler: the one at {self.scheduler} has no workers; {start}") from None
+            seen = client.run(os.path.isdir, str(folder))
+            if blind := [worker for worker, found in seen.items() if not found]:
+                count = f"{len(blind)} of {len(seen)} workers, the first {blind[0]}"
+                raise SceneError(f"scheduler: {count}, do not see {folder}; put it on a shared disk")
+            yield None, {"backend": "dask", "client": client}, KilledWorker
 
 
 def carry_out(task: Task, folder: Path, threads: int, study: int | None, max_time: float | None = None) -> Outcome:
@@ -177,8 +166,10 @@ def carry_out(task: Task, folder: Path, threads: int, study: int | None, max_tim
         with _held(folder):
             failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
             write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
-    except OutOfTime:
-        return Outcome(folder.name, None, out_of_time=True)
+    except SimulationInterrupted as stopped:
+        if not stopped.out_of_time:
+            raise KeyboardInterrupt from None
+        failure = NOT_DONE
     except OSError as error:
         failure = f"could not write {error.filename or folder}: {error.strerror or error}"
     except Exception as error:  # a failed run must not stop the others
@@ -190,29 +181,21 @@ def carry_out(task: Task, folder: Path, threads: int, study: int | None, max_tim
 def _held(folder: Path) -> Iterator[None]:
     """Hold the folder like `occupied`, but first wait for a process whose study was killed and that will soon end."""
     until = time.monotonic() + SECONDS_TO_LEAVE
-    while True:
-        held = occupied(folder)
-        try:
-            held.__enter__()
-            break
-        except FolderTaken:
-            if time.monotonic() > until:
-                raise
-            time.sleep(0.2)
-    try:
+    with ExitStack() as held:
+        while True:
+            try:
+                held.enter_context(occupied(folder))
+                break
+            except FolderTaken:
+                if time.monotonic() > until:
+                    raise
+                time.sleep(0.2)
         yield
-    finally:
-        held.__exit__(None, None, None)
 
 
-_watched: set[int] = set()
-
-
+@cache
 def _end_without(parent: int) -> None:
     """End this process once its parent is gone, so that no orphan of a killed study writes to the folder."""
-    if parent in _watched:
-        return
-    _watched.add(parent)
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -6,9 +6,10 @@ import json
 import math
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from ..arguments import check_seconds
 from ..discretisation import memory_here
@@ -20,14 +21,11 @@ from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
 from ..run.interruption import heard
 from .description import Study, load_study
 from .designs import parameters_of_runs
-from .parallel import OUTCOME, Outcome, Workers
+from .parallel import NOT_DONE, OUTCOME, Outcome, Workers
 from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, quantities_in, study_figure
-from .tasks import tasks_of
+from .tasks import Task, tasks_of
 
 TABLE, FIGURE, DESCRIPTION, RUNS = "study.csv", "study.png", "study.json", "runs"
-
-NOT_DONE = "not done yet"
-"""Entry in the column of failures for a run that has not been carried out."""
 
 SECONDS_BETWEEN_TABLES = 10.0
 """Seconds between updates of the table while runs end."""
@@ -36,24 +34,14 @@ DIGITS = 16
 """Number of digits of a digest in the name of a run's folder."""
 
 
-class StudyProgress(Protocol):
-    """Receiver of the progress of a study."""
+class StudyProgress:
+    """Receiver of the progress of a study, which ignores it; others have the same methods."""
 
     def begin(self, runs: int, done: int, workers: Workers) -> None:
         """Report the number of runs, how many of them are done already, and the workers for the others."""
 
     def ended(self, place: str, failure: str | None) -> None:
         """Report that a run has ended."""
-
-
-class Quiet:
-    """Receiver that ignores the progress."""
-
-    def begin(self, runs: int, done: int, workers: Workers) -> None:
-        """Ignore the start of a study."""
-
-    def ended(self, place: str, failure: str | None) -> None:
-        """Ignore the end of a run."""
 
 
 @dataclass(frozen=True)
@@ -101,22 +89,24 @@ class StudyResult:
         """Rows of the runs that have not been carried out."""
         return [row for row in self.rows if row[FAILURE] == NOT_DONE]
 
+    def _summaries(self) -> dict[str, dict[str, Any]]:
+        """Return the summaries of the completed runs by their folders."""
+        done = [row[RUN] for row in self.rows if row[FAILURE] is None]
+        return {place: summary for place in done if (summary := _summary(self.folder / RUNS / place))}
+
     def cautions(self) -> list[str]:
         """Return warnings about quantities that no run has, and about states outside the domain of a surrogate."""
-        found, done = [], [row for row in self.rows if row[FAILURE] is None]
-        for name in self.study.quantities or ():
-            summaries = [summary for row in done if (summary := _summary(self.folder / RUNS / row[RUN]))]
-            if summaries and not any(quantities_in(summary, [name]) for summary in summaries):
-                found.append(f"quantities: no run has {name!r}")
-        outside = [row[RUN] for row in done if (_summary(self.folder / RUNS / row[RUN]) or {}).get("fraction_outside_domain")]
+        summaries = self._summaries()
+        missing = [name for name in self.study.quantities or () if not any(quantities_in(one, [name]) for one in summaries.values())]
+        found = [f"quantities: no run has {name!r}" for name in missing if summaries]
+        outside = [place for place, summary in summaries.items() if summary.get("fraction_outside_domain")]
         if outside:
             found.append(f"{len(outside)} runs, the first {outside[0]}, met states outside the surrogate's domain: fraction_outside_domain")
         return found
 
     def figure(self):
         """Return a matplotlib figure of every varying quantity against every parameter; None if there is nothing to draw."""
-        places = (self.folder / RUNS / row[RUN] for row in self.rows if row[FAILURE] is None)
-        units = next((summary["units"] for place in places if (summary := _summary(place)) and "units" in summary), {})
+        units = next((summary["units"] for summary in self._summaries().values() if "units" in summary), {})
         return study_figure(self.rows, list(self.study.parameters), units)
 
 
@@ -218,11 +208,11 @@ def study(
     workers = Workers.chosen(len(by_place), jobs, threads, scheduler)
     _check_table(folder, described, places, overwrite)
     check_writable(folder / RUNS)
-    progress = progress or Quiet()
+    progress = progress or StudyProgress()
     with occupied(folder):
         remove_leftovers(folder)
         (folder / RUNS).mkdir(exist_ok=True)  # all workers must see this folder
-        ended = {place: found for place, task in by_place.items() if (found := _outcome(folder / RUNS / place, task.digest))}
+        ended = _outcomes(folder / RUNS, by_place)
         left = {place: task for place, task in by_place.items() if place not in ended}
         write_json(folder / DESCRIPTION, {"study": described.model_dump(mode="json"), "runs": places})
 
@@ -234,7 +224,7 @@ def study(
         written = time.monotonic()
         try:
             for outcome in workers.carry_out(left, folder / RUNS, max_time):
-                if outcome.out_of_time:
+                if outcome.failure == NOT_DONE:
                     continue
                 ended[outcome.place] = outcome
                 progress.ended(outcome.place, outcome.failure)
@@ -244,12 +234,11 @@ def study(
         except KeyboardInterrupt:
             heard.set()
             # Runs that ended in the meantime are included.
-            ended |= {place: found for place, task in left.items() if (found := _outcome(folder / RUNS / place, task.digest))}
+            ended |= _outcomes(folder / RUNS, left)
             reached = result()
-            write_text(reached.folder / TABLE, as_csv(reached.rows))  # a figure takes its time
+            write_text(folder / TABLE, as_csv(reached.rows))  # a figure takes its time
             raise StudyInterrupted(reached) from None
-        reached = result()
-        _write(reached)
+        _write(reached := result())
     return reached
 
 
@@ -274,18 +263,17 @@ def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool)
 
 def _write(result: StudyResult) -> None:
     write_text(result.folder / TABLE, as_csv(result.rows))
-    figure = result.figure()
-    if figure is None:
-        (result.folder / FIGURE).unlink(missing_ok=True)
-    else:
+    if figure := result.figure():
         figures.save(figure, result.folder / FIGURE)
+    else:
+        (result.folder / FIGURE).unlink(missing_ok=True)
 
 
 def _row(runs: Path, place: str, parameters: dict[str, Any], ended: Mapping[str, Outcome], study: Study) -> dict[str, Any]:
     failure = ended[place].failure if place in ended else NOT_DONE
     summary = _summary(runs / place) if place in ended else None
-    quantities = quantities_in(summary, study.quantities) if summary else {}
     asked = {RUN: place, **parameters}
+    quantities = quantities_in(summary, study.quantities) if summary else {}
     return {**asked, **quantities, **asked, FAILURE: failure}  # if a name is both, the parameter wins
 
 
@@ -296,10 +284,12 @@ def _summary(folder: Path) -> dict[str, Any] | None:
         return None
 
 
-def _outcome(folder: Path, digest: str) -> Outcome | None:
-    """Return the outcome of a run that was done before; None if there is none."""
-    try:
-        written = json.loads((folder / OUTCOME).read_text("utf-8"))
-        return Outcome(folder.name, written["failure"]) if written["digest"] == digest else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+def _outcomes(runs: Path, tasks: Mapping[str, Task]) -> dict[str, Outcome]:
+    """Return the outcomes of the runs that are done, by their folders."""
+    found = {}
+    for place, task in tasks.items():
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            written = json.loads((runs / place / OUTCOME).read_text("utf-8"))
+            if written["digest"] == task.digest:
+                found[place] = Outcome(place, written["failure"])
+    return found

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -12,6 +10,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..results import tables
 from ..results.figures import STYLE
 from ..scenes import SceneError
 from ..scenes.problems import suggestion
@@ -110,28 +109,17 @@ def _leaves(place: Any, steps: list[str], before: tuple[str, ...]) -> Iterator[t
 
 def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
     """Return the columns that any of the rows has, in order of appearance, with the column of failures last."""
-    found = dict.fromkeys(key for row in rows for key in row)
-    found.pop(FAILURE, None)
-    return [*found, FAILURE]
+    return [*(column for column in tables.columns_of(rows) if column != FAILURE), FAILURE]
 
 
 def as_csv(rows: list[dict[str, Any]]) -> str:
     """Return the rows as CSV; tables and lists are written as JSON, missing values as nothing."""
-    text = io.StringIO()
     columns = columns_of(rows)
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    for row in rows:
-        writer.writerow([_cell(row.get(column)) for column in columns])
-    return text.getvalue()
+    return tables.as_csv([{column: _cell(row.get(column)) for column in columns} for row in rows])
 
 
 def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return str(value).lower()
-    return json.dumps(value) if isinstance(value, dict | list | tuple) else str(value)
+    return value if isinstance(value, str) else "" if value is None else json.dumps(value, default=str)
 
 
 def label_of(key: str, units: Mapping[str, str]) -> str:
@@ -156,10 +144,9 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mappi
         axes = figure.subplots(len(down), len(across), squeeze=False, sharey="row", sharex="col")
         for row_of_axes, quantity in zip(axes, down, strict=True):
             for axis, key in zip(row_of_axes, across, strict=True):
-                drawn = [row for row in rows if _is_number(row.get(quantity))]
                 places, words = _places([row.get(key) for row in rows])
-                shown = dict(zip(map(id, rows), places, strict=True))
-                axis.plot([shown[id(row)] for row in drawn], [row[quantity] for row in drawn], "o", ms=3.5, alpha=0.7)
+                drawn = [(place, row[quantity]) for place, row in zip(places, rows, strict=True) if _is_number(row.get(quantity))]
+                axis.plot(*zip(*drawn, strict=True), "o", ms=3.5, alpha=0.7)
                 if words:
                     axis.set_xticks(range(len(words)), words, rotation=30, ha="right")
             row_of_axes[0].set_ylabel(label_of(quantity, units))

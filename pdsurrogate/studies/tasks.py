@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -16,6 +16,7 @@ from ..discretisation import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
 from ..problem.materials import checked_models
+from ..results import Result
 from ..results.checkpoint import NAME as CHECKPOINT
 from ..results.checkpoint import CheckpointError
 from ..results.contents import digest_of_mesh
@@ -31,10 +32,6 @@ SURROGATE = ("fitted", "1")
 """Name and version of the artefact that a fit leaves in its folder."""
 
 
-class OutOfTime(RuntimeError):
-    """A run whose time was over, and that goes on from its checkpoint."""
-
-
 class Task(Protocol):
     """One checked run of a study, which can be carried out in any process.
 
@@ -47,7 +44,7 @@ class Task(Protocol):
     digest: str
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
-        """Carry out the run in its own folder; return why it failed, or None; raise `OutOfTime` if its time is over."""
+        """Carry out the run in its own folder; return why it failed, or None; raise SimulationInterrupted if it is stopped."""
 
 
 @dataclass(frozen=True)
@@ -60,17 +57,14 @@ class SceneTask:
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
         """Simulate, from the checkpoint in the folder if there is one."""
-        model = _model(self.force, self.scene)
+        model = artifacts.default_force(self.scene) if self.force is None else artifacts.load_surrogate(self.force)
         if _scene_digest(self.scene, model) != self.digest:
             raise RuntimeError("the mesh or the force has changed since the study was started")
-        options = {"threads": threads, "folder": folder, "max_time": max_time}
         failure = None
         try:
-            result = _resumed(self.scene, model, options) or simulate(self.scene, model, **options, overwrite=True)
-        except SimulationInterrupted as stopped:
-            if stopped.out_of_time:
-                raise OutOfTime(str(stopped)) from None
-            raise KeyboardInterrupt from None
+            result = self._simulated(model, threads=threads, folder=folder, max_time=max_time)
+        except SimulationInterrupted:
+            raise
         except SimulationFailed as error:
             failure, result = str(error), error.result
         except SceneError as error:
@@ -78,15 +72,12 @@ class SceneTask:
         result.save(folder)
         return failure
 
-
-def _resumed(scene: Scene, model: ForceModel, options: Mapping):
-    """Return the result of a run resumed from its checkpoint; None if there is no usable checkpoint."""
-    if not (options["folder"] / CHECKPOINT).is_file():
-        return None
-    try:
-        return simulate(scene, model, **options, resume=True)
-    except CheckpointError:
-        return None
+    def _simulated(self, model: ForceModel, **options) -> Result:
+        """Return the result of the run, resumed from its checkpoint if there is a usable one."""
+        if (options["folder"] / CHECKPOINT).is_file():
+            with suppress(CheckpointError):
+                return simulate(self.scene, model, **options, resume=True)
+        return simulate(self.scene, model, **options, overwrite=True)
 
 
 @dataclass(frozen=True)
@@ -107,29 +98,25 @@ class FitTask:
         began = time.perf_counter()
         law, settings = self.fit.material.build(), settings_of(self.fit)
         place = folder / Path(*SURROGATE)
-        summary = {"material": law.describe(), "artefact": "/".join(SURROGATE)}
         with threadpool_limits(threads):
             if not place.exists():  # it exists if an earlier attempt ended before writing its summary
                 try:
-                    design, pipeline = settings.design(law), settings.pipeline()[0]
-                    pipeline.fit(design.X, design.y)
-                    text = settings.text(law, settings.cross_validate(pipeline, design))
-                    store(pipeline, design, law, folder, *SURROGATE, text)
+                    trained = settings.train(law)
+                    store(trained.pipeline, trained.samples, law, folder, *SURROGATE, settings.text(law, trained.cross_validation))
                 except (TooInexact, ValueError) as error:
                     return str(error)
         card = artifacts.load_card(place)
         folds = card.training["cross_validation"]
-        write_json(
-            folder / SUMMARY,
-            {
-                **summary,
-                **card.errors["box"],
-                "outcome": card.training["outcome"],
-                "cross_validation": folds,
-                "cross_validated_rms": (sum(row["rms"] ** 2 for row in folds) / len(folds)) ** 0.5 if folds else None,
-                "seconds_total": time.perf_counter() - began,
-            },
-        )
+        summary = {
+            "material": law.describe(),
+            "artefact": "/".join(SURROGATE),
+            **card.errors["box"],
+            "outcome": card.training["outcome"],
+            "cross_validation": folds,
+            "cross_validated_rms": (sum(row["rms"] ** 2 for row in folds) / len(folds)) ** 0.5 if folds else None,
+            "seconds_total": time.perf_counter() - began,
+        }
+        write_json(folder / SUMMARY, summary)
         return None
 
 
@@ -161,13 +148,12 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     scene = load_scene(scene_of(study, folder), {**study.set, **changes})
     check_size(scene, memory)
     force = parameters.get(FORCE, study.force)
-    if force is not None and not isinstance(force, str):
-        raise SceneError(f"force: must be the name or path of a force model, not {force!r}")
     if force is None:
-        model = artifacts.default_force(scene)
-    else:
-        scene, model = artifacts.with_material(scene, force)
-    if force is not None and force not in FORCES:
+        return SceneTask(scene, None, _scene_digest(scene, artifacts.default_force(scene)))
+    if not isinstance(force, str):
+        raise SceneError(f"force: must be the name or path of a force model, not {force!r}")
+    scene, model = artifacts.with_material(scene, force)
+    if force not in FORCES:
         # The name with its present version; an artefact that cannot be found by name is given by its whole path.
         named, which = artifacts.find_artifact(force), artifacts.parted(force)[1]
         force = f"{named.parent.name}@{named.name}" if _found_by_name(named) else str(named.resolve())
@@ -180,10 +166,6 @@ def _found_by_name(place: Path) -> bool:
         return artifacts.find_artifact(f"{place.parent.name}@{place.name}").resolve() == place.resolve()
     except artifacts.ArtifactError:
         return False
-
-
-def _model(force: str | None, scene: Scene) -> ForceModel:
-    return artifacts.default_force(scene) if force is None else artifacts.load_surrogate(force)
 
 
 def _scene_digest(scene: Scene, model: ForceModel) -> str:
@@ -200,10 +182,7 @@ def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
         apply_change(data, key, value)
     try:
         fit = Fit.model_validate(data)
-    except ValidationError as error:
-        raise SceneError(f"fit: {explain(error, Fit)}") from None
-    try:
         settings_of(fit)
     except ValueError as error:
-        raise SceneError(f"fit: {error}") from None
+        raise SceneError(f"fit: {explain(error, Fit) if isinstance(error, ValidationError) else error}") from None
     return FitTask(fit, digest_of(fit.model_dump(mode="json")))

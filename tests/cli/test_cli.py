@@ -12,7 +12,7 @@ from rich.table import Table
 from typer.testing import CliRunner
 
 from pdsurrogate.artifacts.card import checked_card
-from pdsurrogate.cli import app, application
+from pdsurrogate.cli import app, terminal
 
 FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
 
@@ -141,15 +141,15 @@ def test_data_that_no_law_describes_make_no_artefact(tmp_path):
 @pytest.mark.parametrize("width", [20, 60, 80])
 def test_tables_cut_nothing_off(width, monkeypatch):
     """In a terminal of 80 columns figures were cut (``384.793…``)."""
-    monkeypatch.setattr(application.out, "width", width)
+    monkeypatch.setattr(terminal.out, "width", width)
     figures = ["-384.79312", "1234567.12345", "+0.00012", "6.02214e+23"]
     table = Table(title="figures")
     for _ in range(3):
         for title in ("stretch", "greatest lateral (cm)", "error (%)", "a sentence of many words that may break"):
             table.add_column(title)
     table.add_row(*figures * 3)
-    with application.out.capture() as captured:
-        application.show(table)
+    with terminal.out.capture() as captured:
+        terminal.show(table)
     for commands in (["materials"], ["artifacts"], ["run", "uniaxial", *FAST], ["evaluate", "analytic", "--samples", "200"]):
         done = invoke(*commands)
         assert done.exit_code == 0
@@ -159,8 +159,8 @@ def test_tables_cut_nothing_off(width, monkeypatch):
     if width == 80:
         long = Table("what it is")
         long.add_row("many words " * 30)
-        with application.out.capture() as captured:
-            application.show(long)
+        with terminal.out.capture() as captured:
+            terminal.show(long)
         assert max(map(len, captured.get().splitlines())) <= width
 
 

@@ -4,15 +4,19 @@ import io
 import json
 import logging
 import re
+import subprocess
 import sys
 import warnings
 
 import pytest
+import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app, application
+from pdsurrogate.cli import app, terminal
+from pdsurrogate.cli.application import COMMANDS
+from pdsurrogate.cli.command import warnings_as_lines
 from pdsurrogate.engine.threads import at_most, most_threads, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.materials import LAWS
@@ -105,6 +109,15 @@ def test_the_version_and_the_completion_of_shells():
         assert set(done.output.split()) == meant
 
 
+def test_commands_are_loaded_when_they_are_called():
+    group = typer.main.get_command(app)
+    for name, (_, text) in COMMANDS.items():
+        with group.make_context("pdsurrogate", [name]) as context:
+            assert group.resolve_command(context, [name])[1].help == text
+    program = "import sys; from pdsurrogate.cli import app; app(['--help'], standalone_mode=False); assert 'numpy' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+
+
 def test_json_is_all_that_is_printed_for_programs(tmp_path):
     run = invoke("run", "uniaxial", *FAST, "--json", "--out", tmp_path / "out")
     assert run.exit_code == 0, run.output
@@ -139,24 +152,24 @@ def test_the_package_logs_under_its_own_name(caplog):
     assert {record.name for record in caplog.records} == {"pdsurrogate.run.simulate", "pdsurrogate.run.levels"}
 
 
-@pytest.mark.parametrize("terminal", [True, False])
-def test_progress_is_drawn_on_terminals_alone(monkeypatch, terminal):
+@pytest.mark.parametrize("drawn", [True, False])
+def test_progress_is_drawn_on_terminals_alone(monkeypatch, drawn):
     file = io.StringIO()
-    monkeypatch.setattr(application, "err", Console(file=file, force_terminal=terminal, width=100))
-    monkeypatch.setattr(application.settings, "quiet", False)
-    with application.progress_bar("drawing") as told, application.status("busy"):
+    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=drawn, width=100))
+    monkeypatch.setattr(terminal.settings, "quiet", False)
+    with terminal.progress_bar("drawing") as told, terminal.status("busy"):
         told(0.5, "residual 1e-3")
-    assert ("drawing" in file.getvalue()) == terminal
-    assert terminal or file.getvalue() == ""
+    assert ("drawing" in file.getvalue()) == drawn
+    assert drawn or file.getvalue() == ""
 
 
 def test_a_narrow_terminal_cuts_nothing_of_progress(monkeypatch):
     """In one line the time left was cut away, and the end of the state with it."""
     file = io.StringIO()
-    monkeypatch.setattr(application, "err", Console(file=file, force_terminal=True, width=50))
-    monkeypatch.setattr(application.settings, "quiet", False)
+    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=True, width=50))
+    monkeypatch.setattr(terminal.settings, "quiet", False)
     state = "3 of 12 cases, 14.2 cases/min, now neo-hookean, sheets: a long title of a hard case [0, 1]"
-    with application.Bar() as bar:
+    with terminal.Bar() as bar:
         bar.add_task("Hard cases", completed=0.25, total=1.0, state=state)
     drawn = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", file.getvalue())
     assert state in " ".join(drawn.split())
@@ -165,13 +178,13 @@ def test_a_narrow_terminal_cuts_nothing_of_progress(monkeypatch):
 
 def test_rates_are_by_the_second_or_by_the_minute(monkeypatch):
     now = [10.0]
-    monkeypatch.setattr(application.time, "monotonic", lambda: now[0])
-    rate = application.Rate("runs")
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now[0])
+    rate = terminal.Rate("runs")
     assert rate.after(0) == ""
     now[0] = 20.0
     assert rate.after(5) == ", 30 runs/min"
     assert rate.after(50) == ", 5 runs/s"
-    rate.begin(50)
+    rate = terminal.Rate("runs", 50)
     now[0] = 21.0
     assert rate.after(52) == ", 2 runs/s"
 
@@ -234,7 +247,7 @@ def test_commands_keep_to_the_threads_that_are_asked_for():
 
 
 def test_warnings_are_said_in_one_line_without_the_place_in_the_source(capsys):
-    with application.said_aloud():
+    with warnings_as_lines():
         for kind in (Oversubscribed, OutsideDomainWarning, UserWarning):
             warnings.warn(f"of kind [{kind.__name__}]", kind, stacklevel=1)
     told = capsys.readouterr().err.splitlines()
@@ -245,8 +258,8 @@ def test_training_says_how_far_it_is(monkeypatch, tmp_path):
     """A minute of training said nothing but that it went on: rate, time left and loss, on terminals alone."""
     file = io.StringIO()
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path))
-    monkeypatch.setattr(application, "err", Console(file=file, force_terminal=True, width=160))
-    monkeypatch.setattr(application, "SOONEST", 0.0)  # so small a training may be over before
+    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=True, width=160))
+    monkeypatch.setattr(terminal, "SOONEST", 0.0)  # so small a training may be over before
     done = invoke("fit", "mine", "--units", 4, "--samples", 300, "--greatest", 1.5, "--iterations", 30, "--folds", 2)
     assert done.exit_code in (0, 1), done.output
     for words in ("Fitting", "Cross-validating", "fold 2 of 2", r"iteration \d+ of at most 30, loss \d\.\d+e-\d+, [\d.e+]+ iterations/s"):

@@ -111,7 +111,7 @@ def test_activations(random, name, dtype, tolerance):
 
 
 def test_training_activations_are_those_of_the_kernels(random):
-    from pdsurrogate.learning.activations import ACTIVATIONS
+    from pdsurrogate.learning.base import ACTIVATIONS
 
     assert set(ACTIVATIONS) < set(activations.ACTIVATIONS)
     x = random.uniform(-8, 8, 200)

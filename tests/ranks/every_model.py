@@ -37,7 +37,8 @@ def measured(row, steps, ranks):
     free = np.ones_like(positions)
     body.share.clear(free)
     still = lambda positions, ahead: None  # noqa: E731
-    integrator = ExplicitDynamics(force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), 0.5, 0.0, 0.3)
+    settings = {"damping": 0.5, "viscosity": 0.0, "safety": 0.3}
+    integrator = ExplicitDynamics(force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), **settings)
     integrator.begin()
     for _ in range(steps):
         integrator.move()

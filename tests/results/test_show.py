@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
-from pdsurrogate.cli.showing import MARK, MARK_WITHIN
+from pdsurrogate.cli.show import MARK, MARK_WITHIN
 from pdsurrogate.results.page import html_page
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)

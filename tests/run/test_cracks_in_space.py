@@ -100,7 +100,7 @@ def test_a_fracture_energy_in_space_needs_a_horizon_at_which_the_tip_was_measure
         found = critical_stretch_in(scene, law, 0.5, "bond energy")
         assert homogeneous.uniaxial(law, found).energy_density * diameter * 0.5 == pytest.approx(2.0, rel=1e-9)
     with pytest.raises(
-        ValueError, match=r"fracture.energy .*horizon_ratio 1.75; bond energy, in space, horizon_ratio 2.2.*not for in space"
+        ValueError, match=r"fracture.energy .*horizon_ratio 1.75; bond energy, plane=space, horizon_ratio 2.2.*not for plane=space"
     ):
         Scene.model_validate({**STRIP, "fracture": {"energy": 2.0}, "horizon_ratio": 3.0})
 

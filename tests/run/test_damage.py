@@ -15,7 +15,7 @@ from pdsurrogate.problem.fracture import critical_stretch_of, tearing_energy
 from pdsurrogate.run.damage import Damage, greatest_bond_stretch
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Precut, load_scene
-from pdsurrogate.scenes.model import TIP_DIAMETER
+from pdsurrogate.scenes.tip_diameter import TIP_DIAMETER
 
 LAW = NeoHookean()
 CUT = Precut(start=(-0.05, 0.5), end=(0.6, 0.5))

@@ -46,7 +46,15 @@ def free_bar(viscosity=0.0, damping=0.0, safety=0.5):
     velocities[:, 0] = 0.01 * np.cos(np.pi * body.points[:, 0] / 2.0)
     free = np.ones_like(velocities)
     integrator = ExplicitDynamics(
-        force, lambda positions, ahead: None, body.points.copy(), velocities, free, body.volumes, damping, viscosity, safety
+        force,
+        lambda positions, ahead: None,
+        body.points.copy(),
+        velocities,
+        free,
+        body.volumes,
+        damping=damping,
+        viscosity=viscosity,
+        safety=safety,
     )
     integrator.begin()
     return integrator
@@ -386,8 +394,8 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
 def test_the_last_good_state_is_recorded_once(monkeypatch):
     """Where the step after an output fails, the state before it has been recorded: it came twice, at one time."""
     run = Run(pds.load_scene("tear", UNDAMPED), pds.load_surrogate("analytic"), Silent())
-    run.stage = len(run.stages) - 1
-    motion = transient.Transient(run, run.stages[run.stage])
+    run.state.stage = len(run.stages) - 1
+    motion = transient.Transient(run, run.stages[run.state.stage])
     motion.begin()
 
     def fail():
@@ -418,7 +426,8 @@ def test_dynamics_without_a_time_step_are_refused():
     body = sheet(0.1, 2.0, 0.4)
     force = AnalyticBondForce(LAW).bind(body, LAW, ForceSettings())
     still = np.zeros_like(body.points)
-    integrator = ExplicitDynamics(force, lambda positions, ahead: None, body.points.copy(), still, still, body.volumes, 0.0, 0.0, 0.5)
+    settings = {"damping": 0.0, "viscosity": 0.0, "safety": 0.5}
+    integrator = ExplicitDynamics(force, lambda positions, ahead: None, body.points.copy(), still, still, body.volumes, **settings)
     with pytest.raises(Diverging, match="there is no time step"):
         integrator.begin()
     with pytest.raises(pds.SimulationFailed, match=r"more than 1e\+09 of them; check the units of dynamics\.density"):

@@ -24,7 +24,15 @@ def free_block(counts, velocities, viscosity=0.0, damping=0.0, safety=0.7):
     force = FORCES["bond-energy"]().bind(body, LAW, ForceSettings(plane="space"))
     moving, free = velocities(points), np.ones_like(points)
     integrator = ExplicitDynamics(
-        force, lambda positions, ahead: None, points.copy(), moving, free, body.volumes, damping, viscosity, safety
+        force,
+        lambda positions, ahead: None,
+        points.copy(),
+        moving,
+        free,
+        body.volumes,
+        damping=damping,
+        viscosity=viscosity,
+        safety=safety,
     )
     integrator.begin()
     integrator.centre()

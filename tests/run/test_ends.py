@@ -214,8 +214,13 @@ def test_the_first_equilibrium_goes_on_from_within(tmp_path, name):
 def test_checkpoints_on_the_way_come_by_the_clock(tmp_path, monkeypatch):
     """And change nothing."""
     scene, written = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.5]), []
-    whole, checkpoint = simulate(scene, "analytic"), levels.Way.checkpoint
-    monkeypatch.setattr(levels.Way, "checkpoint", lambda *given: (written.append(1), checkpoint(*given)))
+    whole, checkpoint = simulate(scene, "analytic"), levels.Equilibria._checkpoint
+
+    def counted(stage, *increments):
+        written.extend(increments)
+        checkpoint(stage, *increments)
+
+    monkeypatch.setattr(levels.Equilibria, "_checkpoint", counted)
     monkeypatch.setattr("pdsurrogate.run.checkpoints.SECONDS_BETWEEN_CHECKPOINTS", 0.0)
     monkeypatch.setattr("pdsurrogate.run.checkpoints.CHECKPOINT_SHARE", 0.0)
     found = simulate(scene, "analytic", folder=tmp_path)
@@ -249,7 +254,7 @@ def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
         pds.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
 
 
-@pytest.mark.parametrize("where", ["stress_test.deformations", "stress_test.conformance", "reports.compare"])
+@pytest.mark.parametrize("where", ["stress_test.case", "reports.compare"])
 def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
     """It ended one run of many, which counted as failed, and the next began."""
     module = importlib.import_module(f"pdsurrogate.{where}")
@@ -259,10 +264,9 @@ def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
 
     monkeypatch.setattr(module, "simulate", interrupted)
     force = pds.load_surrogate("analytic")
-    keys = {"body": pds.shapes.Rectangle(size=(1.0, 1.0)), "spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
+    held, keys = Subject("analytic"), {"spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
     calls = {
-        "stress_test.deformations": lambda: module.run_described(Subject("analytic"), keys),
-        "stress_test.conformance": lambda: module.checkpoint(Subject("analytic")),
+        "stress_test.case": lambda: held.run(held.scene((1.0, 1.0), **keys)),
         "reports.compare": lambda: module.measure_scene(module.Candidate("exact", force, "float64"), pds.materials.NeoHookean(), 0.25),
     }
     with pytest.raises(KeyboardInterrupt):

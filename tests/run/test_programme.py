@@ -127,7 +127,7 @@ def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted, monkeypatch
 
     def stopping(checkpoints, *rest):
         write(checkpoints, *rest)
-        written.append(len(checkpoints.run.levels))
+        written.append(len(checkpoints.run.state.levels))
         if written[-1] == interrupted:
             raise KeyboardInterrupt
 

@@ -352,7 +352,7 @@ def test_mistakes_are_told_in_one_line_with_the_authors_own_key(tmp_path, said, 
             {"a b": {"edge": "left"}},
             "regions.a b: the name of a region begins with a letter, and goes on with letters, digits, - and _ (given",
         ),
-        ({"x": {"not": "holes.0"}}, "regions.x.not: there is no region 'holes.0': the body has no holes"),
+        ({"x": {"not": "holes.0"}}, "regions.x.not: there is no region 'holes.0'; the body has no holes"),
     ],
 )
 def test_named_regions_that_make_no_sense(named, message):

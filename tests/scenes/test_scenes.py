@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pdsurrogate as pds
-from pdsurrogate.cli import running
+from pdsurrogate.cli import run_tables
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.results.page import html_page
 from pdsurrogate.scenes import Grip, MaterialSpec, SceneError, Units, load_scene, scene_names
@@ -319,8 +319,8 @@ def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
     result = pds.simulate(scene, "analytic")
     result.save(tmp_path)
     texts = [path.read_text() for path in tmp_path.glob("*.csv")] + [html_page(result, ["stress_11"]), result.label("stress_11")]
-    for printed in (running.print_levels, running.print_cells, running.print_grip):
-        with running.out.capture() as said:
+    for printed in (run_tables.print_levels, run_tables.print_cells, run_tables.print_grip):
+        with run_tables.out.capture() as said:
             printed(result)
         texts.append(said.get())
     figure = result.loading_figure()

@@ -47,14 +47,14 @@ def each(pairs):
 
 @each([pair for pair in PAIRS if not pair[1].drawn])
 def test_property(row, case):
-    judge(row, case, case.function(subject_of(row.reference, plane=row.plane)))
+    judge(row, case, case(subject_of(row.reference, plane=row.plane)))
 
 
 @each([pair for pair in PAIRS if pair[1].drawn])
 @settings(max_examples=8)
 @given(deformation=deformations)
 def test_property_in_any_deformation(row, case, deformation):
-    judge(row, case, case.function(subject_of(row.reference, plane=row.plane), [deformation]))
+    judge(row, case, case(subject_of(row.reference, plane=row.plane), [deformation]))
 
 
 def judge(row, case, outcome):
@@ -71,7 +71,7 @@ def judge(row, case, outcome):
 @each([pair for pair in PAIRS if pair[1].key in pair[0].departures])
 def test_what_a_row_states_is_so(row, case):
     """A departure that the model no longer has is struck off the table."""
-    outcome = case.function(subject_of(row.reference, plane=row.plane))
+    outcome = case(subject_of(row.reference, plane=row.plane))
     assert outcome.verdict == WEAK
     assert outcome.weakness == row.departures[case.key].weakness
 
@@ -108,7 +108,7 @@ def brought(tmp_path_factory):
 def test_what_users_bring_has_the_properties_of_every_bond_force(brought, name, case):
     """Every one but that of moments, which no bond force has; forces in Python are in double precision alone."""
     row = Row(name, MOMENTS)
-    outcome = case.function(brought[name])
+    outcome = case(brought[name])
     if case.key == "single_precision":
         assert (outcome.verdict == INAPPLICABLE) == (name != "spline")
     elif case.key not in ("threads", "energy_account"):  # of threads there may be but one, and bond forces have no energy

@@ -102,7 +102,7 @@ def test_random_samples_follow_their_distribution():
         ({"parameters": {"a": {"distribution": "uniform", "low": 1}}}, "parameters.a: uniform has no parameter 'low'; it has loc, scale"),
         ({"parameters": {"a": {"distribution": "lognorm"}}}, "parameters.a: lognorm needs s"),
         ({"parameters": {"a": {"distribution": "norm", "scale": -1}}}, "parameters.a: norm is undefined for scale=-1"),
-        ({"parameters": {"a": {"distribution": "norm", "scale": "x"}}}, "parameters.a: scale must be a finite number, not 'x'"),
+        ({"parameters": {"a": {"distribution": "norm", "scale": "x"}}}, "parameters.a: scale: Input should be a valid number"),
         ({"parameters": {"a": list(range(400)), "b": list(range(400))}}, "the grid has 160000 runs, the limit is 100000"),
         ({"quantities": []}, "quantities: needs at least 1 entries"),
         ({"quantities": ["converged", "nominal_stres"]}, "quantities: no run has 'nominal_stres'; did you mean nominal_stress?"),

@@ -1,0 +1,139 @@
+"""Commands as functions, with the options that all or several of them have."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import logging
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer import Option
+
+from ..forces import CompilerSwitchedOff, OutsideDomainWarning
+from ..materials import LAWS, Law
+from ..results.files import check_writable
+from ..results.folder import check_report
+from ..scenes import MaterialSpec
+from ..scenes.reading import parse_change
+from .endings import bad_input
+from .terminal import WARNING, complain, err, out, settings
+
+Overwrite = Annotated[bool, Option("--overwrite", help="Overwrite results in DIR of another run, or of this one if interrupted.")]
+MaxTime = Annotated[float | None, Option(metavar="SECONDS", help="Stop a run after this time and write a checkpoint to resume from.")]
+AsJson = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
+SetScene = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a scene key; may be repeated.")]
+SetLaw = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")]
+ReportFolder = Annotated[Path | None, Option("--out", metavar="DIR", help="Write a report, and figures if it has any, here.")]
+Threads = Annotated[int | None, Option(help="Most threads of the kernels; by default all.")]
+
+
+def command(function: Callable) -> typer.core.TyperCommand:
+    """Return the command of a function, called like it, with the options that all commands have after its own."""
+    own, shared = (_command(one) for one in (function, _begin))
+    body = own.callback
+
+    def both(**given) -> None:
+        out.quiet = given.get("as_json", False)  # no tables and remarks; JSON is written past it
+        with warnings_as_lines(), bad_input(ValueError, CompilerSwitchedOff):
+            shared.callback(**{option.name: given.pop(option.name) for option in shared.params})
+            body(**given)
+
+    own.params, own.callback = [*own.params, *shared.params], both
+    return own
+
+
+def _command(function: Callable) -> typer.core.TyperCommand:
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    alone.command(function.__name__.replace("_", "-"))(function)
+    return typer.main.get_command(alone)
+
+
+def _begin(
+    verbose: Annotated[int, Option("-v", "--verbose", count=True, show_default=False, help="Print log messages; -vv for debug ones.")] = 0,
+    quiet: Annotated[bool, Option("-q", "--quiet", help="Print only result tables, warnings and errors.")] = False,
+    imports: Annotated[list[Path] | None, Option("--import", metavar="FILE.py", help="Module that defines laws; may be repeated.")] = None,
+) -> None:
+    settings.quiet = quiet
+    logger = logging.getLogger("pdsurrogate")
+    for handler in [handler for handler in logger.handlers if isinstance(handler, _OnStandardError)]:
+        logger.removeHandler(handler)
+    logger.setLevel({0: logging.NOTSET, 1: logging.INFO}.get(verbose, logging.DEBUG))
+    if verbose:
+        logger.addHandler(_OnStandardError())
+    for path in imports or ():
+        with bad_input(OSError):
+            _import_laws(path)
+
+
+class _OnStandardError(logging.Handler):
+    """Logging handler that prints records above the progress bar."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        err.print(f"{record.name}: {record.getMessage()}", markup=False, highlight=False, soft_wrap=True)
+
+
+def _import_laws(path: Path) -> None:
+    """Run a module, and add its laws to the table of laws; raise ValueError if it has none, or one that is named like another."""
+    if path.suffix != ".py" or not path.is_file():
+        raise ValueError(f"--import {path}: there is no such Python file")
+    if path.stem in sys.modules:
+        module: Any = sys.modules[path.stem]
+        if Path(getattr(module, "__file__", None) or "").resolve() != path.resolve():
+            raise ValueError(f"--import {path}: a module {path.stem} is loaded already; take another name for the file")
+    else:
+        specification = importlib.util.spec_from_file_location(path.stem, path)
+        module = importlib.util.module_from_spec(specification)
+        sys.modules[path.stem] = module
+        try:
+            specification.loader.exec_module(module)
+        except Exception as error:
+            del sys.modules[path.stem]
+            raise ValueError(f"--import {path}: {type(error).__name__}: {error}") from None
+    classes = [found for found in vars(module).values() if inspect.isclass(found) and found.__module__ == module.__name__]
+    laws = [found for found in classes if issubclass(found, Law) and not inspect.isabstract(found)]
+    if not laws:
+        raise ValueError(f"--import {path}: it defines no law, a class that derives from InvariantLaw or PrincipalStretchLaw")
+    for law in laws:
+        if LAWS.get(law.name, law) is not law:
+            raise ValueError(f"--import {path}: there is a law {law.name!r} already; give {law.__name__} another name")
+        LAWS[law.name] = law
+
+
+@contextmanager
+def warnings_as_lines() -> Iterator[None]:
+    """Print warnings for users, those of the package among them, as lines without their place in the source."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", OutsideDomainWarning)
+        before = warnings.showwarning
+
+        def print_warning(message, category, *where) -> None:
+            if issubclass(category, UserWarning) or category.__module__.startswith(__package__.partition(".")[0]):
+                complain(str(message), WARNING)
+            else:
+                before(message, category, *where)
+
+        warnings.showwarning = print_warning
+        yield
+
+
+def law_of(name: str, changes: list[str] | None = None) -> Law:
+    """Return a law by its name, with parameters given as KEY=VALUE."""
+    given = dict(parse_change(item) for item in changes or [])
+    if "law" in given:
+        raise ValueError(f"the law is given by its own option, not by --set law={given['law']}")
+    return MaterialSpec(law=name, **given).build()
+
+
+def check_folder(folder: Path | None, report: str = "", asked: dict | None = None, overwrite: bool = False) -> None:
+    """Check, before any work, that files can be written to a folder, and that a report there answers the same question."""
+    if folder is not None:
+        with bad_input(OSError):
+            check_writable(folder)
+        if report:
+            check_report(folder / report, asked or {}, overwrite)

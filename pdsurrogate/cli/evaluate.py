@@ -1,0 +1,69 @@
+"""The command that compares a force model with its law, and the tables of errors that ``fit`` prints as well."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from typer import Argument, Option
+
+from .. import learning
+from ..artifacts import load_card, load_surrogate
+from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
+from ..learning.sampling import checked_range
+from ..scenes import MaterialSpec
+from .command import AsJson, command, law_of
+from .terminal import out, print_json, print_table
+
+
+@command
+def evaluate(
+    reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")],
+    *,
+    least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,
+    greatest: Annotated[float | None, Option(help="Greatest principal stretch, above 1.")] = None,
+    samples: Annotated[int, Option(help="States in each set.", min=100)] = 20_000,
+    seed: Annotated[int, Option(help="Seed of the states.", min=0)] = 2_000_003,
+    law: Annotated[str | None, Option(help="Law to compare with; the artefact's own by default.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."""
+    model = load_surrogate(reference)
+    if not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
+        raise ValueError(f"{reference} has no bond force of its own to evaluate")
+    if law is None and reference not in FORCES:
+        material = MaterialSpec(**load_card(reference).material.trained_with).build()
+    else:
+        material = law_of(law or "neo-hookean")
+    model.check_material(material)
+    if reference in FORCES and isinstance(model, ForceSurrogate):
+        model.law = material
+    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else (0.5, 4.0)
+    stretches = checked_range((low if least is None else least, high if greatest is None else greatest))
+    report = learning.evaluate(model, material, stretches, samples, seed)
+    if as_json:
+        print_json(report)
+    else:
+        print_errors(report)
+
+
+def print_errors(report: dict) -> None:
+    """Print the errors of a bond force, or of an energy."""
+    low, high = report["stretch_range"]
+    which = f"stretches {low:g} to {high:g}, {report['n_samples']} states"
+    bins = [(f"strain {row['strain'][0]:g} to {row['strain'][1]:g}", row) for row in report["by_strain"]]
+    if "off_surface" in report:
+        rows = [("on the plane-stress surface", report["on_surface"]), ("off it", report["off_surface"]), *bins]
+        cells = ((title, f"{row['rms']:.1e}", f"{row['max']:.1e}") for title, row in rows)
+        print_table(f"Relative force error, {which}", ("states", "RMS", "greatest"), cells, left=1)
+        slope, exact = report["least_slope"], report["least_slope_exact"]
+        out.print(f"force at rest {report['at_rest']:.1e}; least stiffness slope {slope:.3g} (exact: {exact:.3g})")
+        return
+    rows = [("all", report["on_surface"]), *bins]
+    cells = ((title, f"{row['rms']:.1e}", f"{row['max']:.1e}", f"{row['energy_rms']:.1e}") for title, row in rows)
+    print_table(f"Relative errors, {which}", ("states", "stress, RMS", "greatest", "energy, RMS"), cells, left=1)
+    if "shear_modulus" in report:
+        more = f"shear modulus at rest {report['shear_modulus']:.7g} (exact: 1)"
+    else:
+        more = f"least curvature by log-stretches {report['least_curvature']:.3g} (exact: {report['least_curvature_exact']:.3g})"
+    stiffness = f"least acoustic stiffness {report['least_acoustic']:.3g} (exact: {report['least_acoustic_exact']:.3g})"
+    out.print(f"at rest {report['at_rest']:.1e}; {stiffness}; {more}")

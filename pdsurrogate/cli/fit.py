@@ -1,0 +1,156 @@
+"""The command that fits a surrogate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from typer import Argument, Option
+
+from ..artifacts import load_card, load_surrogate, new_artifact, next_version, own_folder
+from ..identification import figure, load_test_data
+from ..identification.settings import IdentificationSettings, Identified, identified, simulate_tests
+from ..learning import store
+from ..learning.fitting import TooInexact
+from ..learning.marquardt import listening
+from ..learning.settings import FitSettings
+from ..results import figures
+from .command import AsJson, SetLaw, check_folder, command, law_of
+from .endings import FAILED, bad_input, ended, writing
+from .evaluate import print_errors
+from .identify import DATA_HELP, BulkModulus, BulkRatio, Terms, differences_in_words, print_identified
+from .terminal import Rate, note, out, print_json, progress_bar, status, warn
+
+
+@command
+def fit(
+    name: Annotated[str, Argument(help="Name of the new artefact.")],
+    *,
+    version: Annotated[str | None, Option(help="Its version; by default the next one: versions never change once written.")] = None,
+    law: Annotated[str, Option(help="Material law.")] = "neo-hookean",
+    change: SetLaw = None,
+    data: Annotated[Path | None, Option(metavar="CSV", help=f"Identify the law's parameters first. {DATA_HELP}")] = None,
+    terms: Terms = 3,
+    free: Annotated[bool, Option("--free", help="No law: with --data, the energy that fits best among those that physics allows.")] = False,
+    bulk_modulus: BulkModulus = None,
+    bulk_ratio: BulkRatio = None,
+    force_fit: Annotated[bool, Option("--force-fit", help="With --data, go on with data or a fit that would be refused.")] = False,
+    committee: Annotated[int | None, Option(help="Members stored as well, fitted to half of the tests or with other seeds.", min=2)] = None,
+    energy: Annotated[bool, Option("--energy", help="The isochoric energy, for plane strain, space and every bulk modulus.")] = False,
+    features: Annotated[str | None, Option(help="isochoric (for polynomials), symmetric (for networks), or paper.")] = None,
+    degree: Annotated[str | None, Option(help="Degrees of a polynomial in the two isochoric features; 12,6 by default.")] = None,
+    units: Annotated[str | None, Option(help="Hidden units of a network instead; two layers with a comma between.")] = None,
+    activation: Annotated[str | None, Option(help="Of a network: algebraic (the default), logistic, tanh or relu.")] = None,
+    samples: Annotated[int | None, Option(help="Training samples; 8000, of an energy 1000.", min=200)] = None,
+    least: Annotated[float | None, Option(help="Least principal stretch; 0.5 (of an energy 0.25), or as far as the law goes.")] = None,
+    greatest: Annotated[float | None, Option(help="Greatest principal stretch; 4, or as far as the law goes.")] = None,
+    iterations: Annotated[int | None, Option(help="Most iterations of the training of a network; 1000 by default.", min=1)] = None,
+    folds: Annotated[int, Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
+    seed: Annotated[int, Option(help="Seed of samples, split and first weights.", min=0)] = 0,
+    folder: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder; default: artifacts, or $PDSURROGATE_ARTIFACTS.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
+    with bad_input(OSError):
+        folder = own_folder() if folder is None else folder
+        new_artifact(folder, name, next_version(folder, name) if version is None else version)
+    settings = FitSettings(energy, features, degree, units, activation, samples, least, greatest, iterations, folds, seed)
+    check_folder(folder)
+    identification = IdentificationSettings(terms, bulk_modulus, bulk_ratio)
+    if data is None:
+        if identification.bulk or force_fit:
+            raise ValueError("--bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
+        if free:
+            raise ValueError("--free is of an energy from test data: give them by --data")
+        tests, hull, material = None, None, law_of(law, change)
+        members = [material] * (committee or 0)
+    else:
+        if change:
+            raise ValueError("--data finds the law's parameters, --set gives them: choose one")
+        with status(f"Fitting {'an energy' if free else law} to {data}"):
+            tests = identified(load_test_data(data), None if free else law, identification, committee, seed)
+        hull, material, members = None, tests.model.law_, tests.members
+        if free:
+            settings, hull = settings.within(*tests.model.stretch_range_), tests.model.domain_hull()
+        print_identified(tests.report)
+        refusals = tests.report["refusals"]
+        for text in (*tests.report["remarks"], *(refusals if force_fit else ())):
+            warn(text)
+        if refusals and not force_fit:
+            raise ValueError(f"{'; '.join(refusals)}; --force-fit goes on all the same")
+    with _training_bar() as progress:
+        trained = settings.train(material, members, hull, progress)
+    try:
+        with writing(folder):
+            text = settings.text(material, trained.cross_validation, tests and tests.report)
+            # The next version is that of now: another fit of the same name may have ended since.
+            path = store(trained.pipeline, trained.samples, material, folder, name, version, text, trained.members)
+    except TooInexact as error:
+        raise ended(FAILED, str(error)) from None
+    card = load_card(path)
+    simulated = {} if tests is None else _simulate_tests(path, tests)
+    if as_json:
+        found = {"artefact": f"{card.name}@{card.version}", "path": str(path), "errors": card.errors, "training": card.training}
+        print_json({**found, **simulated})
+    print_errors(card.errors["box"])
+    for row in trained.cross_validation:
+        out.print(f"fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on samples left out")
+    for number, member in enumerate(card.members, 1):
+        modulus = member.material.trained_with["shear_modulus"]
+        out.print(f"member {number}: shear modulus {modulus:.5g}, RMS error {member.errors['box']['on_surface']['rms']:.1e}")
+    note(f"Wrote {path}")
+
+
+def _simulate_tests(path: Path, tests: Identified) -> dict:
+    """Simulate the tests with an artefact, print how far it is from them and from the law, draw all three, and return it for programs."""
+    with status(f"Simulating the tests with {path}"):
+        surrogate = load_surrogate(path)
+        found = simulate_tests(surrogate, tests)
+    out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(found.differences)}")
+    off = "no stress" if np.isnan(found.off_law) else f"{100 * found.off_law:.2g} % of the greatest stress"
+    out.print(f"simulated against the law: {off} at the most")
+    if found.outside:
+        domain, stretches = surrogate.domain, tests.data.stretches
+        warn(
+            f"{found.outside} of {len(tests.data)} rows lie outside the artefact's domain, stretches from {domain.least_stretch:.4g} to "
+            f"{domain.greatest_stretch:.4g}: the exact force stands in for it there, so their simulation does not test it. The "
+            f"stretches of the data go from {stretches.min():.4g} to {stretches.max():.4g}: --least and --greatest set the domain as far "
+            "as the law reaches; a larger one needs a higher --degree or more --units"
+        )
+    picture = path.with_name(f"{path.name}.png")
+    if not picture.exists():
+        with writing(path.parent):
+            figures.save(figure([tests.model], tests.data, found.stress), picture)
+        note(f"Tests, law and simulation drawn in {picture}")
+    stress = [float(value) if np.isfinite(value) else None for value in found.stress]
+    return {"simulated": {"against_measured": found.differences, "rows_outside_domain": found.outside, "nominal_stress": stress}}
+
+
+@contextmanager
+def _training_bar() -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a function that shows the stage, the number and the count of fits; the iterations of each show by themselves."""
+    now, iterations, rate = ("", 0, 1), 0, Rate("iterations")
+    with progress_bar() as shown:
+
+        def begin(*stage_number_count) -> None:
+            nonlocal now, iterations, rate
+            if stage_number_count[0] != now[0]:
+                iterations, rate = 0, Rate("iterations")
+            now = stage_number_count
+            show(0.0)
+
+        def show(share: float, *words: str) -> None:
+            stage, number, count = now
+            fold = [f"fold {number + 1} of {count}"] if count > 1 else []
+            shown((number + share) / count, ", ".join([*fold, *words]), stage)
+
+        def iteration(done: int, most: int, loss: float) -> None:
+            nonlocal iterations
+            iterations += 1
+            show(done / most, f"iteration {done} of at most {most}", f"loss {loss:.2e}{rate.after(iterations)}")
+
+        with listening(iteration):
+            yield begin

@@ -1,0 +1,80 @@
+"""The commands that list and show scenes, and write one to start from."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+from rich.markup import escape
+from typer import Argument, Option
+
+from ..results.files import write_text
+from ..scenes import load_scene, scene_names
+from .command import AsJson, SetScene, check_folder, command
+from .endings import writing
+from .terminal import note, print_json, print_table
+
+
+@command
+def scenes(
+    name: Annotated[str | None, Argument(metavar="[SCENE]", help="Scene to show: a name, or the path of a scene file.")] = None,
+    plot: Annotated[bool, Option("--plot", help="Plot the scene with its regions, grips, loads and probes, without running it.")] = False,
+    change: SetScene = None,
+    pictures: Annotated[Path, Option("--out", metavar="DIR", help="Folder for the picture.")] = Path(),
+    as_json: AsJson = False,
+) -> None:
+    """List the built-in scenes, or show (and plot) one of them."""
+    if name is None:
+        if plot or change:
+            raise ValueError(f"{'--plot' if plot else '--set'} needs the scene that is meant: pdsurrogate scenes NAME")
+        known = [load_scene(one) for one in scene_names()]
+        if as_json:
+            print_json([{"name": one.name, "dimension": one.dimension, "title": one.title} for one in known])
+        rows = ((one.name, "in space" if one.dimension == 3 else "in the plane", one.title) for one in known)
+        print_table("Scenes", ("scene", "body", "what it is"), rows)
+        return
+    scene = load_scene(name, change or [])
+    given = scene.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
+    if as_json:
+        print_json(given)
+    print_table(f"Scene {scene.name}", ("key", "value"), _rows_of(given), folds=("value",), show_header=False)
+    if plot:
+        # Imported here, since only pictures need matplotlib.
+        from ..results import figures
+        from ..run.preview import preview
+
+        path = pictures / f"{scene.name}-scene.png"
+        check_folder(pictures)
+        figure = preview(scene)
+        with writing(pictures):
+            figures.save(figure, path)
+        note(f"Wrote {path}")
+
+
+def _rows_of(given: dict) -> Iterator[tuple[str, str]]:
+    """Yield a row for each key of a scene, and for each entry of a list of tables."""
+    for key, value in given.items():
+        several = isinstance(value, list) and value and isinstance(value[0], dict)
+        for name, entry in ((f"{key}.{number}", entry) for number, entry in enumerate(value)) if several else ((key, value),):
+            if isinstance(entry, dict):
+                entry = ", ".join(f"{inner} = {json.dumps(one)}" for inner, one in entry.items())
+            yield name, escape(entry if isinstance(entry, str) else json.dumps(entry))
+
+
+@command
+def new(file: Annotated[Path, Argument(metavar="FILE.toml", help="Path of the scene file to create.")]) -> None:
+    """Write a commented scene to start from."""
+    if file.suffix != ".toml":
+        raise ValueError(f"{file}: the file of a scene ends in .toml")
+    if file.exists():
+        raise ValueError(f"{file}: the file already exists; choose another name")
+    name = re.sub(r"[^A-Za-z0-9 ._-]", "-", file.stem).lstrip(" ._-")[:64] or "scene"
+    text = (resources.files(__package__) / "template.toml").read_text("utf-8")
+    with writing(file):
+        write_text(file, text.format(name=name, file=file))
+    load_scene(file)
+    note(f"Wrote {file}; look at it with: pdsurrogate scenes {file} --plot; run it with: pdsurrogate run {file} --out out")

@@ -1,0 +1,79 @@
+"""The command that draws what a run has saved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from ..results import Result, figures, load_result
+from ..results.files import write_text
+from ..results.folder import RUNNING
+from ..results.page import html_page
+from ..results.tables import column_title
+from .command import AsJson, check_folder, command
+from .endings import bad_input, writing
+from .terminal import WARNING, complain, counting_bar, note, out, print_json, print_table, warn
+
+MARK, MARK_WITHIN = b'content="pdsurrogate show"', 400
+"""Bytes by which a page of a result is known, and the number of first bytes that have them."""
+
+ZERO_FORCE = 1e-4
+"""Share of the greatest force below which a component counts as zero: the tolerance of an equilibrium leaves less."""
+
+
+@command
+def show(
+    folder: Annotated[Path, Argument(metavar="DIR", help="Folder with the results of a run.")],
+    field: Annotated[
+        list[str] | None,
+        Option(metavar="FIELD", help="Field to draw, such as von_mises or stress_22; may be repeated; default: chosen."),
+    ] = None,
+    level: Annotated[int, Option(help="Number of the output, from 0; -1 is the last one.")] = -1,
+    pictures: Annotated[Path, Option("--out", metavar="DIR", help="Folder for the pictures.")] = Path(),
+    html: Annotated[Path | None, Option(metavar="FILE", help="One page of HTML with all of it in the place of pictures.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."""
+    with bad_input(OSError):
+        if html is not None and html.is_file() and MARK not in html.read_bytes()[:MARK_WITHIN]:
+            raise ValueError(f"--html {html} is no page of a result and would be replaced; give another name")
+        result = load_result(folder)
+    check_folder(pictures if html is None else html.parent)
+    if as_json:
+        print_json({"fields": result.field_names() if result.states else [], "history": result.history})
+    _print_history(result)
+    if result.status != "done":
+        warn(f"{folder}: {result.summary['failure']}; what it had come to is shown.")
+    if html is not None:
+        with counting_bar("pictures", "drawing") as counted, writing(html):
+            write_text(html, html_page(result, field or (), counted))
+        note(f"Wrote {html}")
+    elif not result.states:
+        why = "its summary lists none yet; --resume goes on with the run" if result.status == RUNNING else "the run came to no output"
+        complain(f"{folder} holds no state to draw: {why}", WARNING)
+    else:
+        for name in field or (["damage"] if "damage" in result.field_names() else ["displacement"]):
+            path = pictures / f"{result.summary['scene']}-{name}.png"
+            with bad_input(IndexError), writing(pictures):
+                figures.save(result.plot(name, level), path)
+            note(f"Wrote {path}")
+
+
+def _print_history(result: Result) -> None:
+    """Print the history at outputs in equilibrium, or its last rows: the stage, and forces and energies that are not zero."""
+    rows = [row for row in result.history if "time" not in row] or result.history[-10:]
+    if not rows:
+        return
+    greatest = {column: max(abs(row.get(column, 0)) for row in rows) for column in dict.fromkeys(key for row in rows for key in row)}
+    forces = [column for column in greatest if column.startswith("force_")]
+    zero = dict.fromkeys(forces, ZERO_FORCE * max((greatest[column] for column in forces), default=0.0))
+    # Moments and displacements are on the page and in the file.
+    columns = [
+        column for column, value in greatest.items() if not column.startswith(("moment_", "displacement_")) and value > zero.get(column, 0)
+    ]
+    titles = [column_title(column, result.scene.units).replace("_", " ") for column in columns]
+    cells = ([f"{row[column]:.5g}" if column in row else "" for column in columns] for row in rows)
+    print_table(repr(result)[1:-1], titles, cells, left=0)
+    out.print(f"fields: {', '.join(result.field_names())}" if result.states else "no states", soft_wrap=True)

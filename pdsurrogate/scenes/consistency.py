@@ -1,0 +1,187 @@
+"""Checks of the parts of a scene against each other; each raises ValueError, with the key that is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from typing import TYPE_CHECKING, Any
+
+from .amplitudes import amplitude_of
+from .problems import suggestion
+from .regions import FACES, Region, edge_names, references_in, reserved_names
+from .shapes import Mesh
+from .solids import Prism
+from .strict_model import vectors_in
+from .tip_diameter import tip_diameter
+
+if TYPE_CHECKING:
+    from .model import Scene
+
+MOST_INCREMENTS = 100_000
+"""Greatest number of increments of a step; more take days on the smallest body."""
+
+
+def check_consistency(scene: Scene) -> None:
+    """Refuse a scene whose parts, each of which makes sense, do not fit together."""
+    checks = (_spacing, _dimension, _way_of_loading, _rigid_regions, _grips, _programme, _thickness, _amplitudes, _probes, _regions)
+    for check in checks:
+        check(scene)
+
+
+def _entries(scene: Scene, *keys: str) -> Iterator[tuple[str, Any]]:
+    """Yield the entries of lists of a scene, each with its dotted key."""
+    for key in keys:
+        yield from ((f"{key}.{number}", entry) for number, entry in enumerate(getattr(scene, key)))
+
+
+def _references(scene: Scene) -> Iterator[tuple[str, str | Region]]:
+    """Yield all references to regions, each with its dotted key."""
+    for name, region in scene.regions.items():
+        yield from references_in(f"regions.{name}", region)
+    for key, entry in _entries(scene, "prescribed", "loads", "materials"):
+        yield from references_in(f"{key}.region", entry.region)
+
+
+def _spacing(scene: Scene) -> None:
+    if scene.spacing is None and not isinstance(scene.body, Mesh):
+        raise ValueError("spacing: a number is needed; only a mesh has a spacing of its own")
+
+
+def _dimension(scene: Scene) -> None:
+    """Refuse parts of another dimension than the body."""
+    dimension, body = scene.dimension, scene.body.shape
+    here, there = ("space", "the plane") if dimension == 3 else ("the plane", "space")
+    if (scene.plane == "space") != (dimension == 3):
+        taken = "plane=space, which is also the default" if dimension == 3 else "plane=stress or plane=strain"
+        raise ValueError(f"plane: a {body} lies in {here} and takes {taken}, not {scene.plane}")
+    for key, part in _entries(scene, "holes", "precuts"):
+        if part.dimension != dimension:
+            what = f"a {part.shape}" if key.startswith("holes") else "this cut"
+            raise ValueError(f"{key}: {what} belongs to {there}, and the body, a {body}, to {here}")
+    for key, entry in _entries(scene, "prescribed"):
+        if misfit := entry.misfit(dimension):
+            raise ValueError(f"{key}.{misfit[0]}: {misfit[1]}")
+    for key, hold in _entries(scene, "holds"):
+        if dimension == 2 and "x3" in (hold.components or ()):
+            raise ValueError(f"{key}.components: a body in the plane has x1 and x2, and no x3")
+    for key, grip in _entries(scene, "grips"):
+        if grip.edge not in edge_names(dimension):
+            raise ValueError(f"{key}.edge: a body in the plane has no {grip.edge}; it has {', '.join(edge_names(2))}")
+    for key, region in _references(scene):
+        if isinstance(region, Region) and (misfit := region.misfit(dimension)):
+            raise ValueError(f"{key}: {misfit}")
+    for key, vector in vectors_in(scene):
+        if len(vector) != dimension:
+            raise ValueError(f"{key}: needs {dimension} components for a body in {here}, not {len(vector)}")
+
+
+def _way_of_loading(scene: Scene) -> None:
+    general = [key for key in ("prescribed", "loads", "steps") if getattr(scene, key)]
+    short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(scene, key)]
+    if general and short:
+        raise ValueError(
+            f"{short[0]} and {general[0]} are two ways of saying the loading: give grips and stretches (with holds and dynamics), or "
+            "prescribed and loads with steps (dynamics within a step)"
+        )
+    if general and not scene.steps:
+        raise ValueError(f"{general[0]} need steps: the values of the loading parameter t to go to, as steps=1")
+    if general == ["steps"]:
+        raise ValueError("steps change nothing without prescribed displacements or loads")
+    if not general and not scene.grips:
+        raise ValueError("nothing is loaded: give two grips and stretches, or prescribed displacements or loads, and steps")
+
+
+def _rigid_regions(scene: Scene) -> None:
+    if scene.material is not None and scene.material.rigid:
+        raise ValueError("material: the rest of a body is of a law; a rigid region is an entry of materials")
+    rigid = next((key for key, part in _entries(scene, "materials") if part.rigid), None)
+    moving = next((key for key, step in _entries(scene, "steps") if step.dynamics is not None), None)
+    if rigid and scene.stretched:
+        raise ValueError(f"{rigid}: beside a rigid region the loading is said by prescribed, loads and steps, not by grips")
+    if rigid and moving:
+        raise ValueError(f"{moving}.dynamics: a rigid region ({rigid}) is taken in equilibrium only")
+
+
+def _grips(scene: Scene) -> None:
+    if not scene.grips:
+        return
+    if len(scene.grips) != 2:
+        raise ValueError(f"grips needs 2 entries, on opposite edges, not {len(scene.grips)}; more are said by prescribed")
+    pairs = [FACES[axis : axis + 2] for axis in range(0, 2 * scene.dimension, 2)]
+    if {grip.edge for grip in scene.grips} not in map(set, pairs):
+        raise ValueError(f"grips must hold two opposite edges, {' or '.join(' and '.join(pair) for pair in pairs)}")
+    travel = sum(grip.travel for grip in scene.grips)
+    if not math.isclose(travel, 1.0):
+        raise ValueError(f"the travel of the two grips must add up to 1, not {travel:g}")
+    if not scene.stretches and scene.dynamics is None:
+        raise ValueError("the programme is empty: give stretches, or dynamics")
+    if scene.dynamics is not None and scene.dynamics.stretch <= (scene.stretches[-1] if scene.stretches else 1.0):
+        raise ValueError("dynamics.stretch must be greater than the last of stretches, where the dynamics start")
+
+
+def _programme(scene: Scene) -> None:
+    begin = 0.0
+    for key, step in _entries(scene, "steps"):
+        if step.largest_increment is not None and abs(step.to - begin) > MOST_INCREMENTS * step.largest_increment:
+            most = f"{step.largest_increment:g} makes more than {MOST_INCREMENTS:,} increments from t = {begin:g} to {step.to:g}"
+            raise ValueError(f"{key}.largest_increment: {most}")
+        begin = step.to
+    if scene.fracture is not None and scene.dynamics is None and not any(step.dynamics for step in scene.steps):
+        where = "a step with dynamics" if scene.steps else "dynamics"
+        raise ValueError(f"fracture needs {where}: a crack that runs is not in equilibrium")
+    if scene.fracture is not None and scene.fracture.energy is not None:
+        tip_diameter(scene.plane, scene.horizon_ratio)  # for which force model, a run checks
+
+
+def _thickness(scene: Scene) -> None:
+    for key, load in _entries(scene, "loads"):
+        if scene.plane != "stress" and load.thickness is not None:
+            why = "a body in space has none" if scene.dimension == 3 else "under plane strain the thickness does not change"
+            raise ValueError(f"{key}.thickness: {why}; leave it out")
+
+
+def _amplitudes(scene: Scene) -> None:
+    """Refuse amplitudes that have no value at the end of a step; values within a step are computed during the run."""
+    for key, entry in _entries(scene, "prescribed", "loads"):
+        try:
+            for step in scene.steps:
+                amplitude_of(entry.amplitude)(step.to)
+        except ValueError as error:
+            raise ValueError(f"{key}.amplitude: {error}") from None
+
+
+def _probes(scene: Scene) -> None:
+    names = [probe.name for probe in scene.probes]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"probes: the name {twice[0]!r} is given twice")
+
+
+def _regions(scene: Scene) -> None:
+    """Refuse references to regions that are not there, and regions defined by themselves."""
+    reserved = reserved_names(scene.dimension)
+    for key, reference in _references(scene):
+        if not isinstance(reference, str):
+            continue
+        if reference == "holes" or reference.startswith("holes."):
+            _check_hole(scene, key, reference)
+        elif reference not in (*reserved, *scene.regions):
+            raise ValueError(f"{key}: there is no region {reference!r}; {suggestion(reference, [*scene.regions, *reserved])}")
+    defined_by = {name: [part for _, part in references_in("", region) if isinstance(part, str)] for name, region in scene.regions.items()}
+    try:
+        TopologicalSorter(defined_by).prepare()
+    except CycleError as error:
+        circle = error.args[1][::-1]
+        raise ValueError(f"regions.{circle[0]}: it is said by itself: {' by '.join(circle)}") from None
+
+
+def _check_hole(scene: Scene, key: str, name: str) -> None:
+    """Refuse holes that are not there; those of a mesh are known when its file is read."""
+    if isinstance(scene.body, Mesh):
+        return
+    # The bores of a tube and the holes of an extrusion are numbered after the scene's own.
+    count = len(scene.holes) + (len(scene.body.straight.bores) if isinstance(scene.body, Prism) else 0)
+    names = [*(f"holes.{number}" for number in range(count)), "holes"]
+    if not count or name not in names:
+        there = f"there are {', '.join(names)}" if count else "the body has no holes"
+        raise ValueError(f"{key}: there is no region {name!r}; {there}")

@@ -1,0 +1,49 @@
+"""Effective diameter of a crack tip, where it was measured."""
+
+from __future__ import annotations
+
+TIP_DIAMETER = 1.15
+"""Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no energy.
+
+The diameter is the energy release rate at which a crack runs over the uniaxial energy density at the critical stretch.  It was measured in
+the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22 (`pipelines/reproduce_paper.py`), and gives the peak of a strip in pure
+shear within 7 % at horizons of 2.2 to 4.2 spacings."""
+
+TIP_DIAMETERS = (
+    ("bond force", "stress", (2.2, 4.2), TIP_DIAMETER),
+    ("bond energy", "space", (1.75, 1.75), 1.2),
+    ("bond energy", "space", (2.2, 2.2), 0.83),
+)
+"""Diameters that were measured: the family of the force models, the plane, horizons in spacings from and to, and the diameter in horizons.
+
+In space that at 2.2 is from trouser tears at a spacing of 2/3 mm, 0.82 and 0.84; tears at another spacing, and with another critical
+stretch, are predictions.  That at 1.75 is the mean of 1.29 and 1.13, of tears at two spacings (`docs/validation/cracks-in-space.md`).  In a
+sheet by `bond-energy` 1.15 gives 8 to 23 % too little, so it is not among them.  See `pdsurrogate.critical_stretch_of`."""
+
+
+def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) -> float:
+    """Return the effective diameter of a crack tip in horizons.
+
+    Parameters
+    ----------
+    plane : str
+    horizon_ratio : float
+    family : str, optional
+        Family of the force model, see `pdsurrogate.forces.ForceModel`; without it any family will do.
+
+    Raises
+    ------
+    ValueError
+        If the diameter was not measured; says where it was.
+    """
+    for known, state, (least, greatest), diameter in TIP_DIAMETERS:
+        if state == plane and family in (None, known) and least - 1e-9 <= horizon_ratio <= greatest + 1e-9:
+            return diameter
+    ratios = [" to ".join(dict.fromkeys(f"{ratio:g}" for ratio in measured)) for _, _, measured, _ in TIP_DIAMETERS]
+    entries = zip(TIP_DIAMETERS, ratios, strict=True)
+    there = "; ".join(f"{known}, plane={state}, horizon_ratio {ratio}" for (known, state, *_), ratio in entries)
+    here = f"{'' if family is None else f'{family}, '}plane={plane}, horizon_ratio {horizon_ratio:g}"
+    raise ValueError(
+        f"fracture.energy gives a critical stretch only where the diameter of a crack tip was measured ({there}), and not for {here}; "
+        "give fracture.critical_stretch"
+    )
