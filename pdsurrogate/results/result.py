@@ -72,7 +72,7 @@ class Result:
 
     @property
     def in_pieces(self) -> bool:
-        """Whether several ranks wrote the fields in pieces, one for the points of each; `save` then draws no pictures of them."""
+        """True if several ranks wrote the fields in pieces, one for the points of each; `save` then draws no pictures of them."""
         return isinstance(self.states, StatesInFiles) and self.states.in_pieces
 
     def displacement(self, level: int = -1) -> np.ndarray:
