@@ -36,7 +36,7 @@ def gather(intrinsic, width, dimension):
         sums, bonds = block_rows(sums), block_rows(bonds)
         for at in range(0, first.shape[0], BLOCK):
             for k in range(0, BLOCK, 4):
-                intrinsic(table, positions, first, second, at + k, sums, bonds, k)
+                intrinsic(table, positions, (first, second), at + k, sums, bonds, k)
 
     @compiled
     def plain(table, positions, first, second, sums, bonds):
@@ -63,7 +63,7 @@ def subtract(dimension):
         bonds = block_rows(bonds)
         for at in range(0, first.shape[0], BLOCK):
             for k in range(0, BLOCK, 4):
-                intrinsic(positions, first, second, at + k, bonds, k)
+                intrinsic(positions, (first, second), at + k, bonds, k)
 
     @compiled
     def plain(positions, first, second, bonds):
@@ -82,7 +82,7 @@ def subtract(dimension):
 def outer_sums(positions, pointers, neighbours, weights, out):
     """Sum outer products by the intrinsic."""
     for i in range(pointers.shape[0] - 1):
-        loads.sum_outer_products(positions, neighbours, weights, pointers[i], pointers[i + 1], np.uint64(i), out)
+        loads.sum_outer_products(positions, neighbours, weights, (pointers[i], pointers[i + 1]), i, out)
 
 
 @compiled
@@ -103,7 +103,7 @@ def products(intrinsic, dimension):
     @compiled
     def fast(matrices, pointers, neighbours, vectors, out):
         for i in range(pointers.shape[0] - 1):
-            intrinsic(matrices, neighbours, vectors, pointers[i], pointers[i + 1], np.uint64(i), out)
+            intrinsic(matrices, neighbours, vectors, (pointers[i], pointers[i + 1]), i, out)
 
     @compiled
     def plain_2(matrices, pointers, neighbours, vectors, out):
@@ -136,7 +136,7 @@ signed, summed = loads.sum_records(2, -1), loads.sum_records(4, 1)
 def signed_sums(records, pointers, others, indices, out):
     """Sum pair forces by the intrinsic."""
     for i in range(pointers.shape[0] - 1):
-        signed(records, pointers[i], pointers[i + 1], indices, others[i], others[i + 1], 1.0, np.uint64(i), out)
+        signed(records, (pointers[i], pointers[i + 1]), indices, (others[i], others[i + 1]), 1.0, i, out)
 
 
 @compiled
@@ -155,7 +155,7 @@ def signed_sums_plain(records, pointers, others, indices, out):
 def quad_sums(records, pointers, others, indices, out):
     """Sum records of four by the intrinsic."""
     for i in range(pointers.shape[0] - 1):
-        summed(records, pointers[i], pointers[i + 1], indices, others[i], others[i + 1], 1.0, np.uint64(i), out)
+        summed(records, (pointers[i], pointers[i + 1]), indices, (others[i], others[i + 1]), 1.0, i, out)
 
 
 @compiled
@@ -177,7 +177,7 @@ def quad_sums_plain(records, pointers, others, indices, out):
 def outer_table(positions, pointers, neighbours, weights, table):
     """Write outer products by the intrinsic."""
     for i in range(pointers.shape[0] - 1):
-        loads.outer_products(positions, neighbours, weights, pointers[i], pointers[i + 1], np.uint64(i), table)
+        loads.outer_products(positions, neighbours, weights, (pointers[i], pointers[i + 1]), i, table)
 
 
 @compiled
@@ -196,7 +196,7 @@ def outer_table_plain(positions, pointers, neighbours, weights, table):
 def listed_sums(records, pointers, listed, out):
     """Sum listed records of four doubles by the intrinsic."""
     for i in range(pointers.shape[0] - 1):
-        loads.sum_listed_records(records, listed, pointers[i], pointers[i + 1], out, np.uint64(i))
+        loads.sum_listed_records(records, listed, (pointers[i], pointers[i + 1]), out, i)
 
 
 @compiled
@@ -217,7 +217,7 @@ def multiply(dimension):
     @compiled
     def fast(pairs, points, pointers, second, out):
         for i in range(pointers.shape[0] - 1):
-            intrinsic(pairs, points, np.uint64(i), second, pointers[i], pointers[i + 1], out)
+            intrinsic(pairs, points, i, second, (pointers[i], pointers[i + 1]), out)
 
     @compiled
     def plain(pairs, points, pointers, second, out):
@@ -240,7 +240,7 @@ def scaled(dimension):
     @compiled
     def fast(records, factors, pointers, others, indices, vectors, matrices):
         for i in range(pointers.shape[0] - 1):
-            intrinsic(records, factors, pointers[i], pointers[i + 1], indices, others[i], others[i + 1], np.uint64(i), vectors, matrices)
+            intrinsic(records, factors, (pointers[i], pointers[i + 1]), indices, (others[i], others[i + 1]), i, (vectors, matrices))
 
     @compiled
     def plain(records, factors, pointers, others, indices, vectors, matrices):
@@ -268,7 +268,7 @@ def weighted(width):
     @compiled
     def fast(weights, pointers, columns, rows, out):
         for i in range(pointers.shape[0] - 1):
-            intrinsic(weights, columns, pointers[i], pointers[i + 1], rows, np.uint64(i), out)
+            intrinsic(weights, columns, (pointers[i], pointers[i + 1]), rows, i, out)
 
     @compiled
     def plain(weights, pointers, columns, rows, out):

@@ -33,6 +33,7 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, is_jitted, register_jitable
 
+from .intrinsics import data_of
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
 
@@ -211,15 +212,8 @@ def call_block(typingctx, address, *arguments):
 
     def codegen(context, builder, signature, values):
         passed = []
-
-        def hand_over(kind, value):
-            if isinstance(kind, types.BaseTuple):
-                for position, item in enumerate(kind.types):
-                    hand_over(item, builder.extract_value(value, position))
-            else:
-                passed.append(context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value)
-
-        hand_over(signature.args[1], values[1])
+        for argument in data_of(context, builder, signature.args[1], values[1]):
+            passed += argument if isinstance(argument, list) else [argument]
         function = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
         builder.call(builder.inttoptr(values[0], function.as_pointer()), passed)
         return context.get_dummy_value()

@@ -5,6 +5,14 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+
+def data_of(context, builder, kind, value):
+    """Return the address of an array's data, the items of a tuple as a list, or another value itself."""
+    if isinstance(kind, types.BaseTuple):
+        return [data_of(context, builder, item, builder.extract_value(value, n)) for n, item in enumerate(kind.types)]
+    return context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
+
+
 INT_OF = {types.float32: types.int32, types.float64: types.int64}
 REAL_OF = {types.int32: types.float32, types.int64: types.float64}
 
@@ -47,7 +55,7 @@ def tuple_of(typingctx, array, count):
     result_type = types.UniTuple(array.dtype, count.literal_value)
 
     def codegen(context, builder, signature, arguments):
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        data = data_of(context, builder, signature.args[0], arguments[0])
         values = [builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), n)])) for n in range(count.literal_value)]
         return cgutils.pack_array(builder, values)
 
@@ -59,7 +67,7 @@ def add_to(typingctx, counters, number, count):
     """Add to one of an array of counters, atomically, and return what it was before."""
 
     def codegen(context, builder, signature, arguments):
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        data = data_of(context, builder, signature.args[0], arguments[0])
         return builder.atomic_rmw("add", builder.gep(data, [arguments[1]]), arguments[2], "monotonic")
 
     return types.int64(counters, types.int64, types.int64), codegen

@@ -13,11 +13,30 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from .block_arrays import BLOCK
+from .intrinsics import data_of
+
 _INDEX = ir.IntType(64)
 _DOUBLE = ir.DoubleType()
 
 _CONTRACT = ("contract",)
 """A product and a sum may become one instruction."""
+
+
+def _writes(write):
+    """Return the intrinsic that runs ``write(builder, *arguments)`` for a call; it gets the addresses of arrays, and tuples as lists."""
+
+    @intrinsic
+    def called(typingctx, *arguments):
+        arguments = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], types.BaseTuple) else arguments
+
+        def codegen(context, builder, signature, values):
+            write(builder, *data_of(context, builder, signature.args[0], values[0]))
+            return context.get_dummy_value()
+
+        return types.void(types.StarArgTuple(arguments)), codegen
+
+    return called
 
 
 def _constant(value):
@@ -26,11 +45,6 @@ def _constant(value):
 
 def _lane(number):
     return ir.Constant(ir.IntType(32), number)
-
-
-def _data(context, builder, signature, arguments, *places):
-    """Return the addresses of the data of the array arguments at the given places."""
-    return [context.make_array(signature.args[n])(context, builder, arguments[n]).data for n in places]
 
 
 def _element(builder, data, index, width=1):
@@ -95,11 +109,6 @@ def _as_real(builder, value, scalar):
     return builder.fptrunc(value, target) if scalar == ir.FloatType() else builder.fpext(value, target)
 
 
-def _component(builder, address, r):
-    """Return one real of a record."""
-    return builder.load(_element(builder, address, _constant(r)))
-
-
 def _vector(builder, values):
     """Return a vector of the given reals."""
     vector = ir.Constant(ir.VectorType(values[0].type, len(values)), ir.Undefined)
@@ -129,36 +138,36 @@ def _in_steps(builder, start, stop, step, body):
     return builder.add(start, builder.shl(steps, shift))
 
 
-def _accumulate(builder, start, stop, add, counts, scalar=_DOUBLE):
+def _accumulate(builder, bonds, add, counts, scalar=_DOUBLE, chains=4, together=1):
     """Return sums over ``start … stop``, vectors of the given lengths.
 
-    ``add(position, accumulators)`` adds the terms of one position. Four chains are summed at the same time, so that one addition need not
-    wait for the one before.
+    ``add(accumulators, position)`` adds the terms of one position, or of two where `together` is 2. Several chains are summed at the same
+    time, so that one addition need not wait for the one before.
     """
-    chains = [_zeros(builder, scalar, counts) for _ in range(4)]
+    start, stop = bonds
+    sums = [_zeros(builder, scalar, counts) for _ in range(chains)]
 
-    def add_four(base):
-        for n, chain in enumerate(chains):
-            add(builder.add(base, _constant(n)), chain)
+    def add_to(used, count):
+        def body(base):
+            for n, accumulators in enumerate(used):
+                add(accumulators, *(builder.add(base, _constant(n * count + m)) for m in range(count)))
 
-    rest = _in_steps(builder, start, stop, 4, add_four)
-    _in_steps(builder, rest, stop, 1, lambda position: add(position, chains[0]))
-    found = [[builder.load(accumulator) for accumulator in accumulators] for accumulators in zip(*chains, strict=True)]
-    return [builder.fadd(builder.fadd(a, b), builder.fadd(c, d)) for a, b, c, d in found]
+        return body
+
+    rest = _in_steps(builder, start, stop, chains * together, add_to(sums, together))
+    if together > 1:
+        rest = _in_steps(builder, rest, stop, together, add_to(sums[:1], together))
+    _in_steps(builder, rest, stop, 1, add_to(sums[-1:], 1))
+    found = [[builder.load(accumulator) for accumulator in accumulators] for accumulators in sums]
+    while len(found) > 1:
+        found = [[builder.fadd(*both) for both in zip(*found[n : n + 2], strict=True)] for n in range(0, len(found), 2)]
+    return found[0]
 
 
-def _accumulate_twos(builder, start, stop, add_two, add_one, count):
-    """Return sums over ``start … stop``, two at a time, `count` vectors of four doubles; an odd last position is added alone."""
-    chains = [_zeros(builder, _DOUBLE, [4] * count) for _ in range(2)]
-
-    def add_four(base):
-        for n, accumulators in enumerate(chains):
-            add_two(builder.add(base, _constant(2 * n)), accumulators)
-
-    rest = _in_steps(builder, start, stop, 4, add_four)
-    rest = _in_steps(builder, rest, stop, 2, lambda position: add_two(position, chains[0]))
-    _in_steps(builder, rest, stop, 1, lambda position: add_one(position, chains[1]))
-    return [builder.fadd(builder.load(first), builder.load(second)) for first, second in zip(*chains, strict=True)]
+def _one_or_two(builder, records, places):
+    """Return one or two records of two reals as a vector of four, with zeros in the place of a second."""
+    found = [_record(builder, records, place, 2)[0] for place in places]
+    return _joined(builder, found[0], found[1] if len(found) == 2 else ir.Constant(found[0].type, [0.0, 0.0]))
 
 
 def _joined(builder, first, second):
@@ -182,47 +191,37 @@ def _transposed(builder, rows):
     return [_shuffle(builder, *halves, list(range(c, 4 * count, count))) for c in range(count)]
 
 
-def _ends(builder, first, second, at):
-    """Return the numbers of the points at both ends of four pairs."""
-    places = [builder.add(at, _constant(k)) for k in range(4)]
-    return [tuple(_listed(builder, ends, place) for ends in (first, second)) for place in places]
-
-
-def _put_combined(context, builder, array_type, array, data, pairs, length, combine, column):
+def _put_combined(builder, data, pairs, length, combine, rows, column):
     """Combine the records at both ends of four pairs, and write the result into rows by component, from the given column on."""
     records = []
     for pair in pairs:
         ends = [_record(builder, data, end, length) for end in pair]
         records.append([combine(*parts) for parts in zip(*ends, strict=True)])
     components = [component for parts in zip(*records, strict=True) for component in _transposed(builder, parts)]
-    rows = context.make_array(array_type)(context, builder, array)
-    width = builder.extract_value(rows.shape, 1)
     for r, component in enumerate(components):
-        _store(builder, component, _element(builder, rows.data, builder.add(builder.mul(_constant(r), width), column)))
+        _store(builder, component, _element(builder, rows, builder.add(_constant(r * BLOCK), column)))
+
+
+def _ends_of(builder, ends, at):
+    """Return the numbers of the points at both ends of four pairs, from the numbers of the first and of the second ends."""
+    places = [builder.add(at, _constant(k)) for k in range(4)]
+    return [[_listed(builder, points, place) for points in ends] for place in places]
 
 
 @cache
 def gather_pairs(dimension):
-    """Return an intrinsic that sums the matrices and subtracts the positions of the ends of four pairs, one row per component.
+    """Return an intrinsic that sums the matrices and subtracts the positions of the ends of four pairs, one row of a block per component.
 
     ``sums[r, column + k] = matrices[first[at + k], r] + matrices[second[at + k], r]`` and ``differences[r, column + k] =
-    positions[second[at + k], r] - positions[first[at + k], r]``, each for k in 0 … 3. A plain loop takes 3.5 (float32) or 2.4 (float64)
-    times as long in the plane, 2.1 or 1.9 times in three dimensions.
+    positions[second[at + k], r] - positions[first[at + k], r]``, each for k in 0 … 3, where ``ends = first, second``. A plain loop takes
+    3.5 (float32) or 2.4 (float64) times as long in the plane, 2.1 or 1.9 times in three dimensions.
     """
 
-    @intrinsic
-    def gather(typingctx, matrices, positions, first, second, at, sums, differences, column):
-        signature = types.void(matrices, positions, first, second, types.int64, sums, differences, types.int64)
-
-        def codegen(context, builder, signature, arguments):
-            table, places, *ends = _data(context, builder, signature, arguments, 0, 1, 2, 3)
-            pairs, column = _ends(builder, *ends, arguments[4]), arguments[7]
-            add, subtract = builder.fadd, lambda first, second: builder.fsub(second, first)
-            _put_combined(context, builder, signature.args[5], arguments[5], table, pairs, dimension**2, add, column)
-            _put_combined(context, builder, signature.args[6], arguments[6], places, pairs, dimension, subtract, column)
-            return context.get_dummy_value()
-
-        return signature, codegen
+    @_writes
+    def gather(builder, matrices, positions, ends, at, sums, differences, column):
+        pairs = _ends_of(builder, ends, at)
+        _put_combined(builder, matrices, pairs, dimension**2, builder.fadd, sums, column)
+        _put_combined(builder, positions, pairs, dimension, lambda first, second: builder.fsub(second, first), differences, column)
 
     return gather
 
@@ -231,244 +230,170 @@ def gather_pairs(dimension):
 def subtract_positions(dimension):
     """Return an intrinsic that writes the differences of positions as `gather_pairs` does; a plain loop takes 2.0 times as long."""
 
-    @intrinsic
-    def subtract(typingctx, positions, first, second, at, out, column):
-        signature = types.void(positions, first, second, types.int64, out, types.int64)
-
-        def codegen(context, builder, signature, arguments):
-            places, *ends = _data(context, builder, signature, arguments, 0, 1, 2)
-            pairs = _ends(builder, *ends, arguments[3])
-            difference = lambda first, second: builder.fsub(second, first)  # noqa: E731
-            _put_combined(context, builder, signature.args[4], arguments[4], places, pairs, dimension, difference, arguments[5])
-            return context.get_dummy_value()
-
-        return signature, codegen
+    @_writes
+    def subtract(builder, positions, ends, at, out, column):
+        pairs = _ends_of(builder, ends, at)
+        _put_combined(builder, positions, pairs, dimension, lambda first, second: builder.fsub(second, first), out, column)
 
     return subtract
 
 
-@intrinsic
-def sum_outer_products(typingctx, positions, neighbours, weights, start, stop, point, out):
-    """Write ``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns.
+@_writes
+def sum_outer_products(builder, positions, neighbours, weights, bonds, point, out):
+    """Write ``out[point] = sum over b in bonds of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns.
 
-    This one is for the plane. A plain loop takes 2.4 (float32) or 2.2 (float64) times as long.
+    `bonds` are start and stop. This one is for the plane. A plain loop takes 2.4 (float32) or 2.2 (float64) times as long.
     """
-    signature = types.void(positions, neighbours, weights, types.uint64, types.uint64, types.uint64, out)
+    own = _one_or_two(builder, positions, [point, point])
 
-    def codegen(context, builder, signature, arguments):
-        source, indices, factors, target = _data(context, builder, signature, arguments, 0, 1, 2, 6)
-        (own,) = _record(builder, source, arguments[5], 2)
-        twice = _joined(builder, own, own)
+    def add(accumulators, *places):
+        """Add one or two bonds: their differences times the first and times the second component of their weights."""
+        ends = _one_or_two(builder, positions, [_listed(builder, neighbours, place) for place in places])
+        factors = _as_real(builder, _one_or_two(builder, weights, places), _DOUBLE)
+        differences = builder.fsub(ends, own)
+        for accumulator, lanes in zip(accumulators, ([0, 0, 2, 2], [1, 1, 3, 3]), strict=True):
+            _add(builder, builder.fmul(differences, _shuffle(builder, factors, factors, lanes), flags=_CONTRACT), accumulator)
 
-        def end(position):
-            return _record(builder, source, _listed(builder, indices, position), 2)[0]
-
-        def add(ends, weights, accumulators):
-            """Add two bonds at once: their differences times the first and times the second component of their weights."""
-            differences = builder.fsub(ends, twice)
-            for accumulator, lanes in zip(accumulators, ([0, 0, 2, 2], [1, 1, 3, 3]), strict=True):
-                _add(builder, builder.fmul(differences, _shuffle(builder, weights, weights, lanes), flags=_CONTRACT), accumulator)
-
-        def add_two(position, accumulators):
-            weights = _load(builder, _element(builder, factors, position, 2), 4)
-            ends = _joined(builder, end(position), end(builder.add(position, _constant(1))))
-            add(ends, _as_real(builder, weights, _DOUBLE), accumulators)
-
-        def add_one(position, accumulators):
-            weights = _as_real(builder, *_record(builder, factors, position, 2), _DOUBLE)
-            add(_joined(builder, end(position), own), _joined(builder, weights, ir.Constant(weights.type, [0.0, 0.0])), accumulators)
-
-        by_first, by_second = _accumulate_twos(builder, arguments[3], arguments[4], add_two, add_one, 2)
-        halves = (_shuffle(builder, by_first, by_second, lanes) for lanes in ([0, 1, 4, 5], [2, 3, 6, 7]))
-        _put_record(builder, [builder.fadd(*halves)], target, arguments[5], 4)
-        return context.get_dummy_value()
-
-    return signature, codegen
+    sums = _accumulate(builder, bonds, add, [4, 4], chains=2, together=2)
+    halves = (_shuffle(builder, *sums, lanes) for lanes in ([0, 1, 4, 5], [2, 3, 6, 7]))
+    _put_record(builder, [builder.fadd(*halves)], out, point, 4)
 
 
-@intrinsic
-def outer_products(typingctx, positions, neighbours, weights, start, stop, point, out):
-    """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in start … stop, by columns.
+@_writes
+def outer_products(builder, positions, neighbours, weights, bonds, point, out):
+    """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in bonds, by columns.
 
     A plain loop takes 1.6 times as long.
     """
-    signature = types.void(positions, neighbours, weights, types.uint64, types.uint64, types.uint64, out)
-
-    def codegen(context, builder, signature, arguments):
-        source, indices, factors, target = _data(context, builder, signature, arguments, 0, 1, 2, 6)
-
-        def twice(place):
-            (value,) = _record(builder, source, place, 2)
-            return _joined(builder, value, value)
-
-        own = twice(arguments[5])
-        with cgutils.for_range(builder, builder.sub(arguments[4], arguments[3])) as loop:
-            position = builder.add(arguments[3], loop.index)
-            (factor,) = _record(builder, factors, position, 2)
-            difference = builder.fsub(twice(_listed(builder, indices, position)), own)
-            product = builder.fmul(difference, _shuffle(builder, factor, factor, [0, 0, 1, 1]))
-            _put_record(builder, [product], target, loop.index, 4)
-        return context.get_dummy_value()
-
-    return signature, codegen
+    start, stop = bonds
+    own = _one_or_two(builder, positions, [point, point])
+    with cgutils.for_range(builder, builder.sub(stop, start)) as loop:
+        b = builder.add(start, loop.index)
+        (factor,) = _record(builder, weights, b, 2)
+        end = _listed(builder, neighbours, b)
+        difference = builder.fsub(_one_or_two(builder, positions, [end, end]), own)
+        _put_record(builder, [builder.fmul(difference, _shuffle(builder, factor, factor, [0, 0, 1, 1]))], out, loop.index, 4)
 
 
 @cache
 def sum_matrix_products(dimension):
     """Return an intrinsic that sums products of matrices by columns: ``out[point] = sum of (matrices[point] + matrices[j]) vectors[b]``.
 
-    The sum is over b in start … stop, and j is ``neighbours[b]``. A plain loop takes 3.0 (float32) or 2.9 (float64) times as long in the
-    plane, 1.9 or 2.1 times in three dimensions.
+    The sum is over b in bonds, and j is ``neighbours[b]``. A plain loop takes 3.0 (float32) or 2.9 (float64) times as long in the plane,
+    1.9 or 2.1 times in three dimensions.
     """
 
-    @intrinsic
-    def add_up(typingctx, matrices, neighbours, vectors, start, stop, point, out):
-        signature = types.void(matrices, neighbours, vectors, types.uint64, types.uint64, types.uint64, out)
+    @_writes
+    def add_up(builder, matrices, neighbours, vectors, bonds, point, out):
+        def columns(number):
+            """Return a plane matrix as one vector, and the columns of another, each with a fourth, unused component."""
+            if dimension == 2:
+                return _record(builder, matrices, number, 4)
+            base = _element(builder, matrices, number, 9)
+            loaded = [_load(builder, _element(builder, base, _constant(at)), 4) for at in (0, 3, 5)]
+            return [*loaded[:2], _shuffle(builder, loaded[2], loaded[2], [1, 2, 3, 3])]
 
-        def codegen(context, builder, signature, arguments):
-            source, indices, factors, target = _data(context, builder, signature, arguments, 0, 1, 2, 6)
+        def spread(position):
+            """Return the components of a vector, repeated to multiply the columns."""
+            if dimension == 2:
+                factor = _as_real(builder, *_record(builder, vectors, position, 2), _DOUBLE)
+                return [_shuffle(builder, factor, factor, [0, 0, 1, 1])]
+            place = _element(builder, vectors, position, 3)
+            components = [builder.load(_element(builder, place, _constant(r))) for r in range(3)]
+            return [_as_real(builder, _vector(builder, [component] * 4), _DOUBLE) for component in components]
 
-            def columns(number):
-                """Return a plane matrix as one vector, and the columns of another, each with a fourth, unused component."""
-                if dimension == 2:
-                    return _record(builder, source, number, 4)
-                base = _element(builder, source, number, 9)
-                loaded = [_load(builder, _element(builder, base, _constant(at)), 4) for at in (0, 3, 5)]
-                return [*loaded[:2], _shuffle(builder, loaded[2], loaded[2], [1, 2, 3, 3])]
+        own = columns(point)
 
-            def spread(position):
-                """Return the components of a vector, repeated to multiply the columns."""
-                if dimension == 2:
-                    factor = _as_real(builder, *_record(builder, factors, position, 2), _DOUBLE)
-                    return [_shuffle(builder, factor, factor, [0, 0, 1, 1])]
-                place = _element(builder, factors, position, 3)
-                return [_as_real(builder, _vector(builder, [_component(builder, place, r)] * 4), _DOUBLE) for r in range(3)]
+        def add_bond(accumulators, position):
+            others = columns(_listed(builder, neighbours, position))
+            for mine, other, factor in zip(own, others, spread(position), strict=True):
+                _add(builder, builder.fmul(builder.fadd(mine, other), factor, flags=_CONTRACT), accumulators[0])
 
-            own = columns(arguments[5])
-
-            def add_bond(position, accumulators):
-                others = columns(_listed(builder, indices, position))
-                for mine, other, factor in zip(own, others, spread(position), strict=True):
-                    _add(builder, builder.fmul(builder.fadd(mine, other), factor, flags=_CONTRACT), accumulators[0])
-
-            (total,) = _accumulate(builder, arguments[3], arguments[4], add_bond, [4])
-            parts = [_sum_halves(builder, total)] if dimension == 2 else [_shuffle(builder, total, total, lanes) for lanes in ([0, 1], [2])]
-            _put_record(builder, parts, target, arguments[5], dimension)
-            return context.get_dummy_value()
-
-        return signature, codegen
+        (total,) = _accumulate(builder, bonds, add_bond, [4])
+        parts = [_sum_halves(builder, total)] if dimension == 2 else [_shuffle(builder, total, total, lanes) for lanes in ([0, 1], [2])]
+        _put_record(builder, parts, out, point, dimension)
 
     return add_up
 
 
-def _sum_twos(builder, source, start, stop, places=None):
-    """Return the sum, in double precision, of the records of two reals at ``start … stop``, or at ``places[start … stop]``."""
+def _sum_of(builder, records, length, bonds, listed=None, factors=None):
+    """Return the sum of records, at ``start … stop`` or at ``listed[start … stop]``, as vectors.
 
-    def record(position):
-        return _record(builder, source, position if places is None else _listed(builder, places, position), 2)[0]
+    It is in double precision, or, with a factor for each record, in the records' own.
+    """
+    scalar = _DOUBLE if factors is None else records.type.pointee
 
-    def add(value, accumulators):
-        _add(builder, _as_real(builder, value, _DOUBLE), *accumulators)
+    def add(accumulators, *positions):
+        places = positions if listed is None else [_listed(builder, listed, position) for position in positions]
+        parts = [_one_or_two(builder, records, places)] if length == 2 else _record(builder, records, places[0], length)
+        for part, accumulator in zip(parts, accumulators, strict=True):
+            term = _as_real(builder, part, scalar)
+            if factors is not None:
+                factor = builder.load(_element(builder, factors, places[0]))
+                term = builder.fmul(term, _vector(builder, [factor] * term.type.count), flags=_CONTRACT)
+            _add(builder, term, accumulator)
 
-    def add_two(position, accumulators):
-        if places is None:
-            add(_load(builder, _element(builder, source, position, 2), 4), accumulators)
-        else:
-            add(_joined(builder, record(position), record(builder.add(position, _constant(1)))), accumulators)
-
-    def add_one(position, accumulators):
-        value = record(position)
-        add(_joined(builder, value, ir.Constant(value.type, [0.0, 0.0])), accumulators)
-
-    (total,) = _accumulate_twos(builder, start, stop, add_two, add_one, 1)
-    return _sum_halves(builder, total)
-
-
-def _sum_fours(builder, source, start, stop, places=None):
-    """Return the sum, in double precision, of the records of four reals at ``start … stop``, or at ``places[start … stop]``."""
-
-    def add(position, accumulators):
-        (record,) = _record(builder, source, position if places is None else _listed(builder, places, position), 4)
-        _add(builder, _as_real(builder, record, _DOUBLE), *accumulators)
-
-    return _accumulate(builder, start, stop, add, [4])[0]
+    if length == 2:
+        (total,) = _accumulate(builder, bonds, add, [4], chains=2, together=2)
+        return [_sum_halves(builder, total)]
+    return _accumulate(builder, bonds, add, [count for _, count in _parts(length)], scalar, 4 if factors is None else 1)
 
 
 @cache
 def sum_records(length, sign):
-    """Return an intrinsic: ``out[point] = factor * (sum of records[start … stop] + sign * sum of records[indices[first … last]])``.
+    """Return an intrinsic: ``out[point] = factor * (sum of records[own] + sign * sum of records[indices[others]])``.
 
-    The records have two or four reals, the sums are in double precision, and `sign` is 1 or -1. A plain loop takes 1.6 (float32) or 1.4
+    `own` and `others` are start and stop, the sums are in double precision, and `sign` is 1 or -1. A plain loop takes 1.6 (float32) or 1.4
     (float64) times as long for records of two reals, 2.8 or 1.8 times for records of four.
     """
-    total = _sum_twos if length == 2 else _sum_fours
 
-    @intrinsic
-    def add_up(typingctx, records, start, stop, indices, first, last, factor, point, out):
-        signature = types.void(records, *[types.uint64] * 2, indices, *[types.uint64] * 2, types.float64, types.uint64, out)
-
-        def codegen(context, builder, signature, arguments):
-            source, places, target = _data(context, builder, signature, arguments, 0, 3, 8)
-            own, others = total(builder, source, *arguments[1:3]), total(builder, source, *arguments[4:6], places)
-            both = (builder.fadd if sign > 0 else builder.fsub)(own, others)
-            _put_record(builder, [builder.fmul(both, _vector(builder, [arguments[6]] * length))], target, arguments[7], length)
-            return context.get_dummy_value()
-
-        return signature, codegen
+    @_writes
+    def add_up(builder, records, own, indices, others, factor, point, out):
+        combine = builder.fadd if sign > 0 else builder.fsub
+        sums = zip(_sum_of(builder, records, length, own), _sum_of(builder, records, length, others, indices), strict=True)
+        both = [combine(*parts) for parts in sums]
+        _put_record(builder, [builder.fmul(part, _vector(builder, [factor] * part.type.count)) for part in both], out, point, length)
 
     return add_up
 
 
-@intrinsic
-def sum_listed_records(typingctx, records, listed, start, stop, out, at):
-    """Write ``out[at] = sum of records[listed[b]] for b in start … stop``, records of four doubles.
+@_writes
+def sum_listed_records(builder, records, listed, bonds, out, at):
+    """Write ``out[at] = sum of records[listed[b]] for b in bonds``, records of four doubles.
 
     A plain loop takes 3.2 times as long.
     """
-    signature = types.void(records, listed, types.uint64, types.uint64, out, types.uint64)
-
-    def codegen(context, builder, signature, arguments):
-        source, indices, target = _data(context, builder, signature, arguments, 0, 1, 4)
-        _put_record(builder, [_sum_fours(builder, source, *arguments[2:4], indices)], target, arguments[5], 4)
-        return context.get_dummy_value()
-
-    return signature, codegen
+    _put_record(builder, _sum_of(builder, records, 4, bonds, listed), out, at, 4)
 
 
 @cache
 def multiply_pairs(dimension):
     """Return an intrinsic that multiplies the records of pairs with those of their ends, all of d + d d reals in single precision.
 
-    ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in start … stop, where s is -1 for the first d reals and 1 for
-    the others. A plain loop takes 2.3 times as long in the plane and 4.1 times in three dimensions.
+    ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in bonds, where s is -1 for the first d reals and 1 for the
+    others. A plain loop takes 2.3 times as long in the plane and 4.1 times in three dimensions.
     """
     length = dimension + dimension**2
+    signs = [-1.0] * dimension + [1.0] * dimension**2
 
-    @intrinsic
-    def multiply(typingctx, records, points, first, second, start, stop, out):
-        signature = types.void(records, points, types.uint64, second, *[types.uint64] * 2, out)
-
-        def codegen(context, builder, signature, arguments):
-            pairs, ends, indices, target = _data(context, builder, signature, arguments, 0, 1, 3, 6)
-            signs = [-1.0 if at < dimension else 1.0 for at in range(length)]
-            own = [
-                builder.fmul(part, ir.Constant(part.type, signs[at : at + count]))
-                for part, (at, count) in zip(_record(builder, ends, arguments[2], length), _parts(length), strict=True)
-            ]
-            with cgutils.for_range(builder, builder.sub(arguments[5], arguments[4])) as loop:
-                b = builder.add(arguments[4], loop.index)
-                others = _record(builder, ends, _listed(builder, indices, b), length)
-                totals = {}
-                for record, mine, other in zip(_record(builder, pairs, b, length), own, others, strict=True):
-                    product, count = builder.fmul(record, builder.fadd(mine, other), flags=_CONTRACT), record.type.count
-                    totals[count] = builder.fadd(totals[count], product, flags=_CONTRACT) if count in totals else product
-                total = _sum_halves(builder, totals[4])
-                total = builder.fadd(total, totals[2]) if 2 in totals else total
-                first, last = (builder.extract_element(total, _lane(n)) for n in range(2))
-                builder.store(builder.fadd(first, last), _element(builder, target, b))
-            return context.get_dummy_value()
-
-        return signature, codegen
+    @_writes
+    def multiply(builder, records, points, first, second, bonds, out):
+        start, stop = bonds
+        own = [
+            builder.fmul(part, ir.Constant(part.type, signs[at : at + count]))
+            for part, (at, count) in zip(_record(builder, points, first, length), _parts(length), strict=True)
+        ]
+        with cgutils.for_range(builder, builder.sub(stop, start)) as loop:
+            b = builder.add(start, loop.index)
+            others = _record(builder, points, _listed(builder, second, b), length)
+            totals = {}
+            for record, mine, other in zip(_record(builder, records, b, length), own, others, strict=True):
+                product, count = builder.fmul(record, builder.fadd(mine, other), flags=_CONTRACT), record.type.count
+                totals[count] = builder.fadd(totals[count], product, flags=_CONTRACT) if count in totals else product
+            total = _sum_halves(builder, totals[4])
+            total = builder.fadd(total, totals[2]) if 2 in totals else total
+            both = (builder.extract_element(total, _lane(n)) for n in range(2))
+            builder.store(builder.fadd(*both), _element(builder, out, b))
 
     return multiply
 
@@ -477,73 +402,43 @@ def multiply_pairs(dimension):
 def sum_scaled_records(dimension):
     """Return an intrinsic that sums records of pairs, of d + d d reals in single precision, each times a factor.
 
-    The sums run over b in start … stop and, at ``indices[first … last]``, over pairs of which the point is the other end:
-    ``vectors[point]`` is the difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others. A plain loop
-    takes 5.6 times as long in the plane and 5.8 times in three dimensions.
+    The sums run over the pairs in `own` and, at ``indices[others]``, over pairs of which the point is the other end: ``vectors[point]`` is
+    the difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others. A plain loop takes 5.6 times as
+    long in the plane and 5.8 times in three dimensions.
     """
     length = dimension + dimension**2
-    counts = [count for _, count in _parts(length)]
 
-    @intrinsic
-    def add_up(typingctx, records, factors, start, stop, indices, first, last, point, vectors, matrices):
-        whole = types.uint64
-        signature = types.void(records, factors, whole, whole, indices, whole, whole, whole, vectors, matrices)
+    @_writes
+    def add_up(builder, records, factors, own, indices, others, point, outputs):
+        def components(sums):
+            return [builder.extract_element(part, _lane(n)) for part in sums for n in range(part.type.count)]
 
-        def codegen(context, builder, signature, arguments):
-            pairs, scales, listed, *targets = _data(context, builder, signature, arguments, 0, 1, 4, 8, 9)
-
-            def total(start, stop, places=None):
-                sums = _zeros(builder, ir.FloatType(), counts)
-
-                def add(position):
-                    b = position if places is None else _listed(builder, places, position)
-                    factor = builder.load(_element(builder, scales, b))
-                    for part, accumulator in zip(_record(builder, pairs, b, length), sums, strict=True):
-                        _add(builder, builder.fmul(part, _vector(builder, [factor] * part.type.count), flags=_CONTRACT), accumulator)
-
-                _in_steps(builder, start, stop, 1, add)
-                values = zip(map(builder.load, sums), counts, strict=True)
-                return [builder.extract_element(value, _lane(n)) for value, count in values for n in range(count)]
-
-            own, others = total(arguments[2], arguments[3]), total(arguments[5], arguments[6], listed)
-            for target, combine, places in zip(
-                targets, (builder.fsub, builder.fadd), (range(dimension), range(dimension, length)), strict=True
-            ):
-                base = _element(builder, target, arguments[7], len(places))
-                for r, at in enumerate(places):
-                    _store(builder, _vector(builder, [combine(own[at], others[at])]), _element(builder, base, _constant(r)))
-            return context.get_dummy_value()
-
-        return signature, codegen
+        mine = components(_sum_of(builder, records, length, own, None, factors))
+        pairs = list(zip(mine, components(_sum_of(builder, records, length, others, indices, factors)), strict=True))
+        for target, combine, values in zip(outputs, (builder.fsub, builder.fadd), (pairs[:dimension], pairs[dimension:]), strict=True):
+            base = _element(builder, target, point, len(values))
+            for r, both in enumerate(values):
+                _store(builder, _vector(builder, [combine(*both)]), _element(builder, base, _constant(r)))
 
     return add_up
 
 
 @cache
 def sum_weighted_rows(width):
-    """Return an intrinsic for rows of `width` reals in single precision: ``out[point] = sum over e in start … stop of w[e] x[columns[e]]``.
+    """Return an intrinsic for rows of `width` reals in single precision: ``out[point] = sum over e in entries of w[e] x[columns[e]]``.
 
     LLVM gathers as many entries at a time as fit into a register, which rows of seven never fill: a plain loop takes 3.3 times as long for
     seven reals, 2.1 times for two or three, and 1.3 times for one.
     """
 
-    @intrinsic
-    def add_up(typingctx, weights, columns, start, stop, rows, point, out):
-        whole = types.uint64
-        signature = types.void(weights, columns, whole, whole, rows, whole, out)
+    @_writes
+    def add_up(builder, weights, columns, entries, rows, point, out):
+        def add(accumulators, e):
+            row = _load(builder, _element(builder, rows, _listed(builder, columns, e), width), width)
+            factor = _vector(builder, [builder.load(_element(builder, weights, e))] * width)
+            _add(builder, builder.fmul(row, factor, flags=_CONTRACT), *accumulators)
 
-        def codegen(context, builder, signature, arguments):
-            factors, indices, source, target = _data(context, builder, signature, arguments, 0, 1, 4, 6)
-
-            def add(e, accumulators):
-                row = _load(builder, _element(builder, source, _listed(builder, indices, e), width), width)
-                factor = _vector(builder, [builder.load(_element(builder, factors, e))] * width)
-                _add(builder, builder.fmul(row, factor, flags=_CONTRACT), *accumulators)
-
-            (total,) = _accumulate(builder, arguments[2], arguments[3], add, [width], ir.FloatType())
-            _store(builder, total, _element(builder, target, arguments[5], width))
-            return context.get_dummy_value()
-
-        return signature, codegen
+        (total,) = _accumulate(builder, entries, add, [width], ir.FloatType())
+        _store(builder, total, _element(builder, out, point, width))
 
     return add_up

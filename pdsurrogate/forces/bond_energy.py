@@ -9,9 +9,9 @@ import numpy as np
 
 from ..kernels.energy_density import analytic_energy_density
 from ..materials import PLANES, Law, plane_stress
-from .energy_density import EnergyDerivatives
 from .isochoric import IsochoricEnergy
 from .pair_energy import PairEnergy
+from .pair_passes import EnergyDerivatives
 from .protocol import CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS
 from .term import Term

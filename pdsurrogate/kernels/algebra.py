@@ -77,6 +77,8 @@ def _components(d):
         "gather_pairs": vector_loads.gather_pairs(d),
         "subtract_positions": vector_loads.subtract_positions(d),
         "sum_matrix_products": vector_loads.sum_matrix_products(d),
+        "sum_signed_records": vector_loads.sum_records(d, -1),
+        "sum_matrices": vector_loads.sum_records(d * d, 1),
         # Vectors; 1 if a component is infinite or NaN, else 0: the sum of finite components must not overflow.
         "no_vector": entries("", ["0.0" for _ in axes]),
         "plus": entries("v, w", [f"v[{r}] + w[{r}]" for r in axes]),
@@ -139,8 +141,6 @@ def _plane(algebra):
         "response_state": response_state,
         "first_piola": first_piola,
         "sum_outer_products": vector_loads.sum_outer_products,
-        "sum_signed_records": vector_loads.sum_records(2, -1),
-        "sum_matrices": vector_loads.sum_records(4, 1),
     }
 
 
@@ -193,27 +193,13 @@ def _space(algebra):
     vector_at, no_matrix, minus, add_outer_product = algebra.vector_at, algebra.no_matrix, algebra.minus, algebra.add_outer_product
 
     @inlined
-    def sum_outer_products(positions, neighbours, weights, start, stop, point, out):
-        """Write ``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns."""
+    def sum_outer_products(positions, neighbours, weights, bonds, point, out):
+        """Write what `vector_loads.sum_outer_products` writes, by a plain loop."""
         own = vector_at(positions, point)
         summed = no_matrix()
-        for b in range(start, stop):
+        for b in range(bonds[0], bonds[1]):
             summed = add_outer_product(summed, minus(vector_at(positions, neighbours[b]), own), vector_at(weights, b))
         put_row(out, point, summed)
-
-    def sum_records(at, zero, combine, times):
-        @inlined
-        def add_up(records, start, stop, indices, first, last, factor, point, out):
-            """Write the sums that `vector_loads.sum_records` defines, by plain loops."""
-            summed = zero()
-            for b in range(start, stop):
-                summed = plus(summed, at(records, b))
-            for b in range(first, last):
-                summed = combine(summed, at(records, indices[b]))
-            put_row(out, point, times(factor, summed))
-
-        plus = algebra.plus if at is vector_at else algebra.plus_matrix
-        return add_up
 
     return {
         "inverse_symmetric": inverse_symmetric,
@@ -223,6 +209,4 @@ def _space(algebra):
         "response_state": response_state,
         "first_piola": first_piola,
         "sum_outer_products": sum_outer_products,
-        "sum_signed_records": sum_records(vector_at, algebra.no_vector, minus, algebra.times),
-        "sum_matrices": sum_records(algebra.matrix_at, no_matrix, algebra.plus_matrix, algebra.times_matrix),
     }

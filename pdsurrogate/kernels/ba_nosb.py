@@ -99,9 +99,9 @@ def ba_nosb_forces(thread, chunk, chunks, positions, table, bonds, volume_ratios
         at = bond_pointers[tile * TILE]
         for i in range(tile * TILE, min(n, (tile + 1) * TILE)):
             if bond_pointers[i + 1] > bond_pointers[i]:
-                outer_products(positions, entries, table_weights, table_pointers[i], table_pointers[i + 1], np.uint64(i), table_here)
+                outer_products(positions, entries, table_weights, (table_pointers[i], table_pointers[i + 1]), i, table_here)
             for b in range(bond_pointers[i], bond_pointers[i + 1]):
-                sum_listed_records(table_here, common, common_pointers[b], common_pointers[b + np.uint64(1)], block, np.uint64(held))
+                sum_listed_records(table_here, common, (common_pointers[b], common_pointers[b + np.uint64(1)]), block, held)
                 held += 1
                 if held == BLOCK:
                     count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
@@ -149,9 +149,8 @@ def sum_bond_forces(algebra):
         without_force = 0
         begin, end = share_of(out.shape[0], chunk, chunks)
         for i in range(begin, end):
-            start = bond_pointers[i]
-            stop = bond_pointers[i + 1]
-            algebra.sum_signed_records(forces, start, stop, reverse, start, stop, unit, np.uint64(i), out)
+            bonds = bond_pointers[i], bond_pointers[i + 1]
+            algebra.sum_signed_records(forces, bonds, reverse, bonds, unit, i, out)
             without_force += algebra.not_finite(algebra.vector_at(out, i))
         return without_force
 

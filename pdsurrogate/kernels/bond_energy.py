@@ -57,6 +57,7 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
     sums of V_b psi; `forces` (pairs, 2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
     """
     first, second, geometry = pairs
+    ends = first, second
     buffers, sums, work, scratch = memory
     counts, energies, forces, moments = results
     widest_vectors()
@@ -83,7 +84,7 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
         at = block * BLOCK
         reference = block_rows(geometry[block])
         for k in range(0, BLOCK, 4):
-            gather_pairs(gradients, positions, first, second, at + k, means, bond, k)
+            gather_pairs(gradients, positions, ends, at + k, means, bond, k)
         few = zero
         for k in range(BLOCK):
             n1 = reference[0, k]
@@ -180,7 +181,7 @@ def pair_tangents(thread, chunk, chunks, positions, gradients, first, second, ge
         reference = block_rows(geometry[block])
         state = block_rows(linearised[block])
         for k in range(0, BLOCK, 4):
-            gather_pairs(gradients, positions, first, second, at + k, means, bond, k)
+            gather_pairs(gradients, positions, (first, second), at + k, means, bond, k)
         pair = pair_records(forces[at : at + BLOCK])
         moment = quad_records(moments[at : at + BLOCK])
         for k in range(BLOCK):

@@ -42,6 +42,7 @@ def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, ex
     and of its interior, see `pdsurrogate.kernels.domain`. `memory` is a buffer and work in the model's precision, and scratch in double.
     """
     first, second, geometry = pairs
+    ends = first, second
     buffers, work, scratch = memory
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
@@ -61,7 +62,7 @@ def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, ex
         at = block * BLOCK
         reference = block_rows(geometry[block])
         for k in range(0, BLOCK, 4):
-            gather_pairs(records, positions, first, second, at + k, means, bond, k)
+            gather_pairs(records, positions, ends, at + k, means, bond, k)
         for k in range(BLOCK):
             # The mean of two rotations is the direction of the sum of their (cos, sin); opposite rotations have no mean.
             c = means[0, k]

@@ -26,7 +26,7 @@ def find_overstretched(algebra):
         for block in range(begin, end):
             limit = limits[block]
             for k in range(0, BLOCK, 4):
-                algebra.subtract_positions(positions, first, second, block * BLOCK + k, bond, k)
+                algebra.subtract_positions(positions, (first, second), block * BLOCK + k, bond, k)
             beyond = 0.0
             for k in range(BLOCK):
                 vector = algebra.column_at(bond, k)

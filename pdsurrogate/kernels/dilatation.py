@@ -33,6 +33,7 @@ def volume_derivatives(algebra):
         The other arguments are those of `selective_energy.pair_volumes`.
         """
         first, second, geometry = pairs
+        ends = first, second
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
         sums = block_rows(buffers[thread, 0:matrix])
@@ -41,7 +42,7 @@ def volume_derivatives(algebra):
             at = block * BLOCK
             reference = block_rows(geometry[block])
             for k in range(0, BLOCK, 4):
-                algebra.gather_pairs(gradients, positions, first, second, at + k, sums, bonds, k)
+                algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
             for k in range(BLOCK):
                 n = algebra.column_at(reference, k)
                 G = algebra.cofactor(of_bond(sums, bonds, reference, k))
@@ -92,7 +93,7 @@ def volume_changes(algebra):
         """
         start, stop = share_of(pair_pointers.shape[0] - 1, chunk, chunks)
         for i in range(start, stop):
-            multiply(derivatives, records, np.uint64(i), second, pair_pointers[i], pair_pointers[i + 1], changes)
+            multiply(derivatives, records, i, second, (pair_pointers[i], pair_pointers[i + 1]), changes)
 
     return volume_changes
 
@@ -127,7 +128,7 @@ def sum_pressures(algebra):
         for i in range(start, stop):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            add_up(derivatives, pressures, own[0], own[1], incidence, others[0], others[1], np.uint64(i), forces, moments)
+            add_up(derivatives, pressures, own, incidence, others, i, (forces, moments))
 
     return sum_pressures
 

@@ -1,7 +1,5 @@
 """Deformation gradients of the points, the first pass of every force evaluation."""
 
-import numpy as np
-
 from ..engine.passes import Pass, share_of
 from .by_dimension import ByDimension
 
@@ -18,7 +16,7 @@ def deformation_gradients(algebra):
         """
         start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
         for i in range(start, stop):
-            algebra.sum_outer_products(positions, neighbours, weighted_bonds, pointers[i], pointers[i + 1], np.uint64(i), gradients)
+            algebra.sum_outer_products(positions, neighbours, weighted_bonds, (pointers[i], pointers[i + 1]), i, gradients)
             Z = algebra.symmetric_at(inverse_shape, i)
             F = algebra.times_symmetric(algebra.matrix_at(gradients, i), Z)
             algebra.put(gradients, i, algebra.plus_diagonal(F, unsupported if Z[0] == 0.0 else 0.0))

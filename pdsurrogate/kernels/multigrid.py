@@ -7,8 +7,6 @@ precision.
 from functools import cache
 from types import SimpleNamespace
 
-import numpy as np
-
 from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import sum_weighted_rows
 
@@ -31,7 +29,7 @@ def passes_of(width: int) -> SimpleNamespace:
         """Compute a step of Jacobi's iteration, ``x + r (b - A x)``."""
         start, stop = share_of(right.shape[0], chunk, chunks)
         for i in range(start, stop):
-            add_up(values, columns, pointers[i], pointers[i + 1], found, np.uint64(i), out)
+            add_up(values, columns, (pointers[i], pointers[i + 1]), found, i, out)
             for c in range(width):
                 out[i, c] = found[i, c] + relaxation[i] * (right[i, c] - out[i, c])
 
@@ -40,7 +38,7 @@ def passes_of(width: int) -> SimpleNamespace:
         """Compute ``b - A x``."""
         start, stop = share_of(right.shape[0], chunk, chunks)
         for i in range(start, stop):
-            add_up(values, columns, pointers[i], pointers[i + 1], found, np.uint64(i), out)
+            add_up(values, columns, (pointers[i], pointers[i + 1]), found, i, out)
             for c in range(width):
                 out[i, c] = right[i, c] - out[i, c]
 
@@ -49,7 +47,7 @@ def passes_of(width: int) -> SimpleNamespace:
         """Compute ``kept * out + A x`` in place; `product` is working memory like `out`."""
         start, stop = share_of(out.shape[0], chunk, chunks)
         for i in range(start, stop):
-            add_up(values, columns, pointers[i], pointers[i + 1], vectors, np.uint64(i), product)
+            add_up(values, columns, (pointers[i], pointers[i + 1]), vectors, i, product)
             for c in range(width):
                 out[i, c] = kept * out[i, c] + product[i, c]
 

@@ -1,7 +1,5 @@
 """Forces of non-ordinary state-based peridynamics (correspondence), paper Eqs. (2) and (19)."""
 
-import numpy as np
-
 from ..engine.block_arrays import BLOCK, block_rows
 from ..engine.compile import call_block, widest_vectors
 from ..engine.passes import Pass, share_of
@@ -52,7 +50,7 @@ def nosb_forces(algebra):
         without_force = 0
         start, stop = share_of(out.shape[0], chunk, chunks)
         for i in range(start, stop):
-            algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[i], pointers[i + 1], np.uint64(i), out)
+            algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, (pointers[i], pointers[i + 1]), i, out)
             force = algebra.times(volumes[i], algebra.vector_at(out, i))
             algebra.put(out, i, force)
             without_force += algebra.not_finite(force)

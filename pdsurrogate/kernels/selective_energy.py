@@ -70,6 +70,7 @@ def pair_volumes(algebra):
         where a body has several materials or ranks, the part of it counted here.
         """
         first, second, geometry = pairs
+        ends = first, second
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
         sums = block_rows(buffers[thread])
@@ -80,7 +81,7 @@ def pair_volumes(algebra):
             reference = block_rows(geometry[block])
             found = volumes[at : at + BLOCK]
             for k in range(0, BLOCK, 4):
-                algebra.gather_pairs(gradients, positions, first, second, at + k, sums, bonds, k)
+                algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
             for k in range(BLOCK):
                 J = algebra.determinant(of_bond(sums, bonds, reference, k))
                 found[k] = J
@@ -171,6 +172,7 @@ def pair_energies(algebra):
         by columns.
         """
         first, second, geometry = pairs
+        ends = first, second
         energies, forces, moments = results
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
@@ -184,7 +186,7 @@ def pair_energies(algebra):
             reference = block_rows(geometry[block])
             share = block_rows(shares[block])
             for k in range(0, BLOCK, 4):
-                algebra.gather_pairs(gradients, positions, first, second, at + k, sums, bonds, k)
+                algebra.gather_pairs(gradients, positions, ends, at + k, sums, bonds, k)
             for k in range(BLOCK):
                 F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)

@@ -1,7 +1,5 @@
 """Sums of pair forces and of the points' own stresses to forces on points, in an order that does not depend on the number of threads."""
 
-import numpy as np
-
 from ..engine.passes import Pass, share_of
 from .by_dimension import ByDimension
 
@@ -21,7 +19,7 @@ def sum_pair_forces(algebra):
         for i in range(start, stop):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_signed_records(forces, own[0], own[1], incidence, others[0], others[1], unit, np.uint64(i), out)
+            algebra.sum_signed_records(forces, own, incidence, others, unit, i, out)
             without_force += algebra.not_finite(algebra.vector_at(out, i))
         return without_force
 
@@ -38,7 +36,7 @@ def sum_moments(algebra):
         for i in range(start, stop):
             own = own_pointers[i], own_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_matrices(moments, own[0], own[1], incidence, others[0], others[1], 1.0, np.uint64(i), out)
+            algebra.sum_matrices(moments, own, incidence, others, 1.0, i, out)
 
     return sum_moments
 
@@ -72,7 +70,7 @@ def add_node_forces(algebra):
         start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
         for r in range(start, stop):
             i = first_point + r
-            algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
+            algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, (pointers[r], pointers[r + 1]), i, node_parts)
             force = algebra.plus(algebra.vector_at(out, i), algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i)))
             algebra.put(out, i, force)
             without_force += algebra.not_finite(force)

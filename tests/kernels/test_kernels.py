@@ -5,6 +5,7 @@ import pytest
 from bodies import disc_with_hole, gripped_sheet, jittered, sheet
 
 from pdsurrogate.engine import vector_loads
+from pdsurrogate.engine.block_arrays import BLOCK
 from pdsurrogate.engine.compile import CompilationClock, compilation_clock, kernel
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.forces.material_points import MaterialPoints
@@ -93,7 +94,7 @@ def test_plane_stress_from_far_starts():
 @pytest.mark.parametrize("d", [2, 3])
 def test_record_loads(random, dtype, d):
     """Pairs gathered into columns of rows, and columns written back as records of the other precision."""
-    n, pairs = 50, 64
+    n, pairs = 50, BLOCK
     table = random.standard_normal((n, d * d)).astype(dtype)
     positions = random.standard_normal((n, d))
     first, second = (random.integers(0, n, pairs).astype(np.uint32) for _ in range(2))
@@ -103,8 +104,8 @@ def test_record_loads(random, dtype, d):
     @kernel
     def load(table, positions, first, second, sums, differences, alone, records):
         for k in range(0, first.shape[0], 4):
-            gather_pairs(table, positions, first, second, k, sums, differences, k)
-            subtract_positions(positions, first, second, k, alone, k)
+            gather_pairs(table, positions, (first, second), k, sums, differences, k)
+            subtract_positions(positions, (first, second), k, alone, k)
         for k in range(first.shape[0]):
             algebra.put(records, k, algebra.matrix_column_at(sums, k))
 
@@ -127,7 +128,7 @@ def test_sums_of_records(random, dtype, length, sign):
 
     @kernel
     def total(table, count, listed, out):
-        add_up(table, np.uint64(5), np.uint64(5 + count), listed, np.uint64(0), np.uint64(listed.shape[0]), 2.0, np.uint64(0), out)
+        add_up(table, (5, 5 + count), listed, (0, listed.shape[0]), 2.0, 0, out)
 
     for count in (0, 1, 3, 4, 7, 29):
         listed, out = random.integers(0, 100, count).astype(np.uint32), np.zeros((1, length))
@@ -179,12 +180,12 @@ def test_outer_products_of_every_number_of_bonds(random, dtype, count):
     """Two bonds at a time, four in a turn, and the rest one by one."""
 
     @kernel
-    def gradient(positions, neighbours, weights, start, stop, point, out):
-        vector_loads.sum_outer_products(positions, neighbours, weights, start, stop, point, out)
+    def gradient(positions, neighbours, weights, bonds, point, out):
+        vector_loads.sum_outer_products(positions, neighbours, weights, bonds, point, out)
 
     positions, weights = random.standard_normal((40, 2)), random.standard_normal((60, 2)).astype(dtype)
     neighbours, out = random.integers(0, 40, 60).astype(np.uint32), np.zeros((40, 4))
-    gradient(positions, neighbours, weights, np.uint64(7), np.uint64(7 + count), np.uint64(3), out)
+    gradient(positions, neighbours, weights, (np.uint64(7), np.uint64(7 + count)), 3, out)
     mine = slice(7, 7 + count)
     expected = np.einsum("bi,bj->ij", positions[neighbours[mine]] - positions[3], weights[mine].astype(float))
     np.testing.assert_allclose(out[3], expected.T.ravel(), atol=1e-13)
