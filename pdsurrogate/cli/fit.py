@@ -45,7 +45,7 @@ def fit(
     features: Annotated[str | None, Option(help="isochoric (for polynomials), symmetric (for networks), or paper.")] = None,
     degree: Annotated[str | None, Option(help="Degrees of a polynomial in the two isochoric features; 12,6 by default.")] = None,
     units: Annotated[str | None, Option(help="Hidden units of a network instead; two layers with a comma between.")] = None,
-    activation: Annotated[str | None, Option(help="Of a network: algebraic (the default), logistic, tanh or relu.")] = None,
+    activation: Annotated[str | None, Option(help="Activation: algebraic (the default), logistic, tanh or relu.")] = None,
     samples: Annotated[int | None, Option(help="Training samples; 8000, of an energy 1000.", min=200)] = None,
     least: Annotated[float | None, Option(help="Least principal stretch; 0.5 (of an energy 0.25), or as far as the law goes.")] = None,
     greatest: Annotated[float | None, Option(help="Greatest principal stretch; 4, or as far as the law goes.")] = None,
