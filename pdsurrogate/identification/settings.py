@@ -12,14 +12,8 @@ from sklearn.base import clone
 from ..forces import ForceModel
 from ..forces.homogeneous import nominal_states
 from ..materials import LAWS, Law
-from .committee import committee
-from .data import TestData
-from .energy import EnergyRegressor
-from .examination import examine
-from .regressor import LawRegressor, fitted_laws
-from .reporting import differences, report
-from .selection import held_out_modes
-from .stress_regressor import StressRegressor, free_sides
+from . import EnergyRegressor, LawRegressor, TestData, committee, differences, examine, fitted_laws, free_sides, held_out_modes, report
+from .stress_regressor import StressRegressor
 
 EDGE = 1e-6
 """Least log-stretch between a test and the domain of an artefact at which the test counts as outside: rounding decides below it."""
