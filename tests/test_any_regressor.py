@@ -22,7 +22,7 @@ from pdsurrogate.learning import surrogate_of
 from pdsurrogate.learning.bond_force import BOND_FORCE
 from pdsurrogate.learning.export import force_of, taken_over
 from pdsurrogate.learning.resampling import fitted_spline, greatest_jump
-from pdsurrogate.learning.sampling import COLUMNS, TARGETS
+from pdsurrogate.learning.sampling import COLUMNS, OUTPUTS
 
 LAW = pds.Ogden()
 GRID = "regressor__regressor__regressor"
@@ -355,7 +355,7 @@ def test_weights_are_routed_where_they_are_requested(samples):
 def test_frames_of_pandas_go_through_with_their_names(samples):
     """Columns in, columns between the steps where `set_output` asks for them, and the numbers of arrays."""
     pandas = pytest.importorskip("pandas")
-    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
+    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=OUTPUTS)
     names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
     right = fitted(samples, Ridge(0.1)).predict(samples.X)
     plain = pds.surrogate_pipeline(Ridge(0.1), features="isochoric")
@@ -379,7 +379,7 @@ SHUFFLED = ["C33", "J", "rotation", "length", "stretch"]
 def test_columns_of_frames_are_told_by_their_names(samples):
     """Columns in another order were taken by their places, and names of other things as well: both in silence."""
     pandas = pytest.importorskip("pandas")
-    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
+    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=OUTPUTS)
     swapped, other = X[SHUFFLED], X.rename(columns={"J": "detF"})
     model = pds.surrogate_pipeline(pds.ChebyshevRegressor(4), features="isochoric")
     right = clone(model).fit(X, y)
