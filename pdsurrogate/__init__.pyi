@@ -44,6 +44,7 @@ from .learning import LevenbergMarquardtRegressor as LevenbergMarquardtRegressor
 from .learning import Samples as Samples
 from .learning import SobolevRegressor as SobolevRegressor
 from .learning import TorchMLPRegressor as TorchMLPRegressor
+from .learning import algorithm_1 as algorithm_1
 from .learning import cross_validate as cross_validate
 from .learning import evaluate as evaluate
 from .learning import reachable_stretches as reachable_stretches
@@ -51,7 +52,6 @@ from .learning import store as store
 from .learning import surrogate_of as surrogate_of
 from .learning import surrogate_pipeline as surrogate_pipeline
 from .learning import training_samples as training_samples
-from .learning.algorithm_1 import algorithm_1 as algorithm_1
 from .materials import LAWS as LAWS
 from .materials import ArrudaBoyce as ArrudaBoyce
 from .materials import FullNetwork as FullNetwork
