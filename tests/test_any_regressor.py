@@ -403,7 +403,7 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
     alone = make_pipeline(PolynomialFeatures(2), LinearRegression())
     model = clone(alone).fit(X[SHUFFLED], samples.y)
     np.testing.assert_allclose(force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12)
-    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; taken are the five bond quantities stretch"):
+    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; taken are regressors of the five bond quantities stretch"):
         force_of(clone(alone).fit(X.rename(columns={"J": "detF"}), samples.y))
 
 

@@ -121,8 +121,8 @@ class FitSettings:
 
     def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
         """Return the pipeline for an isochoric energy, and its description."""
-        if (key := "features" if self.features is not None else "degree" if self.degree is not None else None) is not None:
-            raise ValueError(f"{key} is of bond forces; of the network of an energy units are to choose")
+        if given := [key for key in ("features", "degree") if getattr(self, key) is not None]:
+            raise ValueError(f"{given[0]} is of bond forces; for the network of an energy choose units")
         hidden = _numbers(8 if self.units is None else self.units, "units")
         if len(hidden) != 1:
             raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")
