@@ -114,9 +114,10 @@ class FitSettings:
         # Before the training of a pipeline that would be resampled: another choice is exact.
         if self.units is None and (count := len(FEATURE_SETS[chosen].names)) != 2:
             raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {chosen} ones are {count}")
-        if self.units is not None and not (1 <= len(hidden) <= MOST_HIDDEN and regressor.activation in ACTIVATIONS):
-            known = f"one to {MOST_HIDDEN} hidden layers with the activations {', '.join(ACTIVATIONS)}"
-            raise ValueError(f"the kernels evaluate networks of {known}, not {len(hidden)} with {regressor.activation!r}")
+        if self.units is not None and not 1 <= len(hidden) <= MOST_HIDDEN:
+            raise ValueError(f"the kernels evaluate networks of one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}")
+        if self.units is not None and regressor.activation not in ACTIVATIONS:
+            raise ValueError(f"the kernels have no activation {regressor.activation!r}; there are {', '.join(ACTIVATIONS)}")
         return pipeline, f"{chosen} features, {what}"
 
     def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
