@@ -16,7 +16,7 @@ class OutsideDomainWarning(RuntimeWarning):
 
 
 class InvalidState(RuntimeError):
-    """A deformation that has no force: det F <= 0, a limit of the material law passed, or numbers that are not finite."""
+    """Deformation that has no force: det F <= 0, a limit of the material law passed, or numbers that are not finite."""
 
 
 def at_point(body: Body, i: int, what: str) -> str:
