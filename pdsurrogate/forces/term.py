@@ -46,6 +46,16 @@ class StateArray:
     values: np.ndarray
     shown: bool = False
 
+    def at_points(self, body: Body) -> np.ndarray:
+        """Return the values of the points, shape (n, ...); of bonds and pairs the mean over the bonds of a point, 0 without bonds."""
+        if self.rows in ("points", "images"):
+            return self.values[: len(body)]
+        counts = np.diff(body.bonds.pointers).astype(np.int64)
+        values = self.values[: counts.sum()] if self.rows == "bonds" else self.values[body.bonds.pair_of]
+        found = np.zeros((len(body), *values.shape[1:]))
+        np.add.at(found, np.repeat(np.arange(len(body)), counts), values)
+        return (found.T / np.maximum(counts, 1)).T
+
 
 @dataclass(frozen=True)
 class Kept:
