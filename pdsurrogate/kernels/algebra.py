@@ -72,6 +72,7 @@ def _components(d):
         "column_at": entries("rows, k", [f"rows[{r}, k]" for r in axes]),
         "column_in": entries("rows, k, x", [f"like(x, rows[{r}, k])" for r in axes]),  # in the precision of x
         "matrix_column_at": entries("rows, k", [f"rows[{r}, k]" for r in matrix]),
+        "matrix_column_in": entries("rows, k, x", [f"like(x, rows[{r}, k])" for r in matrix]),
         "put": put_row,
         # Loads and sums over bonds, see `pdsurrogate.engine.vector_loads`.
         "gather_pairs": vector_loads.gather_pairs(d),
