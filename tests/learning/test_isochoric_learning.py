@@ -110,7 +110,7 @@ def test_laws_that_lock_are_learnt_as_far_as_they_go():
 @pytest.mark.parametrize("bounds", [(0.4, 4.0), (0.05, 3.0), (0.25, 20.0)])
 def test_the_domain_is_told_from_the_invariants(bounds):
     """A state is outside where one of its stretches is, also with bounds of which product 1 leaves one no work."""
-    logs = np.log(ISOCHORIC_ENERGY.draw(pds.NeoHookean(), 20_000, (0.02, 30.0), 0.0, 0).stretches)
+    logs = np.log(ISOCHORIC_ENERGY.draw(pds.materials.NeoHookean(), 20_000, (0.02, 30.0), 0.0, 0).stretches)
     squares = np.exp(2 * logs)
     invariants = np.stack([np.ones(len(logs)), squares.sum(axis=1), (1 / squares).sum(axis=1)])
     inside = (distance_coefficients(*bounds) @ invariants > 0).all(axis=0)
