@@ -92,8 +92,7 @@ ADVICE = {
     Unbalanced: "take a smaller solver.tolerance",
     TooFar: "take a smaller steps.largest_increment, or more outputs",
     Unstable: "push it less far, or follow it in dynamics",
-    RanAway: "a load may have a maximum, as the pressure in a balloon has: to go beyond it prescribe displacements in its place, or follow "
-    "it in dynamics",
+    RanAway: "a load may have a maximum, as the pressure in a balloon has: prescribe displacements in its place, or follow it in dynamics",
     FoldedOver: "contact is not followed, and a finer spacing shows the fold sooner: push it less far, make the free side hollow, or let "
     "the body slide there, with the components along the plane left free",
     InvalidState: "take a finer spacing; or the material itself does not reach this far",
