@@ -15,7 +15,7 @@ from ..materials.stretches import principal_stretches
 from .bond_shares import BondShares
 from .dilatation import LinearisedDilatation
 from .errors import InvalidState, at_point
-from .kinematics import matrices
+from .kinematics import matrices, symmetric
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
 from .term import Binding, Term, whole_volume
@@ -91,7 +91,7 @@ class PairEnergy(Term):
 
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self.pass_bonds(out)
-        self.report(outside)
+        self._report(outside)
         if invalid or not np.isfinite(self._energy):
             raise InvalidState(self._without_energy())
         if without_force:
@@ -159,15 +159,13 @@ class PairEnergy(Term):
 
     def _from_one_side(self) -> np.ndarray | None:
         """Return the forces of pairs in addition to those without interfaces, if an interface leaves bonds out of the gradients."""
-        interfaces, bonds, body, d = self.kinematics.interfaces, self.body.bonds, self.body, self.body.dimension
+        interfaces, bonds, body = self.kinematics.interfaces, self.body.bonds, self.body
         if interfaces is None or interfaces.one_sided_bonds is None:
             return None
         numbers, owners, changes = interfaces.one_sided_bonds
-        rows = np.triu_indices(d)
         # The moments of the points as they were before their shapes weighed them.
         points, places = np.unique(owners, return_inverse=True)
-        shapes = np.zeros((len(points), d, d))
-        shapes[:, rows[0], rows[1]] = shapes[:, rows[1], rows[0]] = self.kinematics.inverse_shape[points]
+        shapes = symmetric(self.kinematics.inverse_shape[points])
         moments = matrices(self._stresses[points]) @ np.linalg.inv(shapes) * body.volumes[points, None, None]
         pulls = np.einsum("bij,bj->bi", moments[places], changes)
         pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
@@ -227,8 +225,8 @@ class PairEnergy(Term):
             found[self.binding.portion_of[: len(found)] == len(self.materials)] = 1.0
         return found
 
-    def bulk_stresses(self) -> np.ndarray:
-        found = super().bulk_stresses()
+    def _bulk_stresses(self) -> np.ndarray:
+        found = super()._bulk_stresses()
         return found if self.volume is None else self.volume.smoothing.matrix() @ found
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
@@ -238,7 +236,7 @@ class PairEnergy(Term):
         F, law = self.kinematics.deformation_gradients(), part.points.law
         if self.selective:
             found = part.isochoric.evaluate(*plane.isochoric_state(F))
-            return plane.stress_and_energy(law, F, self.volume_ratios(), self.bulk_stresses(), found)
+            return plane.stress_and_energy(law, F, self.volume_ratios(), self._bulk_stresses(), found)
         stress, energy = super().stress_and_energy()
         trace, J = plane_stress.invariants(F)
         found = part.model.energy_derivatives(law, trace, J)
