@@ -242,7 +242,7 @@ class PairEnergy(Term):
         found = part.model.energy_derivatives(law, trace, J)
         learnt = np.ones(len(F), dtype=bool)
         if self.binding.outside == "fallback":  # where the exact energy begins to take over, it counts
-            learnt = self.learnt.domain_deviation() < 0.5 * np.log(1 - BLEND)
+            learnt = self.domain_deviation() < 0.5 * np.log(1 - BLEND)
         stress[learnt, :2, :2] = part.unit * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learnt]
         energy[learnt] = part.unit * found.psi[learnt]
         return stress, energy
