@@ -16,11 +16,10 @@ from __future__ import annotations
 import logging
 import pickle
 import sys
-import time
 import types as python_types
 import zlib
 from collections.abc import Callable
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -129,10 +128,11 @@ def log_not_kept(folder: str, why: str) -> None:
     logger.warning("compiled code is not kept in %s, and is compiled anew by every process: %s", folder, why)
 
 
-def _enable_cache(compiled, function: Callable, digest: str | None = None, parallel: bool = False) -> None:
+def _enable_cache(compiled, function: Callable, digest: str | None = None, parallel: bool = False):
     # Without a source file (an interactive session) or a writable folder nothing is cached, and each process compiles anew.
     with suppress(RuntimeError):
         compiled._cache = DigestCache(function, digest, parallel)
+    return compiled
 
 
 def kernel(function: Callable) -> Callable:
@@ -141,9 +141,7 @@ def kernel(function: Callable) -> Callable:
     Functions called by a pass should be `inline`. Of a `kernel` the pass would keep a copy, optimised once more; which of the two versions
     is called would depend on what was compiled or loaded before, and their last bits may differ.
     """
-    dispatcher = numba.njit(**OPTIONS)(function)
-    _enable_cache(dispatcher, function)
-    return dispatcher
+    return _enable_cache(plain_function(function), function)
 
 
 def plain_function(function: Callable) -> Callable:
@@ -153,9 +151,7 @@ def plain_function(function: Callable) -> Callable:
 
 def inline(function: Callable) -> Callable:
     """Compile an elementwise function that is inlined into every kernel that calls it."""
-    dispatcher = numba.njit(**INLINE_OPTIONS)(function)
-    _enable_cache(dispatcher, function)
-    return dispatcher
+    return _enable_cache(numba.njit(**INLINE_OPTIONS)(function), function)
 
 
 def expanded(function: Callable) -> Callable:
@@ -165,9 +161,7 @@ def expanded(function: Callable) -> Callable:
 
 def parallel_kernel(function: Callable) -> Callable:
     """Compile a function like `kernel`, with its ``prange`` loops spread over numba's threads."""
-    dispatcher = numba.njit(parallel=True, **OPTIONS)(function)
-    _enable_cache(dispatcher, function, parallel=True)
-    return dispatcher
+    return _enable_cache(numba.njit(parallel=True, **OPTIONS)(function), function, parallel=True)
 
 
 _real = types.CPointer(types.float64)
@@ -296,38 +290,27 @@ def inlined(function: Callable) -> Callable:
     return register_jitable(**INLINE_OPTIONS)(function)
 
 
-class CompilationClock(event.Listener):
+class CompilationClock(event.TimingListener):
     """Clock that sums the seconds spent compiling, and announces the first compilation by calling `announce`.
 
     Loading from the disk cache runs no compiler pass and counts as zero.
     """
 
     def __init__(self, announce: Callable[[], None] | None = None) -> None:
-        self.seconds = 0.0
-        self._depth = 0
-        self._began = 0.0
+        super().__init__()
         self._announce = announce
 
+    @property
+    def seconds(self) -> float:
+        return self.duration if self.done else 0.0
+
     def on_start(self, event) -> None:
-        if self._depth == 0:
-            self._began = time.perf_counter()
-            if self._announce is not None:
-                self._announce()
-                self._announce = None
-        self._depth += 1
-
-    def on_end(self, event) -> None:
-        self._depth -= 1
-        if self._depth == 0:
-            self.seconds += time.perf_counter() - self._began
+        super().on_start(event)
+        if self._announce is not None:
+            announce, self._announce = self._announce, None
+            announce()
 
 
-@contextmanager
 def compilation_clock(announce: Callable[[], None] | None = None):
-    """Measure the compile time within a context; yields the `CompilationClock`."""
-    clock = CompilationClock(announce)
-    event.register("numba:run_pass", clock)
-    try:
-        yield clock
-    finally:
-        event.unregister("numba:run_pass", clock)
+    """Return a context that measures the compile time within it; yields the `CompilationClock`."""
+    return event.install_listener("numba:run_pass", CompilationClock(announce))

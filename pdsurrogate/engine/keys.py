@@ -65,17 +65,10 @@ class _Walk:
             self._write("array", value.dtype.str, value.shape, np.ascontiguousarray(value).tobytes())
         elif value is None or value is Ellipsis or isinstance(value, bool | int | float | complex | str | bytes | np.generic | np.dtype):
             self._write(type(value).__name__, value.tobytes() if isinstance(value, np.generic) else repr(value))
-        elif isinstance(value, tuple | list):
+        elif isinstance(value, tuple | list | set | frozenset | dict):
             self._write(type(value).__name__, len(value))
-            for item in value:
-                self.add(item)
-        elif isinstance(value, set | frozenset):
-            self._write("set", len(value))
-            for item in sorted(value, key=repr):
-                self.add(item)
-        elif isinstance(value, dict):
-            self._write("dict", len(value))
-            for item in value.items():
+            items = value.items() if isinstance(value, dict) else value
+            for item in sorted(items, key=repr) if isinstance(value, set | frozenset) else items:
                 self.add(item)
         elif isinstance(value, Dispatcher):
             self._write("compiled")

@@ -275,7 +275,7 @@ def pair_strength(body: Body) -> np.ndarray:
 
 
 class ForceSurrogate(ForceModel):
-    """A force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
+    """Force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ from .term import Binding
 
 
 class EnergyDerivatives(NamedTuple):
-    """A plane-stress energy and its derivatives by tr C and J = det F in the plane, dimensionless, arrays of one shape."""
+    """Plane-stress energy and its derivatives by tr C and J = det F in the plane, dimensionless, arrays of one shape."""
 
     psi: np.ndarray
     by_trace: np.ndarray

@@ -72,6 +72,7 @@ def _components(d):
         "column_at": entries("rows, k", [f"rows[{r}, k]" for r in axes]),
         "column_in": entries("rows, k, x", [f"like(x, rows[{r}, k])" for r in axes]),  # in the precision of x
         "matrix_column_at": entries("rows, k", [f"rows[{r}, k]" for r in matrix]),
+        "matrix_column_in": entries("rows, k, x", [f"like(x, rows[{r}, k])" for r in matrix]),
         "put": put_row,
         # Loads and sums over bonds, see `pdsurrogate.engine.vector_loads`.
         "gather_pairs": vector_loads.gather_pairs(d),
@@ -85,6 +86,7 @@ def _components(d):
         "minus": entries("v, w", [f"v[{r}] - w[{r}]" for r in axes]),
         "times": entries("factor, v", [f"factor * v[{r}]" for r in axes]),
         "dot": scalar("v, w", total(f"v[{r}] * w[{r}]" for r in axes)),
+        "greatest": scalar("v", f"max({', '.join(f'abs(v[{r}])' for r in axes)})"),
         "not_finite": scalar("v", f"0 if {total(f'abs(v[{r}])' for r in axes)} < np.inf else 1"),
         # Symmetric matrices: K + factor sym(v (x) w), a multiple, a multiple of I added, and Z v.
         "no_symmetric": entries("", ["0.0" for _ in symmetric]),

@@ -5,8 +5,11 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS, put_column
 from ..engine.compile import bond_force_signature, call_block, compile_block_function, widest_vectors
+from .algebra import entries
+
+doubles_at = entries("rows, k", [f"np.float64(rows[{r}, k])" for r in range(3)])
 
 
 @cache
@@ -19,19 +22,14 @@ def analytic_bond_force(dtype):
         traction = carray(traction, (TRACTION_ROWS, BLOCK))
         scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
         for k in range(BLOCK):
-            a = np.float64(states[0, k])
-            b = np.float64(states[1, k])
-            U_mm = np.float64(states[2, k])
+            a, b, U_mm = doubles_at(states, k)
             J = np.float64(states[3, k])
-            scratch[0, k] = a * a + 2.0 * b * b + U_mm * U_mm
-            scratch[1, k] = J
-            scratch[2, k] = J * np.sqrt(np.float64(states[4, k]))
+            put_column(scratch, k, (a * a + 2.0 * b * b + U_mm * U_mm, J, J * np.sqrt(np.float64(states[4, k]))))
         call_block(response, scratch[0:3], parameters, scratch[3:8])
         for k in range(BLOCK):
             p = scratch[3, k]
             q = scratch[4, k] / scratch[1, k]
-            traction[0, k] = p * states[0, k] + q * states[2, k]
-            traction[1, k] = (p - q) * states[1, k]
-            traction[2, k] = p * states[2, k] + q * states[0, k]
+            a, b, U_mm = doubles_at(states, k)
+            put_column(traction, k, (p * a + q * U_mm, (p - q) * b, p * U_mm + q * a))
 
     return compile_block_function(bond_force, bond_force_signature(np.dtype(dtype)))

@@ -14,11 +14,11 @@ that it is neither invalid nor outside a domain.
 
 import numpy as np
 
-from ..engine.block_arrays import BLOCK, block_rows, pair_records, quad_records
-from ..engine.compile import call_block, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, pair_records, put_column, put_row, quad_records
+from ..engine.compile import call_block, inlined, widest_vectors
 from ..engine.intrinsics import tuple_of
 from ..engine.passes import Pass, share_of
-from ..engine.vector_loads import gather_pairs as gather_pairs_of
+from .algebra import algebra_of
 from .bond_force import FALL_BACK, UNGUARDED
 from .domain import BLEND, N_LIMITS, edge_distances, exact_share
 from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
@@ -28,7 +28,7 @@ COUNTED = 1
 `bond_force`.
 """
 
-gather_pairs = gather_pairs_of(2)
+plane = algebra_of(2)
 
 RESULT = INVARIANT_ROWS
 EXACT_RESULT = RESULT + ENERGY_ROWS
@@ -43,6 +43,30 @@ COLLAPSED = 0.3
 """Value of det F_ij up to which a bond counts as collapsed. Intact rubber in a tear stays above 0.5. The last bonds of a crack draw points
 together faster than sound: below a third the volumetric energy makes a bond stiffer than the time step allows.
 """
+
+
+@inlined
+def columns_of(reference, bonds, means, k, half):
+    """Return c and e, the columns of F_ij in the bond's frame, from the bond vector and the sum of the ends' gradients."""
+    n = plane.column_in(reference, k, half)
+    F = plane.matrix_column_in(means, k, half)
+    e = half * (n[0] * F[2] - n[1] * F[0]), half * (n[0] * F[3] - n[1] * F[1])
+    return plane.times(reference[2, k], plane.column_at(bonds, k)), e
+
+
+@inlined
+def stress(c, e, p, q):
+    """Return (P n, P m) = (p c + q (e2, -e1), p e + q (-c2, c1))."""
+    return p * c[0] + q * e[1], p * c[1] - q * e[0], p * e[0] - q * c[1], p * e[1] + q * c[0]
+
+
+@inlined
+def put_parts(pair, moment, k, reference, P, half):
+    """Write P n/l and S = (P m) (x) m/2 by columns, from (P n, P m)."""
+    n1, n2, inverse_length = reference[0, k], reference[1, k], reference[2, k]
+    h1, h2 = half * P[2], half * P[3]
+    put_row(pair, k, (inverse_length * P[0], inverse_length * P[1]))
+    put_row(moment, k, (-n2 * h1, -n2 * h2, n1 * h1, n1 * h2))
 
 
 @Pass
@@ -84,25 +108,14 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
         at = block * BLOCK
         reference = block_rows(geometry[block])
         for k in range(0, BLOCK, 4):
-            gather_pairs(gradients, positions, ends, at + k, means, bond, k)
+            plane.gather_pairs(gradients, positions, ends, at + k, means, bond, k)
         few = zero
         for k in range(BLOCK):
-            n1 = reference[0, k]
-            n2 = reference[1, k]
-            inverse_length = reference[2, k]
-            c1 = bond[0, k] * inverse_length
-            c2 = bond[1, k] * inverse_length
-            e1 = half * (n1 * real(means[2, k]) - n2 * real(means[0, k]))
-            e2 = half * (n1 * real(means[3, k]) - n2 * real(means[1, k]))
-            columns[0, k] = c1
-            columns[1, k] = c2
-            columns[2, k] = e1
-            columns[3, k] = e2
+            c, e = columns_of(reference, bond, means, k, half)
+            put_column(columns, k, c + e)
             alive = reference[3, k] > zero
-            J = c1 * e2 - c2 * e1
-            trace = c1 * c1 + c2 * c2 + e1 * e1 + e2 * e2
-            J = J if alive else one
-            states[0, k] = trace if alive else one + one
+            J = c[0] * e[1] - c[1] * e[0] if alive else one
+            states[0, k] = plane.dot(c, c) + plane.dot(e, e) if alive else one + one
             states[1, k] = J
             # NaN is counted, too.
             few += zero if least < J else one
@@ -127,9 +140,7 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
                 for k in range(BLOCK):
                     share, by_trace, by_J, _, _, _ = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
                     if share >= 1.0:
-                        result[0, k] = exact_result[0, k]
-                        result[1, k] = exact_result[1, k]
-                        result[2, k] = exact_result[2, k]
+                        put_column(result, k, (exact_result[0, k], exact_result[1, k], exact_result[2, k]))
                     elif share > 0.0:
                         excess = exact_result[0, k] - result[0, k]
                         result[0, k] += real(share) * excess
@@ -140,23 +151,9 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
         total = 0.0
         for k in range(BLOCK):
             bond_volume = reference[3, k]
-            n1 = reference[0, k]
-            n2 = reference[1, k]
-            c1 = columns[0, k]
-            c2 = columns[1, k]
-            e1 = columns[2, k]
-            e2 = columns[3, k]
-            p = bond_volume * (result[1, k] + result[1, k])
-            q = bond_volume * result[2, k]
-            inverse_length = reference[2, k]
-            pair[k, 0] = inverse_length * (p * c1 + q * e2)
-            pair[k, 1] = inverse_length * (p * c2 - q * e1)
-            h1 = half * (p * e1 - q * c2)
-            h2 = half * (p * e2 + q * c1)
-            moment[k, 0] = -n2 * h1
-            moment[k, 1] = -n2 * h2
-            moment[k, 2] = n1 * h1
-            moment[k, 3] = n1 * h2
+            p, q = bond_volume * (result[1, k] + result[1, k]), bond_volume * result[2, k]
+            P = stress((columns[0, k], columns[1, k]), (columns[2, k], columns[3, k]), p, q)
+            put_parts(pair, moment, k, reference, P, half)
             total += np.float64(reference[counted, k] * result[0, k])
         energies[block] = total
     counts[chunk, 0] = count
@@ -181,32 +178,15 @@ def pair_tangents(thread, chunk, chunks, positions, gradients, first, second, ge
         reference = block_rows(geometry[block])
         state = block_rows(linearised[block])
         for k in range(0, BLOCK, 4):
-            gather_pairs(gradients, positions, (first, second), at + k, means, bond, k)
+            plane.gather_pairs(gradients, positions, (first, second), at + k, means, bond, k)
         pair = pair_records(forces[at : at + BLOCK])
         moment = quad_records(moments[at : at + BLOCK])
         for k in range(BLOCK):
-            n1 = reference[0, k]
-            n2 = reference[1, k]
-            inverse_length = reference[2, k]
-            dc1 = bond[0, k] * inverse_length
-            dc2 = bond[1, k] * inverse_length
-            de1 = 0.5 * (n1 * means[2, k] - n2 * means[0, k])
-            de2 = 0.5 * (n1 * means[3, k] - n2 * means[1, k])
-            c1 = state[0, k]
-            c2 = state[1, k]
-            e1 = state[2, k]
-            e2 = state[3, k]
-            d_trace = 2.0 * (c1 * dc1 + c2 * dc2 + e1 * de1 + e2 * de2)
-            d_J = dc1 * e2 + c1 * de2 - dc2 * e1 - c2 * de1
-            p = 2.0 * state[4, k]
-            q = state[5, k]
+            dc, de = columns_of(reference, bond, means, k, 0.5)
+            c, e = (state[0, k], state[1, k]), (state[2, k], state[3, k])
+            d_trace = 2.0 * (plane.dot(c, dc) + plane.dot(e, de))
+            d_J = dc[0] * e[1] + c[0] * de[1] - dc[1] * e[0] - c[1] * de[0]
             dp = 2.0 * (state[6, k] * d_trace + state[7, k] * d_J)
             dq = state[7, k] * d_trace + state[8, k] * d_J
-            pair[k, 0] = inverse_length * (p * dc1 + q * de2 + dp * c1 + dq * e2)
-            pair[k, 1] = inverse_length * (p * dc2 - q * de1 + dp * c2 - dq * e1)
-            h1 = 0.5 * (p * de1 - q * dc2 + dp * e1 - dq * c2)
-            h2 = 0.5 * (p * de2 + q * dc1 + dp * e2 + dq * c1)
-            moment[k, 0] = -n2 * h1
-            moment[k, 1] = -n2 * h2
-            moment[k, 2] = n1 * h1
-            moment[k, 3] = n1 * h2
+            dP = plane.plus_matrix(stress(dc, de, 2.0 * state[4, k], state[5, k]), stress(c, e, dp, dq))
+            put_parts(pair, moment, k, reference, dP, 0.5)

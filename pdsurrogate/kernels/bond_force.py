@@ -4,7 +4,7 @@ from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, 
 from ..engine.compile import call_block, widest_vectors
 from ..engine.intrinsics import tuple_of
 from ..engine.passes import Pass, share_of
-from ..engine.vector_loads import gather_pairs as gather_pairs_of
+from .algebra import algebra_of
 from .bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
 from .domain import N_LIMITS, is_outside, share_inside
 from .elementary import inverse_square_root
@@ -17,7 +17,7 @@ far that no stretch tensor exists get the exact force. FALL_BACK: they are count
 COUNTED_ROW = 5
 """Row of the geometry that says which pairs are counted, where a body has several materials or ranks; without that row all pairs are."""
 
-gather_pairs = gather_pairs_of(2)
+plane = algebra_of(2)
 
 BOND = STATE_ROWS
 TRACTION = BOND + 2
@@ -62,7 +62,7 @@ def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, ex
         at = block * BLOCK
         reference = block_rows(geometry[block])
         for k in range(0, BLOCK, 4):
-            gather_pairs(records, positions, ends, at + k, means, bond, k)
+            plane.gather_pairs(records, positions, ends, at + k, means, bond, k)
         for k in range(BLOCK):
             # The mean of two rotations is the direction of the sum of their (cos, sin); opposite rotations have no mean.
             c = means[0, k]

@@ -13,7 +13,8 @@ from numba import carray
 
 from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from, stack_rows
 from ..engine.compile import call_block, widest_vectors
-from ..engine.intrinsics import add_to
+from ..engine.intrinsics import add_to, tuple_of
+from .algebra import entries
 from .domain import BLEND, exact_share_at
 from .elementary import logarithm, select
 from .feature_sets import like
@@ -27,13 +28,17 @@ UNITS, GUARD, OUTSIDE = 0, 1, 2
 
 N_SIZES = 3
 
-LOW, HIGH, AT_REST, FIRST_UNIT = 0, 3, 6, 7
-"""Places in the weights: the coefficients (1, I1bar, I2bar) of the two distances, the value at rest, and the weights of the units."""
+AT_REST, FIRST_UNIT = 6, 7
+"""Places in the weights, after the coefficients (1, I1bar, I2bar) of both distances: the value at rest, and the weights of the units."""
 
 EXTRAPOLATE, COUNT, TAKE_OVER = 0, 1, 2
 """Guards for states outside the domain: nothing is done, they are counted, or they are counted and the exact energy replaces the learnt
 one.
 """
+
+
+in_precision = entries("x, bounds", [f"like(x, bounds[{n}])" for n in range(AT_REST)])
+distances = entries("b, I1, I2", ["b[0] + b[1] * I1 + b[2] * I2", "b[3] + b[4] * I1 + b[5] * I2"])
 
 
 def network_block(activation, invariants, of_invariants):
@@ -65,17 +70,15 @@ def network_block(activation, invariants, of_invariants):
             sums[1, k] = zero
             sums[2, k] = zero
         add_units(rows, weights[FIRST_UNIT:], units, sums)
-        l0, l1, l2 = like(one, weights[LOW]), like(one, weights[LOW + 1]), like(one, weights[LOW + 2])
-        h0, h1, h2 = like(one, weights[HIGH]), like(one, weights[HIGH + 1]), like(one, weights[HIGH + 2])
+        bounds = tuple_of(weights, AT_REST)
+        single = in_precision(one, bounds)
         band = like(one, BLEND)
         near = 0
         outside = 0
         for k in range(BLOCK):
             state = states[0, k], states[1, k], states[2, k]
             I1, I2 = invariants(state)
-            low = l0 + l1 * I1 + l2 * I2
-            high = h0 + h1 * I1 + h2 * I2
-            least = min(low, high)
+            least = min(*distances(single, I1, I2))
             near += 1 if least < band else 0
             outside += 1 if least < zero else 0
             learnt = sums[0, k], sums[1, k] / I1, sums[2, k] / I2, zero, zero, zero
@@ -96,8 +99,7 @@ def network_block(activation, invariants, of_invariants):
         for k in range(BLOCK):
             state = doubles[0, k], doubles[1, k], doubles[2, k]
             I1, I2 = invariants(state)
-            low = weights[LOW] + weights[LOW + 1] * I1 + weights[LOW + 2] * I2
-            high = weights[HIGH] + weights[HIGH + 1] * I1 + weights[HIGH + 2] * I2
+            low, high = distances(bounds, I1, I2)
             a, da = exact_share_at(low)
             b, db = exact_share_at(high)
             # W + s (exact - W), s = 1 - (1 - a) (1 - b): what s changes is a function of the invariants like W.
@@ -105,14 +107,12 @@ def network_block(activation, invariants, of_invariants):
             da = da * (1.0 - b)
             db = db * (1.0 - a)
             more = exact[3, k] - result[3, k]
-            by_1 = more * (weights[LOW + 1] * da + weights[HIGH + 1] * db)
-            by_2 = more * (weights[LOW + 2] * da + weights[HIGH + 2] * db)
+            by_1 = more * (bounds[1] * da + bounds[4] * db)
+            by_2 = more * (bounds[2] * da + bounds[5] * db)
             p, q, r, _ = of_invariants(state, (0.0, by_1, by_2, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-            inside = rest > 0.0
-            p = select(inside, rest * result[0, k] + p, 0.0) + select(rest < 1.0, (1.0 - rest) * exact[0, k], 0.0)
-            q = select(inside, rest * result[1, k] + q, 0.0) + select(rest < 1.0, (1.0 - rest) * exact[1, k], 0.0)
-            r = select(inside, rest * result[2, k] + r, 0.0) + select(rest < 1.0, (1.0 - rest) * exact[2, k], 0.0)
-            W = select(inside, rest * result[3, k], 0.0) + select(rest < 1.0, (1.0 - rest) * exact[3, k], 0.0)
-            put_column(result, k, (like(one, p), like(one, q), like(one, r), like(one, W)))
+            added = p, q, r, 0.0
+            for row in range(ROWS):
+                learnt = select(rest > 0.0, rest * result[row, k] + added[row], 0.0)
+                result[row, k] = learnt + select(rest < 1.0, (1.0 - rest) * exact[row, k], 0.0)
 
     return energy

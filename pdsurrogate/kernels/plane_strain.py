@@ -5,8 +5,9 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS, put_column
 from ..engine.compile import bond_force_signature, call_block, compile_block_function, widest_vectors
+from .analytic import doubles_at
 
 MODEL, VOLUMETRIC, OWN = 0, 1, 2
 """Places in the sizes: addresses of the model's block function and of the law's volumetric one, and the first of the model's own sizes."""
@@ -31,20 +32,12 @@ def plane_strain_bond_force(dtype):
         scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
         for k in range(BLOCK):
             J = np.float64(states[3, k])
-            scratch[0, k] = 1.0
-            scratch[1, k] = J
-            scratch[2, k] = J * np.sqrt(np.float64(states[4, k]))
+            put_column(scratch, k, (1.0, J, J * np.sqrt(np.float64(states[4, k]))))
         call_block(model[VOLUMETRIC], scratch[0:3], parameters, scratch[3:7])
         for k in range(BLOCK):
-            a = np.float64(states[0, k])
-            b = np.float64(states[1, k])
-            U_mm = np.float64(states[2, k])
-            T_nn = np.float64(traction[0, k])
-            T_nm = np.float64(traction[1, k])
-            T_mm = np.float64(traction[2, k])
+            a, b, U_mm = doubles_at(states, k)
+            T_nn, T_nm, T_mm = doubles_at(traction, k)
             q = (scratch[5, k] - (T_nn * a + 2.0 * T_nm * b + T_mm * U_mm) / 3.0) / scratch[1, k]
-            traction[0, k] = T_nn + q * U_mm
-            traction[1, k] = T_nm - q * b
-            traction[2, k] = T_mm + q * a
+            put_column(traction, k, (T_nn + q * U_mm, T_nm - q * b, T_mm + q * a))
 
     return compile_block_function(bond_force, bond_force_signature(np.dtype(dtype)))

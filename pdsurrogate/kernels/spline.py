@@ -8,13 +8,11 @@ end.
 from functools import cache
 
 import numpy as np
-from llvmlite import ir
-from numba import carray, types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from numba import carray
 
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column
 from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from ..engine.vector_loads import sums_of_rows
 from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, like, write_tractions
 
 FEATURES = (2, 3)
@@ -65,53 +63,6 @@ def cubic_weights(u):
     first, last = sixth * v * v * v, sixth * u * u * u
     second = like(u, 2 / 3) - u * u * (one - like(u, 0.5) * u)
     return first, second, one - first - second - last, last
-
-
-@intrinsic
-def sums_of_rows(typingctx, table, begin, row, first, second):
-    """Return the sums over p and q < 4 of first_p second_q times both outputs at ``table[begin + p row + 2 q]``.
-
-    `first` and `second` are tuples of four. A row of eight numbers, four places with two outputs, is one vector: written as sixteen sums,
-    LLVM gathers every number by itself, which takes three times as long.
-    """
-    real = table.dtype
-    count, flags = SUPPORT * N_OUTPUTS, ("contract", "reassoc", "nsz")
-
-    def codegen(context, builder, signature, arguments):
-        scalar = context.get_value_type(real)
-        size = context.get_abi_sizeof(scalar)
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        begin, row = arguments[1:3]
-        weights, across = (cgutils.unpack_tuple(builder, argument) for argument in arguments[3:])
-        index = ir.IntType(32)
-
-        def mask(places):
-            return ir.Constant(ir.VectorType(index, len(places)), list(places))
-
-        def vector(values):
-            found = ir.Constant(ir.VectorType(scalar, len(values)), ir.Undefined)
-            for place, value in enumerate(values):
-                found = builder.insert_element(found, value, ir.Constant(index, place))
-            return found
-
-        wide = ir.VectorType(scalar, count)
-        total = None
-        for number, weight in enumerate(weights):
-            at = builder.add(begin, builder.mul(row, ir.Constant(begin.type, number)))
-            place = builder.bitcast(builder.gep(data, [at]), wide.as_pointer())
-            one = vector([weight])
-            all_alike = builder.shuffle_vector(one, one, mask([0] * count))
-            part = builder.fmul(all_alike, builder.load(place, align=size), flags=flags)
-            total = part if total is None else builder.fadd(total, part, flags=flags)
-        four = vector(across)
-        total = builder.fmul(total, builder.shuffle_vector(four, four, mask([n // N_OUTPUTS for n in range(count)])), flags=flags)
-        while total.type.count > N_OUTPUTS:
-            half = total.type.count // 2
-            halves = [builder.shuffle_vector(total, total, mask(range(start, start + half))) for start in (0, half)]
-            total = builder.fadd(*halves, flags=flags)
-        return cgutils.pack_array(builder, [builder.extract_element(total, ir.Constant(index, n)) for n in range(N_OUTPUTS)])
-
-    return types.UniTuple(real, N_OUTPUTS)(table, begin, row, first, second), codegen
 
 
 @cache

@@ -9,7 +9,6 @@ from .by_dimension import ByDimension
 @ByDimension
 def rayleigh_parts(algebra):
     """Build the kernel for the Rayleigh quotient of the velocities."""
-    dimension = algebra.DIMENSION
 
     @kernel
     def rayleigh_parts(velocities, forces, last_forces, mass):
@@ -17,10 +16,9 @@ def rayleigh_parts(algebra):
         stiffness = 0.0
         inertia = 0.0
         for i in range(velocities.shape[0]):
-            for c in range(dimension):
-                v = velocities[i, c]
-                stiffness -= v * (forces[i, c] - last_forces[i, c])
-                inertia += mass[i] * v * v
+            v = algebra.vector_at(velocities, i)
+            stiffness -= algebra.dot(v, algebra.minus(algebra.vector_at(forces, i), algebra.vector_at(last_forces, i)))
+            inertia += mass[i] * algebra.dot(v, v)
         return stiffness, inertia
 
     return rayleigh_parts
@@ -70,7 +68,6 @@ def greatest_force_density(algebra):
 @ByDimension
 def greatest_strain(algebra):
     """Build the kernel for the largest relative displacement of bonded points."""
-    dimension = algebra.DIMENSION
 
     @kernel
     def greatest_strain(displacements, points, first, second):
@@ -83,13 +80,9 @@ def greatest_strain(algebra):
             i = first[b]
             j = second[b]
             if j < points.shape[0]:
-                square = 0.0
-                change = 0.0
-                for c in range(dimension):
-                    x = points[j, c] - points[i, c]
-                    square += x * x
-                    change = max(change, abs(displacements[j, c] - displacements[i, c]))
-                largest = max(largest, change / np.sqrt(square))
+                x = algebra.minus(algebra.vector_at(points, j), algebra.vector_at(points, i))
+                change = algebra.minus(algebra.vector_at(displacements, j), algebra.vector_at(displacements, i))
+                largest = max(largest, algebra.greatest(change) / np.sqrt(algebra.dot(x, x)))
         return largest
 
     return greatest_strain

@@ -113,8 +113,8 @@ class Checkpoints:
     def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
         """Read a checkpoint on the first rank and return every rank's rows of it; the present arrays give the names of those required."""
         run, identity = self.run, self.identity
-        alone = run.ranks.size == 1
-        counts = {key: len(array) if alone else self._rows_of(key).total for key, array in held.items()}
+        # In one process an array may have more rows than the body: `ba-nosb` has bonds of images too.
+        counts = {key: self._rows_of(key).total if self._share.divided else len(array) for key, array in held.items()}
         shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
         whole = together(run.ranks, lambda: None if run.ranks.rank else Checkpoint.read(run.folder, identity, shapes))
         progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
