@@ -53,7 +53,7 @@ Count = Annotated[int, Field(strict=True, ge=0)]
 
 
 class ArtifactError(ValueError):
-    """An artefact that cannot be found, read or written; the message says why.
+    """Artefact that cannot be found, read or written; the message gives the reason.
 
     Examples
     --------

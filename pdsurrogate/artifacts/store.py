@@ -349,7 +349,7 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> For
 
 
 def law_of(card: Card) -> Law:
-    """Return the law that a card names, with its parameters of training; raise ArtifactError if the law is unknown."""
+    """Return the law that a card names, with the parameters that were trained with; raise ArtifactError if the law is unknown."""
     try:
         return law_described(card.material)
     except ValueError as error:

@@ -330,6 +330,8 @@ class Bonds:
         Pair of each entry of `neighbours`.
     cut : ndarray, shape (k, 2)
         Ends of the pairs that are cut from the start; they are in none of the lists.
+    n_directed : int
+        Number of directed bonds within the body, without ghosts.
     """
 
     pointers: np.ndarray
@@ -341,12 +343,7 @@ class Bonds:
     incidence: np.ndarray
     pair_of: np.ndarray
     cut: np.ndarray
-    n_within: int
-
-    @property
-    def n_directed(self) -> int:
-        """Number of directed bonds within the body, without ghosts."""
-        return self.n_within
+    n_directed: int
 
     def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
         """Return `first` and `second` padded with zeros to whole blocks: pairs of a point with itself, whose results are not used."""

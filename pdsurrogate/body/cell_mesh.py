@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+
+from ..ranks.share import connected
 
 CORNERS = {2: np.array([[0, 0], [1, 0], [1, 1], [0, 1]])}
 CORNERS[3] = np.array([[*corner, height] for height in (0, 1) for corner in CORNERS[2]])
@@ -152,8 +152,7 @@ class CellMesh:
         face, corner = np.nonzero(split[corners[whole]])
         common, pairs = corners[whole][face, corner], beside[whole][face]
         one, other = (order[np.searchsorted(keys[order], cells * len(self.nodes) + common)] for cells in pairs.T)
-        graph = coo_array((np.ones(len(one), dtype=bool), (one, other)), shape=(len(entries), len(entries)))
-        count, group = connected_components(graph, directed=False)
+        count, group = connected(len(entries), one, other)
         node_of_group = np.zeros(count, dtype=np.int64)
         node_of_group[group] = nodes
         # The first group of a node keeps it; every other group gets a new node.

@@ -102,12 +102,10 @@ class Ghosts:
             flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
             carried = own * lever[near]
             carried[:, added] += 1 - own
-            source, places = np.concatenate([source, source[near]]), np.concatenate([places, images])
-            parity, reflection = np.concatenate([parity, own * parity[near]]), np.concatenate([reflection, flip * reflection[near]])
-            number, lever = np.concatenate([number, np.full(len(near), added)]), np.concatenate([lever, carried])
-            axes = np.concatenate([axes, np.full(len(near), plane.axis)])
-            image = np.concatenate([image, image[near] + 2**added])  # a sum over its planes
-            parent = np.concatenate([parent, near])
+            held = source, places, parity, reflection, number, lever, axes, image, parent
+            joined = source[near], images, own * parity[near], flip * reflection[near], np.full(len(near), added), carried
+            joined += np.full(len(near), plane.axis), image[near] + 2**added, near  # an image's number is a sum over its planes
+            source, places, parity, reflection, number, lever, axes, image, parent = map(np.concatenate, zip(held, joined, strict=True))
         parity, reflection = np.ascontiguousarray(parity[n:]), np.ascontiguousarray(reflection[n:])
         return cls(
             source[n:].astype(np.uint32),

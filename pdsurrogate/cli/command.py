@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import inspect
 import logging
 import sys
@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from typer import Option
@@ -82,19 +82,17 @@ def _import_laws(path: Path) -> None:
     """Run a module, and add its laws to the table of laws; raise ValueError if it has none, or one that is named like another."""
     if path.suffix != ".py" or not path.is_file():
         raise ValueError(f"--import {path}: there is no such Python file")
-    if path.stem in sys.modules:
-        module: Any = sys.modules[path.stem]
-        if Path(getattr(module, "__file__", None) or "").resolve() != path.resolve():
-            raise ValueError(f"--import {path}: a module {path.stem} is loaded already; take another name for the file")
-    else:
-        specification = importlib.util.spec_from_file_location(path.stem, path)
-        module = importlib.util.module_from_spec(specification)
-        sys.modules[path.stem] = module
-        try:
-            specification.loader.exec_module(module)
-        except Exception as error:
-            del sys.modules[path.stem]
-            raise ValueError(f"--import {path}: {type(error).__name__}: {error}") from None
+    folder = str(path.parent.resolve())
+    sys.path.insert(0, folder)
+    try:
+        importlib.invalidate_caches()
+        module = importlib.import_module(path.stem)
+    except Exception as error:
+        raise ValueError(f"--import {path}: {type(error).__name__}: {error}") from None
+    finally:
+        sys.path.remove(folder)
+    if Path(getattr(module, "__file__", None) or "").resolve() != path.resolve():
+        raise ValueError(f"--import {path}: a module {path.stem} is loaded already; take another name for the file")
     classes = [found for found in vars(module).values() if inspect.isclass(found) and found.__module__ == module.__name__]
     laws = [found for found in classes if issubclass(found, Law) and not inspect.isabstract(found)]
     if not laws:

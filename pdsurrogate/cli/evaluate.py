@@ -50,17 +50,17 @@ def print_errors(report: dict) -> None:
     """Print the errors of a bond force, or of an energy."""
     low, high = report["stretch_range"]
     which = f"stretches {low:g} to {high:g}, {report['n_samples']} states"
-    bins = [(f"strain {row['strain'][0]:g} to {row['strain'][1]:g}", row) for row in report["by_strain"]]
-    if "off_surface" in report:
-        rows = [("on the plane-stress surface", report["on_surface"]), ("off it", report["off_surface"]), *bins]
-        cells = ((title, f"{row['rms']:.1e}", f"{row['max']:.1e}") for title, row in rows)
-        print_table(f"Relative force error, {which}", ("states", "RMS", "greatest"), cells, left=1)
+    force, rows = "off_surface" in report, {"all": report["on_surface"]}
+    if force:
+        rows = {"on the plane-stress surface": report["on_surface"], "off it": report["off_surface"]}
+    rows |= {f"strain {row['strain'][0]:g} to {row['strain'][1]:g}": row for row in report["by_strain"]}
+    columns = {"RMS": "rms", "greatest": "max"} if force else {"stress, RMS": "rms", "greatest": "max", "energy, RMS": "energy_rms"}
+    cells = ([title, *(f"{row[key]:.1e}" for key in columns.values())] for title, row in rows.items())
+    print_table(f"Relative {'force error' if force else 'errors'}, {which}", ("states", *columns), cells, left=1)
+    if force:
         slope, exact = report["least_slope"], report["least_slope_exact"]
         out.print(f"force at rest {report['at_rest']:.1e}; least stiffness slope {slope:.3g} (exact: {exact:.3g})")
         return
-    rows = [("all", report["on_surface"]), *bins]
-    cells = ((title, f"{row['rms']:.1e}", f"{row['max']:.1e}", f"{row['energy_rms']:.1e}") for title, row in rows)
-    print_table(f"Relative errors, {which}", ("states", "stress, RMS", "greatest", "energy, RMS"), cells, left=1)
     if "shear_modulus" in report:
         more = f"shear modulus at rest {report['shear_modulus']:.7g} (exact: 1)"
     else:

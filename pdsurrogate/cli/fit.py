@@ -24,6 +24,8 @@ from .evaluate import print_errors
 from .identify import DATA_HELP, BulkModulus, BulkRatio, Terms, differences_in_words, print_identified
 from .terminal import Rate, note, out, print_json, progress_bar, status, warn
 
+FOLDER_HELP = "Folder of artefacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS."
+
 
 @command
 def fit(
@@ -43,14 +45,14 @@ def fit(
     features: Annotated[str | None, Option(help="isochoric (for polynomials), symmetric (for networks), or paper.")] = None,
     degree: Annotated[str | None, Option(help="Degrees of a polynomial in the two isochoric features; 12,6 by default.")] = None,
     units: Annotated[str | None, Option(help="Hidden units of a network instead; two layers with a comma between.")] = None,
-    activation: Annotated[str | None, Option(help="Of a network: algebraic (the default), logistic, tanh or relu.")] = None,
+    activation: Annotated[str | None, Option(help="Activation: algebraic (the default), logistic, tanh or relu.")] = None,
     samples: Annotated[int | None, Option(help="Training samples; 8000, of an energy 1000.", min=200)] = None,
     least: Annotated[float | None, Option(help="Least principal stretch; 0.5 (of an energy 0.25), or as far as the law goes.")] = None,
     greatest: Annotated[float | None, Option(help="Greatest principal stretch; 4, or as far as the law goes.")] = None,
     iterations: Annotated[int | None, Option(help="Most iterations of the training of a network; 1000 by default.", min=1)] = None,
     folds: Annotated[int, Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
     seed: Annotated[int, Option(help="Seed of samples, split and first weights.", min=0)] = 0,
-    folder: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder; default: artifacts, or $PDSURROGATE_ARTIFACTS.")] = None,
+    folder: Annotated[Path | None, Option("--out", metavar="DIR", help=FOLDER_HELP)] = None,
     as_json: AsJson = False,
 ) -> None:
     """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""

@@ -99,7 +99,7 @@ class BondAssociatedStress(Term):
         return self._find_forces()
 
     def _without_state(self) -> str:
-        """Return a message that says which bond has no state: that of the least det F, formed anew for all of them."""
+        """Return a message about the bond without a state: that of the least det F, formed anew for all of them."""
         body, positions, owners = self.body, self.kinematics.positions, self._owners
         bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
         entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common

@@ -9,21 +9,21 @@ import numpy as np
 
 from ..kernels.energy_density import analytic_energy_density
 from ..materials import PLANES, Law, plane_stress
-from .energy_density import EnergyDerivatives
 from .isochoric import IsochoricEnergy
 from .pair_energy import PairEnergy
+from .pair_passes import EnergyDerivatives
 from .protocol import CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS
 from .term import Term
 
 
 class EnergySurrogate(ForceModel):
-    """A force model that maps the invariants of a bond's deformation gradient to its energy: a surrogate, or the exact energy.
+    """Force model that maps the invariants of a bond's deformation gradient to its energy: a surrogate, or the exact energy.
 
     Attributes
     ----------
     domain : Domain or None
-        Where it was trained, as bounds of the principal stretches; None if it holds everywhere.
+        Bounds of the principal stretches on which it was trained; None if it holds everywhere.
     default_precision : str
 
     Examples
@@ -40,7 +40,7 @@ class EnergySurrogate(ForceModel):
 
     @property
     def honours(self) -> Mapping[str, tuple]:
-        # It is exact on incomplete horizons, and its invariants know no rotation.  What is learnt is the energy of a sheet.
+        # It is exact on incomplete horizons, and its invariants do not depend on rotations. The learnt energy is that of a sheet.
         honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": ("stress",)}
         return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
@@ -57,10 +57,10 @@ class EnergySurrogate(ForceModel):
 
 
 class BondEnergyForce(EnergySurrogate):
-    """The exact energy of any law.
+    """Exact energy of any law.
 
-    Under plane stress it is that of the bonds, C33 solved in every evaluation.  In plane strain and in space the isochoric part is taken
-    at the bonds and the volumetric one at the points, which does not lock (`pdsurrogate.forces.volume_energy`).
+    Under plane stress it is that of the bonds, and C33 is solved for in every evaluation. In plane strain and in three dimensions the
+    isochoric part is taken at the bonds and the volumetric one at the points, which does not lock (`pdsurrogate.forces.volume_energy`).
 
     Examples
     --------
@@ -81,7 +81,7 @@ class BondEnergyForce(EnergySurrogate):
         return {**super().honours, "plane": tuple(PLANES)}
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:
-        # Of the selective energy single precision would be that of what the pairs hand to the points, for 4 per cent of its time.
+        # In a selective energy single precision would be that of the pairs' forces and moments, and save 4 per cent of the time.
         return self.honours if plane == "stress" else {**self.honours, "precision": ("float64",)}
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:

@@ -11,7 +11,9 @@ import numpy as np
 
 from ..body import Body
 from ..engine.block_arrays import BLOCK, aligned_rows
-from ..kernels import bond_force, reference_state
+from ..engine.passes import BoundPass
+from ..engine.threads import Chunks
+from ..kernels import bond_force, reference_state, surrogate_thickness
 from ..kernels.analytic import analytic_bond_force
 from ..kernels.bond_state import LEAST_NORMAL_STRETCH, along_and_across, lateral_stretch
 from ..kernels.plane_strain import plane_strain_bond_force
@@ -23,8 +25,10 @@ from .kinematics import matrices
 from .material_points import MaterialPoints
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .surrogate_thickness import surrogate_states
 from .term import Binding, Term
+
+THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
+"""Relative step of J3 at which the iteration ends, a few times what rounding in the force leaves of it at K = 10 mu."""
 
 
 @dataclass(frozen=True)
@@ -231,6 +235,29 @@ class BondForces(Term):
         return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2)
 
 
+def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain: Domain, precision: str, chunks: Chunks) -> BoundPass:
+    """Bind the pass that finds volume ratios and records of points with a learnt force, and counts the points without a state.
+
+    The model of the force knows T_mm; points outside its domain are left to the law.
+    """
+    return surrogate_thickness.surrogate_node_states.bind(
+        points.gradients,
+        points.volume_ratios,
+        plane_stress.volumetric_block(points.law).address,
+        compiled.address,
+        (compiled.sizes, compiled.weights, points.response.address, points.parameters),
+        np.stack([domain.limits("float64"), domain.interior.limits("float64")]),
+        THICKNESS_TOLERANCE[str(np.dtype(precision))],
+        (
+            aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1),
+            compiled.memory(chunks.threads, precision),
+            aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1),
+        ),
+        points.records,
+        chunks=chunks,
+    )
+
+
 def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
     """Return a bond force learnt under plane stress, by a model that knows T_mm, with the pressure of a held thickness (theory (47)).
 
@@ -248,7 +275,7 @@ def pair_strength(body: Body) -> np.ndarray:
 
 
 class ForceSurrogate(ForceModel):
-    """A force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
+    """Force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
 
     Attributes
     ----------

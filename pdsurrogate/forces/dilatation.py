@@ -1,4 +1,4 @@
-"""The dilatation of the points of a selective energy, linearised: what a solver needs to know of a great bulk modulus."""
+"""Linearised dilatation of the points of a selective energy, by which solvers precondition systems with a great bulk modulus."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from ..kernels import dilatation, selective_energy
 from ..kernels.ghosts import place_points
 from .bond_shares import BondShares
 from .pair_passes import SelectivePairs
-from .smoothing import SinglePrecisionSmoothing, Smoothing
+from .smoothing import Smoothing
 from .steps import Steps
 from .term import Binding
 
 
 class LinearisedDilatation:
-    """How the smoothed dilatations of the points change with the positions, D, and the transpose of that (theory (58)).
+    """Derivative D of the smoothed dilatations of the points by the positions, and its transpose (theory (58)), in single precision.
 
-    In single precision: it is for approximations of the tangent.
+    It serves approximations of the tangent.
 
     Parameters
     ----------
     binding : Binding
         Body of one material.
     shares : BondShares
-        Shares and sums; what is broken there is broken here.
+        Shares and sums; bonds that are broken there are broken here.
     smoothing : Smoothing
     dilatations : ndarray, shape (n,)
         Smoothed, as last evaluated.
@@ -43,7 +43,7 @@ class LinearisedDilatation:
         bonds, ghosts = body.bonds, body.ghosts
         chunks, first, second = kinematics.chunks, pairs.points.first, pairs.points.second
         self._body, self._law, self._unit, self._dilatations = body, pairs.points.law, pairs.unit, dilatations
-        self._smoothing, gradient_ghosts = smoothing.in_single_precision(), kinematics.gradient_ghosts
+        self._smoothing, gradient_ghosts = smoothing, kinematics.gradient_ghosts
         d, n, total = body.dimension, len(body), len(body.all_points)
         length = dilatation.record_length(d)
         derivatives = aligned_rows((len(first), length), np.float32)
@@ -91,7 +91,7 @@ class LinearisedDilatation:
         self.stiffness[:] = self._unit * self._body.volumes * self._law.volumetric(self._dilatations, self._law.parameters)[2]
 
     def changes(self, displacements: np.ndarray) -> np.ndarray:
-        """D u, shape (n,), of displacements (n, d)."""
+        """Return D u, shape (n,), for displacements (n, d)."""
         displacements = np.ascontiguousarray(displacements)
         self._body.share.fill(displacements)
         self._place.give("given", displacements)
@@ -100,8 +100,8 @@ class LinearisedDilatation:
         return self._changes.astype(float)
 
     def forces(self, values: np.ndarray) -> np.ndarray:
-        """D^T s, shape (n, d), of values (n,) at the points; costs about as much as `changes`."""
-        # The smoothing is its own transpose by volumes.  In single precision whatever the units.
+        """Return D^T s, shape (n, d), for values (n,) at the points; it costs about as much as `changes`."""
+        # The smoothing, weighted by volumes, is its own transpose. A power of two keeps the values in the range of single precision.
         pressures = values / self._body.volumes
         unit = power_of_two(self._body.share.total(float(np.abs(pressures).sum())))
         np.divide(pressures, unit, out=self._values, casting="same_kind")
@@ -110,22 +110,22 @@ class LinearisedDilatation:
         return -unit * self._forces[: len(values)]
 
     def polynomial(self, coefficients: np.ndarray) -> SmoothingPolynomial:
-        """A polynomial of the smoothing W, to be applied to values at the points: the sum of c_k T_k(2 W^2 - I)."""
+        """Return a polynomial of the smoothing W, to be applied to values at the points: the sum of c_k T_k(2 W^2 - I)."""
         return SmoothingPolynomial(self._smoothing, coefficients, self._body, self._chunks)
 
 
 class SmoothingPolynomial:
-    """The sum of c_k T_k(2 W^2 - I) with Chebyshev polynomials T_k and the smoothing W of points, by Clenshaw's recurrence.
+    """Sum of c_k T_k(2 W^2 - I) with Chebyshev polynomials T_k and the smoothing W of points, by Clenshaw's recurrence.
 
     Parameters
     ----------
-    smoothing : SinglePrecisionSmoothing
+    smoothing : Smoothing
     coefficients : ndarray
     body : Body
     chunks : Chunks
     """
 
-    def __init__(self, smoothing: SinglePrecisionSmoothing, coefficients: np.ndarray, body: Body, chunks: Chunks) -> None:
+    def __init__(self, smoothing: Smoothing, coefficients: np.ndarray, body: Body, chunks: Chunks) -> None:
         n, self._share = len(body), body.share
         self._values, self._sums = np.zeros(n, dtype=np.float32), np.zeros((2, n), dtype=np.float32)
         once, passes = np.zeros(n, dtype=np.float32), []
@@ -142,7 +142,7 @@ class SmoothingPolynomial:
         self._run = Steps(self._share, *passes)
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Of values (n,)."""
+        """Return the product with values (n,)."""
         self._values[:] = values
         self._sums[:] = 0.0
         self._run()

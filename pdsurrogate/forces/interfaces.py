@@ -1,4 +1,4 @@
-"""Where materials meet the deformation gradient jumps: the jump, and the body as either material sees it."""
+"""Jumps of the deformation gradient at interfaces between materials, and the body as either material sees it."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from ..kernels.reference_state import shape_rows
 from .kinematics import Kinematics
 
 NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
-"""Cells about a place within which points are taken for its value: the first that has enough of them."""
+"""Distances from a place, in cells, within which points are taken for its value: the first with enough of them."""
 
 WORST_SPREAD = 1e4
-"""Condition number up to which points are spread enough to say a linear function."""
+"""Condition number up to which points are spread enough to determine a linear function."""
 
 CENTRINGS = 3
-"""Times that the straight interface beside a point is fitted, each time about the place found before."""
+"""Number of fits of the straight interface beside a point, each about the place found before."""
 
 REACH = 2
 """Horizons about a place on an interface within which the motion of either side is fitted, the farther points counting less.
 
-With one alone the fit hangs on the three nearest rows, and points are seen where they would not move with their own displacement: beside a
-material thirty times as stiff that leaves bond forces without equilibrium.  With two, `bimaterial` is as good, and a hundred times goes.
+With one alone the fit depends on the three nearest rows, and points are seen where they would not move with their own displacement: beside
+a material thirty times as stiff that leaves bond forces without equilibrium. With two, `bimaterial` is as good, and a hundred times goes.
 """
 
 FARTHEST = 1.5
@@ -33,7 +33,7 @@ SIGHT = FARTHEST + REACH
 """Horizons around a point of a body in parts within which there must be others for its jump to be found."""
 
 ASTRAY = 0.06
-"""Share of a horizon's volume on the wrong side of a plane beyond which an interface is not straight, as at a corner."""
+"""Share of a horizon's volume on the wrong side of a plane beyond which an interface is not straight, such as at a corner."""
 
 SECTOR = 0.5
 """Sine of the angle by which a point may lie beyond the plane that touches an interface, on the side of the other material."""
@@ -41,13 +41,13 @@ SECTOR = 0.5
 YIELDING = 4.0
 """Contrast of the shear moduli beyond which the energy of the stiffer material is that of its own points alone.
 
-What it saw of a softer one would be right but for an error of the fit, and its own modulus times that error is a force on the softer one: a
-layer of 4 cells moves 33 % too little beside halves ten times as stiff, and 83 % beside such a hundred times as stiff.  Below, both sides
-see each other, which is more exact: homogeneous states are in equilibrium.
+It would see the softer one with the error of the fit, and its own modulus times that error is a force on the softer one: a layer of 4 cells
+moves 33 % too little beside halves ten times as stiff, and 83 % beside such a hundred times as stiff. Below, both sides see each other.
+That is more exact: homogeneous states are in equilibrium.
 """
 
 WORST_CONDITION = 1e6
-"""Condition number up to which a fit is taken; lengths are in units of its reach.  A layer of two rows has one of 1e3."""
+"""Condition number up to which a fit is taken; lengths are in units of its reach. A layer of two rows has one of 1e3."""
 
 
 class Interfaces:
@@ -68,10 +68,10 @@ class Interfaces:
     portion_of : ndarray of int, shape (n + m,)
         Material of every point and image.
     moduli : ndarray, shape (n + m,)
-        Shear modulus of every point and image; infinite of rigid ones.
+        Shear modulus of every point and image; infinite for rigid ones.
     quadratic : bool
-        What the motion on either side is fitted with, and whether much stiffer material does without what is beyond.  Linear fits
-        leave an error of first order in c, which plane strain feels K times; quadratic ones weigh single points more, and bond
+        Whether the motion on either side is fitted with a quadratic function, and much stiffer material leaves out the other side. Linear
+        fits leave an error of first order in c, which plane strain multiplies by K; quadratic ones weigh single points more, and bond
         forces, which are no gradient, find no equilibrium beside a material a hundred times as stiff.
     volumes_held : bool
         Whether a mirror image takes the interface from the gradient of its own point, and not from the nearest points: the force on it is
@@ -82,27 +82,26 @@ class Interfaces:
     Attributes
     ----------
     depths : ndarray, shape (n + m,)
-        Distance of the points from their interface; 0 of those that have none.
+        Distance of the points from their interface; 0 for those that have none.
     normals : ndarray, shape (n, d)
-        From every point towards its interface.
+        Direction from every point to its interface.
     left_out : ndarray of int
-        Directed bonds across an interface that the gradient and the energy of their first point do without.
+        Directed bonds across an interface that the gradient and the energy of their first point leave out.
     one_sided_bonds : tuple or None
         Directed bonds of the points that have such, their points, and the change of their weights in the gradients.
     on_jumps : ndarray, shape (n, d)
-        Forces on the points from what an energy says about the jumps, as last handed on.
+        Forces on the points by which an energy acts on the jumps, as last found by `hand_on`.
     """
 
     def __init__(
         self, body: Body, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool
     ) -> None:
         self._body, self._portion_of, self._by_gradient = body, portion_of, 2.0 * volumes_held
-        n, total, bonds = len(body), len(body.all_points), body.bonds
-        owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
+        n, total, bonds, owners = len(body), len(body.all_points), body.bonds, kinematics.owners()
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(np.concatenate([owners[across], _sources(body)[bonds.neighbours[across]]]))
-        rows, columns, values, mirrored = [], [], [], []
+        rows, mirrored = [], []
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
         share = body.share
         for i in near[share.own[near]]:
@@ -116,67 +115,64 @@ class Interfaces:
             around = np.array(tree.query_ball_point(place, reach * (1 + 1e-9), return_sorted=True), dtype=np.int64)
             around = around[(portion_of[around] == portion_of[i]) | (portion_of[around] == other)]
             x, beyond = (body.points[around] - place) / reach, portion_of[around] == other
-            # Beyond a thin layer, or across a gap, the same material begins again: it tells nothing of this interface.
+            # Beyond a thin layer, or across a gap, the same material begins again, which has no part in this interface.
             astray = np.where(beyond, -1.0, 1.0) * (x @ normal) > SECTOR * np.linalg.norm(x, axis=1)
             around, x, beyond = around[~astray], x[~astray], beyond[~astray]
             V = body.volumes[around]
             if quadratic and beyond.any() and moduli[i] > YIELDING * moduli[around[beyond][0]]:
-                jump, at_image = _mirrored(x, V, beyond, normal, depth / reach, body.spacing / reach, around == i, volumes_held)
+                sizes = depth / reach, body.spacing / reach
+                jump, at_image = _mirrored((x, V, beyond), normal, sizes, around == i, volumes_held)
                 if jump is not None:
                     mirrored.append((i, np.append(around[beyond], i), np.append(at_image, -1.0)))
             else:
                 jump = _jump_of_slopes(x, V, beyond, normal, quadratic)
-            if jump is None:
-                continue
-            self.depths[i], self.normals[i] = depth, normal
-            rows.append(np.full(len(around), i))
-            columns.append(around)
-            values.append(jump / reach)
-        empty = [np.empty(0, dtype=np.int64)]
-        entries = np.concatenate(values or [np.empty(0)]), (np.concatenate(rows or empty), np.concatenate(columns or empty))
-        self._jump = sparse.csr_array(entries, shape=(n, n))
-        # What others find of the points in the halo hangs on points that are owned here.
-        self._jump_back = share.with_rows_of_others(self._jump).T.tocsr()
-        self._images = self._gradients_at_images(mirrored)
+            if jump is not None:
+                self.depths[i], self.normals[i] = depth, normal
+                rows.append((i, around, jump / reach))
+        self._jump, self._jump_back = self._with_transpose(rows)
+        self._images: tuple[np.ndarray, sparse.csr_array, sparse.csr_array] | None = None
+        if share.any(bool(mirrored)):
+            is_image = np.zeros((n, 1))
+            is_image[[i for i, *_ in mirrored]] = 1.0
+            share.fill(is_image)
+            self._images = is_image, *self._with_transpose(mirrored)
         share.fill(self.depths[:n])
         share.fill(self.normals)
         body.ghosts.fill(self.depths)
-        shape, d = (n, total), body.dimension
+        d = body.dimension
         self.on_jumps = np.zeros((n, d))
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._one_sided: list[tuple[sparse.csr_array, sparse.csr_array]] = []
+        self._one_sided: tuple[sparse.csr_array, sparse.csr_array] | None = None
         weights = kinematics.gradient_weights()
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
             weights = self._leave_out(kinematics, owners, weights)
         weights = weights[across] * self.depths[bonds.neighbours[across], None]
-        entries = owners[across], bonds.neighbours[across]
-        self._corrections = [sparse.csr_array((weights[:, b], entries), shape=shape) for b in range(d)]
-        self._corrections_back = [matrix.T.tocsr() for matrix in self._corrections]
+        self._corrections = self._on_columns(weights, owners[across], bonds.neighbours[across])
         self._gradient_ghosts = kinematics.gradient_ghosts
         self.jumps, self.seen_positions = np.zeros((2, total, d))
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
 
-    def _gradients_at_images(
-        self, mirrored: list[tuple[int, np.ndarray, np.ndarray]]
-    ) -> tuple[np.ndarray, sparse.csr_array, sparse.csr_array] | None:
-        """Mirror images, the matrix from gradients to what theirs is more than the points' own, and its transpose; None without any."""
-        share, n = self._body.share, len(self._body)
-        if not share.any(bool(mirrored)):
-            return None
-        empty = np.empty(0, dtype=np.int64)
-        columns = np.concatenate([empty, *(around for _, around, _ in mirrored)])
-        counts = [len(around) for _, around, _ in mirrored]
-        numbers = np.array([i for i, _, _ in mirrored], dtype=np.int64)
-        values = np.concatenate([np.empty(0), *(weights for *_, weights in mirrored)])
-        matrix = sparse.csr_array((values, (np.repeat(numbers, counts), columns)), shape=(n, n))
-        is_image = np.zeros(n)
-        is_image[numbers] = 1.0
-        share.fill(is_image)
-        return is_image[:, None], matrix, share.with_rows_of_others(matrix).T.tocsr()
+    def _with_transpose(self, rows: list[tuple[int, np.ndarray, np.ndarray]]) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Return the matrix (n, n) of some rows (number, columns, values), and its transpose with what other ranks own."""
+        numbers, columns, values = ([part[place] for part in rows] for place in range(3))
+        counts, empty = [len(part) for part in columns], np.empty(0, dtype=np.int64)
+        entries = np.repeat(np.array(numbers, dtype=np.int64), counts), np.concatenate([empty, *columns])
+        matrix = sparse.csr_array((np.concatenate([np.empty(0), *values]), entries), shape=(len(self._body),) * 2)
+        return matrix, self._body.share.with_rows_of_others(matrix).T.tocsr()
+
+    def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Return the matrix (n d, n + m) from values at points and images to the columns of the points' gradients, and its transpose.
+
+        Bonds from `owners` to `others` have the weights (k, d).
+        """
+        d, n, total = self._body.dimension, len(self._body), len(self._body.all_points)
+        rows = (d * owners.astype(np.int64)[:, None] + np.arange(d)).ravel()
+        matrix = sparse.csr_array((weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total))
+        return matrix, matrix.T.tocsr()
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
-        """Directed bonds across an interface that the energy of their point does without."""
+        """Return the directed bonds across an interface that the energy of their point leaves out."""
         body, neighbours = self._body, self._body.bonds.neighbours[across]
         normals = np.vstack([self.normals, body.ghosts.reflection * self.normals[body.ghosts.source]])[neighbours]
         arms = body.all_points[owners[across]] - body.all_points[neighbours]
@@ -184,9 +180,9 @@ class Interfaces:
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbours]) | behind]
 
     def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Take bonds out of the gradients of their points; returns the weights of the bonds that are left, see `gradient_weights`."""
+        """Take bonds out of the gradients of their points; return the weights of the bonds that are left, see `gradient_weights`."""
         body, bonds = self._body, self._body.bonds
-        n, total = len(body), len(body.all_points)
+        n = len(body)
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
             kept[self.left_out] = 0.0
@@ -204,13 +200,11 @@ class Interfaces:
         weights = weights.copy()
         weights[touched] = found[touched]
         ends = owners[touched], bonds.neighbours[touched]
-        self.one_sided_bonds = touched, owners[touched], changes
-        for b in range(body.dimension):
-            own = np.bincount(ends[0], changes[:, b], n)
-            numbers = np.flatnonzero(own)
-            values = np.concatenate([changes[:, b], -own[numbers]])
-            matrix = sparse.csr_array((values, (np.concatenate([ends[0], numbers]), np.concatenate([ends[1], numbers]))), shape=(n, total))
-            self._one_sided.append((matrix, matrix.T.tocsr()))
+        self.one_sided_bonds = touched, ends[0], changes
+        numbers = np.unique(ends[0])
+        own = np.stack([np.bincount(ends[0], column, n)[numbers] for column in changes.T], axis=1)
+        ends = (np.concatenate([end, numbers]) for end in ends)
+        self._one_sided = self._on_columns(np.concatenate([changes, -own]), *ends)
         return weights
 
     def cells_across(self, number: int, most: int) -> float:
@@ -240,89 +234,90 @@ class Interfaces:
             Of the points, by columns, changed in place.
         """
         n, ghosts = len(self._body), self._body.ghosts
-        for b, (matrix, _) in enumerate(self._one_sided):
-            self._column(gradients, b)[:n] += matrix @ positions
+        own = gradients[:n].reshape(-1, positions.shape[1])
+        if self._one_sided is not None:
+            own += self._one_sided[0] @ positions
         self.jumps[:n] = self._jump @ positions[:n]
         if self._images is not None:
-            for b in range(self._body.dimension):
-                self.jumps[:n] -= self._by_gradient * self._images[0] * self._column(gradients, b)[:n] * self.normals[:, b, None]
+            self.jumps[:n] -= self._by_gradient * self._images[0] * _along(gradients[:n], self.normals)
         self._body.share.fill(self.jumps[:n])
         if len(ghosts):
             self.jumps[n:] = ghosts.parity * self.jumps[ghosts.source]
-        for b, matrix in enumerate(self._corrections):
-            self._column(gradients, b)[:n] -= matrix @ self.jumps
+        own -= self._corrections[0] @ self.jumps
 
     def see(self, positions: np.ndarray, gradients: np.ndarray) -> None:
-        """Find places and gradients of all points as the other material sees them."""
+        """Find positions and gradients of all points as the other material sees them."""
         self.seen_positions[:] = positions - self.depths[:, None] * self.jumps
         n = len(self._body)
         slopes = self.jumps[:n]
         if self._images is not None:
             is_image, matrix, _ = self._images
             # Along the normal an image has the gradient of the softer material at the mirrored place, as a clamp's has.
-            slopes = slopes * (1 - is_image)
-            for b in range(self._body.dimension):
-                slopes += (matrix @ self._column(gradients, b)[:n]) * self.normals[:, b, None]
+            slopes = slopes * (1 - is_image) + _along(matrix @ gradients[:n], self.normals)
             self._body.share.fill(slopes)
-        for b in range(self._body.dimension):
-            self._column(self._changes, b)[:n] = slopes * self.normals[:, b, None]
+        self._changes[:n] = _columns(self.normals, slopes)
         self._gradient_ghosts.fill_changes(self._changes)
         np.add(gradients, self._changes, out=self.seen_gradients)
 
-    def _column(self, gradients: np.ndarray, b: int) -> np.ndarray:
-        """Column b of the gradients."""
-        d = self._body.dimension
-        return gradients[:, d * b : d * b + d]
-
     def hand_on(self, forces: np.ndarray, moments: np.ndarray, own_moments: np.ndarray) -> np.ndarray:
-        """Forces on the points from what an energy says about the jumps, shape (n, d): the transpose of `correct` and `see`.
+        """Return the forces on the points by which an energy acts on the jumps, shape (n, d): the transpose of `correct` and `see`.
 
         Parameters
         ----------
         forces, moments : ndarray, shapes (n + m, d) and (n + m, d d)
             Minus the derivative by the seen positions, and the derivative by the seen gradients; the latter are changed.
         own_moments : ndarray, shape (n, d d)
-            Derivative by the points' own gradients; changed by what is seen of mirror images.
+            Derivative by the points' own gradients; changed by those of mirror images.
         """
-        n, ghosts = len(self._body), self._body.ghosts
+        n, ghosts, share = len(self._body), self._body.ghosts, self._body.share
         on_jumps = -self.depths[:, None] * forces
         self._gradient_ghosts.fold_moments(moments)
-        on_slopes = sum(self._column(moments, b)[:n] * self.normals[:, b, None] for b in range(self._body.dimension))
+        on_slopes = _along(moments[:n], self.normals)
         if self._images is not None:
             is_image, _, back = self._images
             on_images = on_slopes * is_image
             on_slopes = on_slopes - on_images
-            self._body.share.fill(on_images)
-            for b in range(self._body.dimension):
-                self._column(own_moments, b)[:] += back @ (on_images * self.normals[:, b, None])
-            self._body.share.fill(own_moments)
+            share.fill(on_images)
+            own_moments += back @ _columns(self.normals, on_images)
+            share.fill(own_moments)
         on_jumps[:n] -= on_slopes
-        for b, matrix in enumerate(self._corrections_back):
-            on_jumps += matrix @ self._column(own_moments, b)
+        columns = own_moments.reshape(-1, forces.shape[1])
+        on_jumps += self._corrections[1] @ columns
         own = on_jumps[:n]
         if len(ghosts):
             np.add.at(own, ghosts.source, ghosts.parity * on_jumps[n:])
         if self._images is not None:
-            for b in range(self._body.dimension):
-                self._column(own_moments, b)[:] += self._by_gradient * self._images[0] * own * self.normals[:, b, None]
-            self._body.share.fill(own_moments)
-        self._body.share.fill(own)
+            own_moments += self._by_gradient * is_image * _columns(self.normals, own)
+            share.fill(own_moments)
+        share.fill(own)
         self.on_jumps = self._jump_back @ own
-        found = self.on_jumps.copy() if self._one_sided else self.on_jumps
-        for b, (_, back) in enumerate(self._one_sided):
-            pulls = back @ self._column(own_moments, b)
-            found -= pulls[:n]
-            if len(ghosts):
-                np.subtract.at(found, ghosts.source, ghosts.parity * pulls[n:])
+        if self._one_sided is None:
+            return self.on_jumps
+        pulls = self._one_sided[1] @ columns
+        found = self.on_jumps - pulls[:n]
+        if len(ghosts):
+            np.subtract.at(found, ghosts.source, ghosts.parity * pulls[n:])
         return found
 
 
+def _along(gradients: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return the products, shape (k, d), of gradients (k, d d), by columns, and vectors (k, d)."""
+    d = normals.shape[1]
+    return np.einsum("kba,kb->ka", gradients.reshape(-1, d, d), normals)
+
+
+def _columns(normals: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Return the dyads vector (x) normal by columns, shape (k, d d)."""
+    return (normals[:, :, None] * vectors[:, None]).reshape(len(normals), -1)
+
+
 def _sources(body: Body) -> np.ndarray:
+    """Return the point behind every point and image."""
     return np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])
 
 
 def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> tuple[float, np.ndarray, int, float] | None:
-    """Distance and direction of the interface beside a point, the material beyond, and the share of the volume that lies astray of it."""
+    """Return distance and direction of the interface beside a point, the material beyond, and the share of the volume that lies astray."""
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
@@ -355,7 +350,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
 def _nearest_softer(
     body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int
 ) -> tuple[float, np.ndarray, int, float] | None:
-    """What `_interface_beside` returns, from the nearest points of a much softer material alone, half a cell beyond the interface."""
+    """Return the tuple of `_interface_beside`, from the nearest points of a much softer material, half a cell beyond the interface."""
     around = np.array(tree.query_ball_point(body.points[i], body.horizon * (1 + 1e-9), return_sorted=True), dtype=np.int64)
     softer = around[moduli[around] * YIELDING < moduli[i]]
     if not len(softer):
@@ -370,10 +365,10 @@ def _nearest_softer(
 
 
 def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, normal: np.ndarray, quadratic: bool) -> np.ndarray | None:
-    """Weights of the values at points in the jump of the slope along a normal, from this side of an interface to the other.
+    """Return weights of the values at points in the jump of the slope along a normal, from this side of an interface to the other.
 
-    Of the function that fits them best of those that are continuous, and on either side quadratic where that is asked for and the points
-    say it, or else linear; None, where they do not say that.
+    The jump is that of the continuous function that fits the values best, on either side quadratic if wanted and if the points determine
+    it, or else linear; None if they do not determine that.
 
     Parameters
     ----------
@@ -402,35 +397,26 @@ def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, norm
 
 
 def _mirrored(
-    x: np.ndarray,
-    volumes: np.ndarray,
-    beyond: np.ndarray,
-    normal: np.ndarray,
-    depth: float,
-    spacing: float,
-    own: np.ndarray,
-    by_gradient: bool,
+    at: tuple[np.ndarray, np.ndarray, np.ndarray], normal: np.ndarray, sizes: tuple[float, float], own: np.ndarray, by_gradient: bool
 ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-    """Weights of the values at points in the jump with which a point is seen as an odd mirror image of softer material.
+    """Return weights of the values at points in the jump with which a point is seen as an odd mirror image of softer material.
 
-    As those of a clamp, theory (22): beside material that is not deformed they bear its stress without a disturbance.  Returned with them
-    are the weights of the softer points at the mirrored place; None for both, where the points say no value at the interface or there.
+    As those of a clamp, theory (22): beside material that is not deformed they bear its stress without a disturbance. The second array are
+    the weights of the softer points at the mirrored place; both are None if the points determine no value at the interface or there.
 
     Parameters
     ----------
-    x : ndarray, shape (k, d)
-        The points from the place on the interface.
-    volumes : ndarray, shape (k,)
-    beyond : ndarray of bool, shape (k,)
-        Which of them are of the softer material.
+    at : tuple of ndarray
+        Points from the place on the interface, shape (k, d), their volumes (k,), and flags of those of the softer material.
     normal : ndarray, shape (d,)
-    depth, spacing : float
-        In the unit of x.
+    sizes : tuple of float
+        Distance to the interface, and spacing, in the unit of the points.
     own : ndarray of bool, shape (k,)
-        Which of them is the point.
+        Flag of the point itself.
     by_gradient : bool
         Whether the place on the interface is found from the point and its gradient, which the weights then leave out.
     """
+    (x, volumes, beyond), (depth, spacing) = at, sizes
     mirrored = _interpolation(x[beyond], volumes[beyond], depth * normal, spacing)
     at_interface = None if by_gradient else _interpolation(x[~beyond], volumes[~beyond], np.zeros_like(normal), spacing)
     if mirrored is None or (at_interface is None and not by_gradient):
@@ -443,12 +429,12 @@ def _mirrored(
 
 
 def _interpolation(x: np.ndarray, volumes: np.ndarray, place: np.ndarray, spacing: float) -> np.ndarray | None:
-    """Weights of the values at points (k, d) at a place, exact for linear functions, of as few of the nearest points as say them."""
+    """Return weights that interpolate values at points (k, d) to a place, exact for linear functions, from as few points as possible."""
     arms = x - place
     distance = np.linalg.norm(arms, axis=1) / spacing
     values = np.column_stack([np.ones(len(x)), arms / spacing])
     for reach in NEAREST:
-        # A point at the place itself is its value.
+        # A point at the place itself has all the weight.
         weights = volumes * np.maximum(1 - distance / reach, 0.0) ** 2 / (distance**2 + 1e-8)
         if np.count_nonzero(weights) <= len(place):
             continue

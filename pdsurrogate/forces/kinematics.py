@@ -30,7 +30,7 @@ the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 % too stiff wi
 
 
 class Kinematics:
-    """Positions, shape tensors and deformation gradients of a body, updated in place; they know nothing of materials.
+    """Positions, shape tensors and deformation gradients of a body, updated in place and independent of materials.
 
     Parameters
     ----------
@@ -123,10 +123,8 @@ class Kinematics:
     @cached_property
     def pair_entries(self) -> tuple[np.ndarray, np.ndarray]:
         """Entries of the neighbour lists by pair, and the first entry of every pair: it has two, and one if an end is an image."""
-        pair_of = self.body.bonds.pair_of
-        starts = np.zeros(len(self.body.bonds.first) + 1, dtype=np.int64)
-        starts[1:] = np.cumsum(np.bincount(pair_of, minlength=len(starts) - 1))
-        return np.argsort(pair_of, kind="stable"), starts
+        bonds = self.body.bonds
+        return np.argsort(bonds.pair_of, kind="stable"), pointers_to(bonds.pair_of, len(bonds.first)).astype(np.int64)
 
     @cached_property
     def _outer_pairs(self) -> np.ndarray:
@@ -137,10 +135,7 @@ class Kinematics:
         """Return K^-1 w x V_j of every directed bond, shape (n_bonds, d), for the body's own shapes and bonds or for given ones."""
         weighted_bonds = self.weighted_bonds if weighted_bonds is None else weighted_bonds
         inverse_shape = self.inverse_shape if inverse_shape is None else inverse_shape
-        d = self.body.dimension
-        place = np.zeros((d, d), dtype=np.int64)
-        place[np.triu_indices(d)] = np.arange(inverse_shape.shape[1])
-        return np.einsum("bij,bj->bi", inverse_shape[self.owners()][:, np.maximum(place, place.T)], weighted_bonds)
+        return np.einsum("bij,bj->bi", symmetric(inverse_shape)[self.owners()], weighted_bonds)
 
     def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
         """Bind the pass that forms deformation gradients from positions; with `unsupported` 0, their changes from displacements."""
@@ -195,6 +190,14 @@ class Kinematics:
         """Return F of the body's points, shape (n, d, d)."""
         self.form_gradients()
         return matrices(self.gradients[: len(self.body)])
+
+
+def symmetric(triangles: np.ndarray) -> np.ndarray:
+    """Return symmetric matrices, shape (k, d, d), from their upper triangles row by row, shape (k, d (d + 1)/2)."""
+    d = math.isqrt(2 * triangles.shape[1])
+    place = np.zeros((d, d), dtype=np.int64)
+    place[np.triu_indices(d)] = np.arange(triangles.shape[1])
+    return triangles[:, np.maximum(place, place.T)]
 
 
 def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:

@@ -107,7 +107,7 @@ class LearntBondForce(ForceSurrogate):
 
     @property
     def gives_transverse(self) -> bool:
-        """Whether T_mm is known: from coaxiality, or not at all with the paper's features."""
+        """Whether T_mm is known, which it is from coaxiality, except with the paper's features."""
         return FEATURE_SETS[self.feature_set].gives_transverse
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
@@ -161,10 +161,10 @@ def check_described(model, law: Law, shape: Mapping[str, float], exact: str) -> 
     Parameters
     ----------
     model
-        With the `name`, `law` and `shape` of what it was trained for.
+        Model with the `name` of its own, and the `law` and `shape` that it was trained for.
     law : Law
     shape : mapping
-        Of the dimensionless parameters of `law` that matter to the model.
+        Those dimensionless parameters of `law` that the model depends on.
     exact : str
         Name of the force model that serves every law, for the error.
 

@@ -23,11 +23,11 @@ from ..kernels.network import GROUP, pack_units
 from ..materials import PLANES, Law
 from .agreement import check_agreement, invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
 from .bond_energy import EnergySurrogate
-from .energy_density import EnergyDerivatives
 from .isochoric import IsochoricEnergy
 from .learnt import check_described, check_payload, check_shape, learnt_facts
 from .members import CHUNK, greatest_deviations
 from .pair_energy import PairEnergy
+from .pair_passes import EnergyDerivatives
 from .protocol import CompiledBondForce, Domain, ForceModel, Member
 from .settings import OUTSIDE_POLICIES, PRECISIONS
 from .term import Term

@@ -1,4 +1,4 @@
-"""The points of one material, and those of others as it sees them, with their states by its law."""
+"""Points of one material, and those of others as it sees them, with their states by its law."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ class MaterialPoints:
         return found
 
     def diagnose(self) -> str:
-        """Return a message that says which point has no state by the law, and why."""
+        """Return a message that names a point without a state by the law, and the reason."""
         body = self._kinematics.body
         numbers = np.arange(len(body.all_points))[self.numbers]
         owners = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])

@@ -47,11 +47,11 @@ NEAR_REST = 3.0001
 
 
 class OwnForceFailed(RuntimeError):
-    """An error raised by a user's own force, or a result of it that is no force."""
+    """Error raised by a user's own force, or a result of it that is no force."""
 
 
 class OwnForceInvalid(InvalidState):
-    """A state in which a user's own force is not finite."""
+    """State in which a user's own force is not finite."""
 
 
 def is_own_force(thing) -> bool:
@@ -141,7 +141,7 @@ class OwnBondForce(ForceSurrogate):
         return found
 
     def _checked(self, what: str, values, shape: tuple[int, ...]) -> np.ndarray:
-        """Return values as an array of doubles of the right shape, or say what is wrong with them."""
+        """Return values as an array of doubles of the right shape, or raise OwnForceFailed."""
         if np.iscomplexobj(values):
             raise OwnForceFailed(f"{self.name}: {what} must return real numbers, not complex ones")
         values = np.asarray(values, dtype=float)
@@ -150,7 +150,7 @@ class OwnBondForce(ForceSurrogate):
         return values
 
     def _check_finite(self, what: str, found, state: dict[str, np.ndarray]) -> None:
-        """Raise OwnForceInvalid if a component is not finite somewhere; `what` says in its braces what the components are."""
+        """Raise OwnForceInvalid if a component is not finite somewhere; `what` has braces for the components."""
         bad = np.flatnonzero(~np.isfinite(np.stack(found)).all(axis=0))
         if len(bad):
             given = what.format(*(part.flat[bad[0]] for part in found))

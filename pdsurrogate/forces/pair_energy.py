@@ -15,7 +15,7 @@ from ..materials.stretches import principal_stretches
 from .bond_shares import BondShares
 from .dilatation import LinearisedDilatation
 from .errors import InvalidState, at_point
-from .kinematics import matrices
+from .kinematics import matrices, symmetric
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
 from .term import Binding, Term, whole_volume
@@ -27,7 +27,7 @@ class PairEnergy(Term):
 
     Under plane stress it is all of the energy. Where volumes are held, the energy is selective: isochoric at the pairs, and volumetric at
     the points (`VolumeEnergy`), which does not lock. Of several materials, each sees the bond and its ends as if the other moved as itself
-    (`Interfaces`), so that a pair across an interface has one gradient for each; what the energy says about the jump between them is a
+    (`Interfaces`), so that a pair across an interface has one gradient for each; the derivative of the energy by the jump between them is a
     force on the points from which the jump is found.
 
     Attributes
@@ -91,7 +91,7 @@ class PairEnergy(Term):
 
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self.pass_bonds(out)
-        self.report(outside)
+        self._report(outside)
         if invalid or not np.isfinite(self._energy):
             raise InvalidState(self._without_energy())
         if without_force:
@@ -116,7 +116,7 @@ class PairEnergy(Term):
         return list(outside), sum(invalid), self._to_points(out)
 
     def _collect(self) -> None:
-        """Add up what the parts exert on the pairs, and on the points of other materials as each sees them."""
+        """Add up forces and moments of the parts on the pairs, and on the points of other materials as each sees them."""
         for array in (self._forces, self._moments, self._seen_forces, self._seen_moments):
             array[:] = 0.0
         for number, part in enumerate(self._parts):
@@ -129,16 +129,16 @@ class PairEnergy(Term):
                 np.add.at(self._seen_moments, end[some], unit * part.moments[some])
 
     def _on_jumps(self, moments: np.ndarray) -> np.ndarray:
-        """Return forces on the points from what the energy says about the jumps at interfaces."""
+        """Return the forces on the points by which the energy acts on the jumps at interfaces."""
         return self.kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
 
     def energy(self) -> float:
         return self._energy
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        """Return the pairs' own forces and what the S of their two ends exert along them.
+        """Return the pairs' own forces and those of the S of their two ends along them.
 
-        Of a pair with a ghost, that includes what the energy of the mirrored pair says about the ghost of this point.
+        For a pair with a ghost they include the force of the mirrored pair on the ghost of this point.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         first, second = bonds.first[pairs], bonds.second[pairs]
@@ -158,16 +158,14 @@ class PairEnergy(Term):
         return forces if changed is None else forces + changed[pairs]
 
     def _from_one_side(self) -> np.ndarray | None:
-        """Return what bonds exert more than in a body without interfaces, where an interface leaves bonds out of the gradients."""
-        interfaces, bonds, body, d = self.kinematics.interfaces, self.body.bonds, self.body, self.body.dimension
+        """Return the forces of pairs in addition to those without interfaces, if an interface leaves bonds out of the gradients."""
+        interfaces, bonds, body = self.kinematics.interfaces, self.body.bonds, self.body
         if interfaces is None or interfaces.one_sided_bonds is None:
             return None
         numbers, owners, changes = interfaces.one_sided_bonds
-        rows = np.triu_indices(d)
         # The moments of the points as they were before their shapes weighed them.
         points, places = np.unique(owners, return_inverse=True)
-        shapes = np.zeros((len(points), d, d))
-        shapes[:, rows[0], rows[1]] = shapes[:, rows[1], rows[0]] = self.kinematics.inverse_shape[points]
+        shapes = symmetric(self.kinematics.inverse_shape[points])
         moments = matrices(self._stresses[points]) @ np.linalg.inv(shapes) * body.volumes[points, None, None]
         pulls = np.einsum("bij,bj->bi", moments[places], changes)
         pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
@@ -227,8 +225,8 @@ class PairEnergy(Term):
             found[self.binding.portion_of[: len(found)] == len(self.materials)] = 1.0
         return found
 
-    def bulk_stresses(self) -> np.ndarray:
-        found = super().bulk_stresses()
+    def _bulk_stresses(self) -> np.ndarray:
+        found = super()._bulk_stresses()
         return found if self.volume is None else self.volume.smoothing.matrix() @ found
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
@@ -238,7 +236,7 @@ class PairEnergy(Term):
         F, law = self.kinematics.deformation_gradients(), part.points.law
         if self.selective:
             found = part.isochoric.evaluate(*plane.isochoric_state(F))
-            return plane.stress_and_energy(law, F, self.volume_ratios(), self.bulk_stresses(), found)
+            return plane.stress_and_energy(law, F, self.volume_ratios(), self._bulk_stresses(), found)
         stress, energy = super().stress_and_energy()
         trace, J = plane_stress.invariants(F)
         found = part.model.energy_derivatives(law, trace, J)
@@ -318,7 +316,7 @@ class PairEnergy(Term):
         return n, F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
 
     def _without_energy(self) -> str:
-        """Return a message that says which bond has no energy, and why."""
+        """Return a message that names a bond without an energy, and the reason."""
         _, F = self._gradients()
         with np.errstate(invalid="ignore"):  # numbers that are not finite are looked for
             bonds, alive, J = self.body.bonds, self.shares.bond_weights > 0, np.linalg.det(F)

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_energy, selective_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
+from ..kernels.domain import exact_share, product_rule
 from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..materials import plane_stress
 from .bond_shares import BondShares
-from .energy_density import EnergyDerivatives, blended
 from .material_points import MaterialPoints
 from .protocol import EVERYWHERE
 from .term import Binding
+
+
+class EnergyDerivatives(NamedTuple):
+    """Plane-stress energy and its derivatives by tr C and J = det F in the plane, dimensionless, arrays of one shape."""
+
+    psi: np.ndarray
+    by_trace: np.ndarray
+    by_area: np.ndarray
+    by_trace_trace: np.ndarray
+    by_trace_area: np.ndarray
+    by_area_area: np.ndarray
 
 
 class PairEnergies:
@@ -77,8 +90,11 @@ class PairEnergies:
         found = self.model.energy_derivatives(self.points.law, trace, area_ratio)
         if self.model.domain is None or self._outside != "fallback":
             return found
-        exact = EnergyDerivatives(*plane_stress.energy_derivatives(self.points.law, trace, area_ratio))
-        return blended(found, exact, self.model.domain, trace, area_ratio)
+        exact = plane_stress.energy_derivatives(self.points.law, trace, area_ratio)
+        # psi + s (psi_exact - psi), with its derivatives.
+        excess = tuple(b - a for a, b in zip(found, exact, strict=True))
+        mixed = product_rule(exact_share(trace, area_ratio, self.model.domain.limits("float64")), excess)
+        return EnergyDerivatives(*(a + change for a, change in zip(found, mixed, strict=True)))
 
 
 class SelectivePairs:

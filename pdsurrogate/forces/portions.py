@@ -24,9 +24,9 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     portions : sequence of Portion
         Every point of the body is in one of them.
     settings : ForceSettings
-        Each choice is one that every model can honour which has a use for it.
+        Every model that uses a setting can honour it.
     rigid : ndarray of int, optional
-        Points of no material, which move as solvers have it; what they are bonded to pulls at them.  Of a force that has an energy.
+        Points of no material, which solvers move; the points that they are bonded to pull at them. Only for a force with an energy.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         return merged[0].model.bind(body, merged[0].law, settings)
     honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}
     for portion in merged:
-        # Of models beside one that has a domain, those that hold everywhere have no use for `outside`.
+        # Models that hold everywhere do not use `outside`; those of other materials may have a domain.
         honours = portion.model.honoured(settings.plane)
         spared = "outside" in honoured and "outside" not in honours
         (replace(settings, outside=None) if spared else settings).check(portion.model.name, honours)
@@ -64,9 +64,9 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
 def _check_several(model: ForceModel, plane: str) -> None:
     """Raise ValueError if a model cannot describe one of several materials of a body.
 
-    The pressure of bond forces and of NOSB is that of det F at single points (theory, section 16). What the other material sees of a point
-    would have to keep its volume as well as what its own sees, and no equilibrium is found; with one gradient for both, states that are
-    homogeneous on either side are not in equilibrium.
+    The pressure of bond forces and of NOSB is that of det F at single points (theory, section 16). A point would have to keep its volume as
+    the other material sees it as well as its own, and no equilibrium is found; with one gradient for both, states that are homogeneous on
+    either side are not in equilibrium.
     """
     if not model.several_materials:
         raise ValueError(f"{model.name} takes a body of one material; without materials it serves every law")
@@ -78,7 +78,7 @@ def _check_several(model: ForceModel, plane: str) -> None:
 
 
 def _merged(portions: Sequence[Portion]) -> list[Portion]:
-    """Portions of different laws or models, each with all points that are of them."""
+    """Return portions of different laws or models, each with all its points."""
     found: list[Portion] = []
     for portion in portions:
         same = next((n for n, other in enumerate(found) if other.law == portion.law and _same(other.model, portion.model)), None)
@@ -90,5 +90,5 @@ def _merged(portions: Sequence[Portion]) -> list[Portion]:
 
 
 def _same(model: ForceModel, other: ForceModel) -> bool:
-    """Whether two models are one: the same object, or two of those that have learnt nothing."""
+    """Return whether two models are one: the same object, or two of one class that have learnt nothing."""
     return model is other or (type(model) is type(other) and model.name == other.name and not model.payload() and not other.payload())

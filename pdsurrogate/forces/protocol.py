@@ -1,4 +1,4 @@
-"""What a force model is and declares: its domain, its materials, the settings that it honours, and the terms it consists of."""
+"""Protocol of force models: domain, materials, the settings that a model honours, and the terms that it consists of."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .term import Term
 
 @dataclass(frozen=True)
 class Domain:
-    """Where a surrogate was trained.
+    """Bounds of the states on which a surrogate was trained.
 
     Attributes
     ----------
@@ -32,8 +32,8 @@ class Domain:
     least_bulk, greatest_bulk : float
         Bounds of J3^2 = J^2 C33.
     hull : tuple of tuple of float, optional
-        Of an energy from test data, where those are: half-planes (n1, n2, d) in the logarithms of the two greater of three principal
-        stretches of product 1, the greatest first, n1 log l1 + n2 log l2 <= d.
+        Hull of the test data of an energy: half-planes (n1, n2, d) in the logarithms of the two greater of three principal stretches of
+        product 1, the greatest first, n1 log l1 + n2 log l2 <= d.
     """
 
     least_stretch: float
@@ -44,9 +44,9 @@ class Domain:
 
     @property
     def interior(self) -> Domain:
-        """The part of the domain in which the surrogate alone counts; between the two its force goes over into the exact one.
+        """Part of the domain in which the surrogate alone counts; between the two its force is blended into the exact one.
 
-        Every bound lies a tenth nearer to rest, on a logarithmic scale.  A domain that rest is no part of has no such band.
+        Every bound lies a tenth nearer to rest, on a logarithmic scale. A domain that does not contain rest has no such band.
         """
         bounds = (self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk)
         if not (bounds[0] < 1 < bounds[1] and bounds[2] < 1 < bounds[3]):
@@ -54,29 +54,29 @@ class Domain:
         return Domain(*(bound**0.9 for bound in bounds))
 
     def deviation(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
-        """Greatest logarithm by which states pass a bound, negative by the distance to the nearest one within the domain, shape (n,).
+        """Return the greatest logarithm by which states pass a bound, shape (n,); within the domain minus the distance to the nearest one.
 
-        The edge of the hull of test data is one of the bounds, where there is one.
+        The edge of the hull of test data, if there is one, is one of the bounds.
 
         Parameters
         ----------
         stretches : ndarray, shape (n, k)
             Principal stretches.
         bulk : ndarray, shape (n,), optional
-            J3^2, of a model that sees it.
+            J3^2, for a model that depends on it.
         """
         passed = self.beyond_bounds(stretches, bulk)
         return passed if self.hull is None else np.maximum(passed, self.beyond_data(stretches))
 
     def beyond_data(self, stretches: np.ndarray) -> np.ndarray:
-        """The same of the hull of test data alone; of stretches in the plane, shape (n, 2), the third follows without change of volume."""
+        """Return the `deviation` from the hull of test data alone; two stretches in the plane are completed at constant volume."""
         logs = np.log(stretches)
         logs = np.column_stack([logs, -logs.sum(axis=1)]) if logs.shape[1] == 2 else logs - logs.mean(axis=1, keepdims=True)
         planes = np.array(self.hull)
         return (-np.sort(-logs, axis=1)[:, :2] @ planes[:, :2].T - planes[:, 2]).max(axis=1)
 
     def beyond_bounds(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
-        """The same of the bounds of stretches and J3^2 alone, within which the model itself counts in a run."""
+        """Return the `deviation` from the bounds of stretches and J3^2 alone, within which the model itself counts in a run."""
         with np.errstate(divide="ignore"):
             stretch = np.log(stretches)
             least, greatest, low, high = np.log([self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk])
@@ -84,7 +84,7 @@ class Domain:
             return passed if bulk is None else np.maximum(passed, np.maximum(np.log(bulk) - high, low - np.log(bulk)))
 
     def limits(self, dtype) -> np.ndarray:
-        """Constants of `pdsurrogate.kernels.domain.is_outside`."""
+        """Return the constants of `pdsurrogate.kernels.domain.is_outside`."""
         low, high = np.float64(self.least_stretch) ** 2, np.float64(self.greatest_stretch) ** 2
         with np.errstate(divide="ignore"):
             return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, LEAST_NORMAL_STRETCH], dtype=dtype)
@@ -166,7 +166,7 @@ class CompiledBondForce:
 
 @dataclass(frozen=True)
 class Portion:
-    """The points of a body that are of one material, and the force model that describes it.
+    """Points of a body that are of one material, and the force model that describes it.
 
     Attributes
     ----------
@@ -183,16 +183,16 @@ class Portion:
 
 @dataclass(frozen=True)
 class Member:
-    """A member of the committee of a learnt model.
+    """Member of the committee of a learnt model.
 
     Attributes
     ----------
     model : ForceModel
-        Of the member, in units of its own shear modulus.
+        Model of the member, in units of its own shear modulus.
     law : Law
-        That it describes.
+        Law that it describes.
     ratio : float
-        Its shear modulus over that of the model whose committee it is in.
+        Its shear modulus over that of the model to whose committee it belongs.
     """
 
     model: ForceModel
@@ -201,7 +201,7 @@ class Member:
 
 
 class ForceModel(ABC):
-    """A force model: it declares the settings that it honours, and is bound to a body with no others.
+    """Force model, which declares the settings that it honours and is bound to a body with no others.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ class ForceModel(ABC):
     family : str
         Kind of force model: those of one kind can describe the materials of one body.
     honours : mapping
-        The values that it can honour of every field of `ForceSettings` that it has a use for.
+        Values that it can honour, for every field of `ForceSettings` that it uses.
     several_materials : tuple of str
         Planes in which models of its family describe the materials of one body together.
     default_precision : str
@@ -217,7 +217,7 @@ class ForceModel(ABC):
     stated : mapping, optional
         Errors that the card of a learnt model states, see `pdsurrogate.forces.agreement`.
     members : tuple of Member
-        Of its committee, where their deviation is asked for.
+        Members of its committee, in a run that reports their deviation.
 
     Examples
     --------
@@ -255,14 +255,14 @@ class ForceModel(ABC):
 
     @abstractmethod
     def terms(self, plane: str) -> Sequence[type[Term]]:
-        """Return the classes of the terms that the internal force consists of under plane stress, in plane strain, or in space."""
+        """Return the classes of the terms of the internal force under plane stress, in plane strain, or in three dimensions."""
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:
-        """Return what it can honour under plane stress, in plane strain or in space; usually the same."""
+        """Return `honours` under plane stress, in plane strain or in three dimensions, if it depends on that."""
         return self.honours
 
     def usual_precision(self, settings: ForceSettings) -> str:
-        """Return the precision asked for, or else its own; in plane strain and space, where pressures balance stresses, double."""
+        """Return the precision of the settings, or else the model's own; double where pressures balance stresses."""
         return settings.precision or (self.default_precision if settings.plane == "stress" else "float64")
 
     def guarded(self) -> AbstractContextManager:
@@ -273,17 +273,17 @@ class ForceModel(ABC):
         """Raise ValueError if the model does not describe this material; one that has learnt nothing serves every law."""
 
     def payload(self) -> dict:
-        """Plain containers and arrays that tell this model from others of its name: what it has learnt."""
+        """Return the learnt numbers, in plain containers and arrays, which distinguish this model from others of its name."""
         return {}
 
     @property
     def size(self) -> str:
-        """What it has learnt in words, for tables."""
+        """Size of the learnt model in words, for tables."""
         return ""
 
     @property
     def facts(self) -> dict[str, str]:
-        """What a person wants to know of it first, in words."""
+        """Main properties in words."""
         return {"family": self.family, "learnt": self.size or "nothing: it is exact and serves every law"}
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""How a force model is evaluated on a body: the choices that are not the model's own."""
+"""Settings of the evaluation of a force model on a body."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from ..materials import PLANES, dimension_of
 from ..paper.rotation import convected_rotations
 
 OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "extrapolate": TURNED}
-"""What is done about bonds outside a surrogate's domain."""
+"""Policies for bonds outside a surrogate's domain, each with the guard of the bond pass."""
 
 PRECISIONS = ("float32", "float64")
 
 ROTATIONS = {"polar": None, "convected": convected_rotations}
-"""How the rotation of a horizon is taken from F: of the polar decomposition, as the pass over the points gives it, or by a pass of its own
-after that one."""
+"""Rotations of a horizon: that of the polar decomposition, which the pass over the points finds, or that of a further pass."""
 
 WHERE = {"stress": "", "strain": " in plane strain", "space": " in space"}
 OTHERS = {
@@ -26,10 +25,10 @@ OTHERS = {
     "strain": "force=analytic and force=bond-energy take both",
     "space": "force=bond-energy, force=nosb and artefacts of isochoric energies take bodies in space",
 }
-"""In words: what a plane is called, and which models take it where another does not."""
+"""Name of a plane, and the models that take it if another does not, in words."""
 
 ROTATION, OUTSIDE = "polar", "fallback"
-"""What models that have a choice do where none is made."""
+"""Defaults of models that honour these settings."""
 
 
 @dataclass(frozen=True)
@@ -41,19 +40,18 @@ class ForceSettings:
     Parameters
     ----------
     precision : {"float32", "float64"}, optional
-        Of the bond pass; positions, sums and the node state's own computation are always double.
+        Precision of the bond pass; positions, sums and the states of the points are always in double precision.
     correction : {"tensor", "scalar", "none"}, optional
-        Correction of incomplete horizons: theory (21), the paper's (24)-(25), or nothing.  By default "tensor" where the model allows it.
+        Correction of incomplete horizons: theory (21), the paper's (24)-(25), or nothing. By default "tensor" if the model allows it.
     rotation : {"polar", "convected"}, optional
-        Rotation of a horizon: of the polar decomposition, which is the default, or the paper's (22)-(23).
+        Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional
-        What is done about bonds outside the model's domain: the exact bond force (the default), a warning, an error, or
-        nothing.  A bond turned by a
-        right angle from its horizon has no features, and gets the exact bond force even where extrapolation is asked for.
+        Policy for bonds outside the model's domain: the exact bond force (the default), a warning, an error, or nothing. A bond turned by
+        a right angle from its horizon has no features, and gets the exact bond force even with "extrapolate".
     breakable : bool
-        Whether bonds may break, which keeps reference data that an unbreakable body has no use for.
+        Whether bonds may break, for which more reference data are kept.
     plane : {"stress", "strain", "space"}
-        Whether the thickness of a body in the plane is free or held; "space" of every body in space.
+        Whether the thickness of a body in the plane is free or held; "space" for every body in three dimensions.
 
     Examples
     --------
@@ -87,9 +85,9 @@ class ForceSettings:
         Parameters
         ----------
         name : str
-            Of the model.
+            Name of the model.
         honours : mapping
-            Values that the model can honour, by setting; one that is missing it has no use for.
+            Values that the model can honour, by setting; it does not use a setting that is missing.
 
         Raises
         ------
@@ -118,5 +116,5 @@ class ForceSettings:
 
 
 def _words(key: str, *values) -> str:
-    """A setting and its values, in words."""
+    """Return a setting and its values in words."""
     return "bonds that break (fracture)" if key == "breakable" else f"{key}={'|'.join(values)}"

@@ -12,24 +12,24 @@ from ..kernels import dilatation, selective_energy
 from .kinematics import entries_of, pointers_to
 
 SLAB = 4_000_000
-"""Pairs that are looked at together while a body is prepared, so that passing arrays stay small beside the body's own."""
+"""Pairs that are prepared together, so that temporary arrays stay small in comparison with the body's own."""
 
 
 class Smoothing:
     """Weights of neighbours in the smoothed dilatation of the points (theory (50)).
 
-    On a grid they are (1 2 1)/4 along each axis.  Rows add up to one, so that an even dilatation stays as it is; V_i W_ij is symmetric, so
-    that its mean does as well, and an even pressure stays even.  Where points lie closer than on a grid, a point keeps what it keeps there,
-    a quarter in the plane and an eighth in space.  What a neighbour beyond a surface or a crack would have stays with the point.  A mirror
-    image is a neighbour; beyond a clamped plane the body is continued otherwise than it is, and nothing is taken from there.
+    On a grid they are (1 2 1)/4 along each axis. Rows add up to one, so that a uniform dilatation is unchanged; V_i W_ij is symmetric, so
+    that its mean is unchanged as well, and a uniform pressure too. If points lie closer than on a grid, a point keeps its weight of a grid,
+    a quarter in the plane and an eighth in three dimensions. The weight of a neighbour beyond a surface or a crack stays with the point. A
+    mirror image is a neighbour; beyond a clamped plane the body is continued otherwise than it is, and nothing is taken from there.
 
     Parameters
     ----------
     body : Body
     carries : ndarray of bool, shape (n_pairs,)
-        Which pairs carry anything: across a cut there are none.
+        Flags of the pairs that carry anything: across a cut there are none.
     breakable : bool
-        Whether pairs may cease to, see `renew`.
+        Whether bonds may break, see `renew`.
     """
 
     def __init__(self, body: Body, carries: np.ndarray, breakable: bool = False) -> None:
@@ -53,7 +53,7 @@ class Smoothing:
         self._pointers = pointers_to(rows, n)
         self._volumes, self._most = body.volumes, 1 - 0.5**body.dimension
         raw = np.concatenate([weights, weights[within]])[order]
-        self._share = body.share
+        self._share, self._single = body.share, None
         self._caps = self._cap(np.bincount(rows, raw, n) / body.volumes)
         self._share.fill(self._caps)
         self._weights = raw * np.minimum(self._caps[rows], self._caps[self._columns]) / body.volumes[rows]
@@ -63,15 +63,29 @@ class Smoothing:
             self._raw, self._pairs = raw, np.concatenate([pairs, pairs[within]])[order].astype(np.uint32)
 
     def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
-        """The pass that smooths values at the points (n,) into the first n of another array."""
-        return selective_energy.smooth.bind((self._pointers, self._columns, self._weights, self._own), values, out, chunks=chunks)
+        """Bind the pass that smooths values at the points (n,) into the first n of another array, in the precision of the values."""
+        return selective_energy.smooth.bind(self._matrix(values.dtype), values, out, chunks=chunks)
 
-    def in_single_precision(self) -> SinglePrecisionSmoothing:
-        """The same for what needs no more digits."""
-        return SinglePrecisionSmoothing(self._pointers, self._columns, self._weights, self._own)
+    def bind_sum(self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks) -> BoundPass:
+        """Bind the pass that writes a multiple of the smoothed values, plus three others (factor, values), of which `out` may be one."""
+        others = tuple((float(of_other), other) for of_other, other in others)
+        return dilatation.smooth_and_add.bind(self._matrix(values.dtype), values, factor, others, out, chunks=chunks)
+
+    def _matrix(self, dtype) -> tuple[np.ndarray, ...]:
+        """Return the arrays of the weights; those in single precision are half as long to read."""
+        if dtype == np.float64:
+            return self._pointers, self._columns, self._weights, self._own
+        if self._single is None:
+            self._single = self._weights.astype(np.float32), self._own.astype(np.float32)
+        return self._pointers, self._columns, *self._single
+
+    def take(self) -> None:
+        """Bring the weights in single precision up to date."""
+        for single, exact in zip(self._single, (self._weights, self._own), strict=True):
+            single[:] = exact
 
     def matrix(self) -> sparse.csr_array:
-        """The weights, shape (n, n)."""
+        """Return the weights, shape (n, n)."""
         n = len(self._own)
         neighbours = sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
         return neighbours + sparse.diags_array(self._own, format="csr")
@@ -92,38 +106,10 @@ class Smoothing:
         self._own[rows] = 1 - np.bincount(owners, self._weights[entries], n)[rows]
 
     def _cap(self, shares: np.ndarray) -> np.ndarray:
-        """By what the neighbours' shares of a point are multiplied, so that they have no more than on a grid."""
+        """Return the factors of the neighbours' shares of points, by which they have no more than on a grid."""
         return self._most / np.maximum(shares, self._most)
 
     def _entries(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the row of every entry of given rows, and the numbers of these entries."""
         counts = np.diff(self._pointers).astype(np.int64)[rows]
         return np.repeat(rows, counts), entries_of(self._pointers, rows)
-
-
-class SinglePrecisionSmoothing:
-    """`Smoothing` of values in single precision, whose weights are half as long to read.
-
-    Parameters
-    ----------
-    pointers, columns, weights, own : ndarray
-        Of the smoothing, which may renew the last two.
-    """
-
-    def __init__(self, pointers: np.ndarray, columns: np.ndarray, weights: np.ndarray, own: np.ndarray) -> None:
-        self._exact = weights, own
-        self._matrix = pointers, columns, weights.astype(np.float32), own.astype(np.float32)
-
-    def take(self) -> None:
-        """Take the weights as they are now."""
-        for single, exact in zip(self._matrix[2:], self._exact, strict=True):
-            single[:] = exact
-
-    def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
-        """See `Smoothing.bind`."""
-        return selective_energy.smooth.bind(self._matrix, values, out, chunks=chunks)
-
-    def bind_sum(self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks) -> BoundPass:
-        """The pass that writes a multiple of the smoothed values, plus three others (factor, values), of which `out` may be one."""
-        others = tuple((float(of_other), other) for of_other, other in others)
-        return dilatation.smooth_and_add.bind(self._matrix, values, factor, others, out, chunks=chunks)

@@ -46,6 +46,16 @@ class StateArray:
     values: np.ndarray
     shown: bool = False
 
+    def at_points(self, body: Body) -> np.ndarray:
+        """Return the values of the points, shape (n, ...); of bonds and pairs the mean over the bonds of a point, 0 without bonds."""
+        if self.rows in ("points", "images"):
+            return self.values[: len(body)]
+        counts = np.diff(body.bonds.pointers).astype(np.int64)
+        values = self.values[: counts.sum()] if self.rows == "bonds" else self.values[body.bonds.pair_of]
+        found = np.zeros((len(body), *values.shape[1:]))
+        np.add.at(found, np.repeat(np.arange(len(body)), counts), values)
+        return (found.T / np.maximum(counts, 1)).T
+
 
 @dataclass(frozen=True)
 class Kept:
@@ -182,7 +192,7 @@ class Term(ABC):
         """
         self._sum.give("out", out)
         *counts, without_force = have_states(self.materials, self._find_all())
-        self.report(counts)
+        self._report(counts)
         if without_force:
             raise InvalidState(self.diagnose(out))
 
@@ -247,7 +257,7 @@ class Term(ABC):
             found[numbers] = points.volume_ratios[places]
         return found
 
-    def bulk_stresses(self) -> np.ndarray:
+    def _bulk_stresses(self) -> np.ndarray:
         """Return U' of the points, the hydrostatic part of a stress that U gives, in units of mu, shape (n,)."""
         found, J3 = np.zeros(len(self.body)), self.volume_ratios()
         for portion in self.binding.portions:
@@ -261,7 +271,7 @@ class Term(ABC):
         """
         n, plane = len(self.body), self.kinematics.plane
         F, J3 = self.kinematics.deformation_gradients(), self.volume_ratios()
-        bulk = None if plane == "stress" else self.bulk_stresses()
+        bulk = None if plane == "stress" else self._bulk_stresses()
         stress, energy = np.zeros((n, 3, 3)), np.zeros(n)  # rigid points have no law
         for portion in self.binding.portions:
             at = portion.points
@@ -287,7 +297,7 @@ class Term(ABC):
         """
         return None
 
-    def report(self, outside: Sequence[int]) -> None:
+    def _report(self, outside: Sequence[int]) -> None:
         """Note the number of pairs outside the domain of each model."""
         for watch, found in zip(self.watches, outside, strict=False):
             watch.found = found

@@ -15,7 +15,7 @@ from ..materials.law import check_number, checked_law
 from . import sampling
 from .export import force_of, scaled_parts, shift_and_scale, taken_over
 from .pipeline import bond_force_pipeline
-from .sampling import COLUMNS, TARGETS, checked_range
+from .sampling import COLUMNS, OUTPUTS, checked_range
 from .targets import Range, Samples, Target, relative_errors
 
 SLOPE_STEP = 1e-4
@@ -30,7 +30,7 @@ WIDE = (0.5, 4.0)
 
 
 class _BondForce(Target):
-    name, columns, outputs, stretch_range, n_samples = "bond-force", COLUMNS, TARGETS, WIDE, 8_000
+    name, columns, outputs, stretch_range, n_samples = "bond-force", COLUMNS, OUTPUTS, WIDE, 8_000
     units = "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa"
     weight_function = "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS)
 

@@ -102,17 +102,12 @@ def force_of(model) -> Callable:
         if not callable(getattr(model, "predict", None)):
             raise ValueError(f"a {type(model).__name__} predicts nothing: a regressor of bond forces is taken")
         check_is_fitted(model)
-        count = getattr(model, "n_features_in_", len(COLUMNS))
-        if count != len(COLUMNS):
+        count, names = getattr(model, "n_features_in_", len(COLUMNS)), list(getattr(model, "feature_names_in_", COLUMNS))
+        if count != len(COLUMNS) or sorted(names) != sorted(COLUMNS):
+            found = f"{count} features" if count != len(COLUMNS) else f"the columns {', '.join(names)}"
             raise ValueError(
-                f"the {type(model).__name__} was fitted to {count} features; taken are regressors of the five bond quantities "
-                f"{', '.join(COLUMNS)}, alone or within a surrogate_pipeline, which makes features of them"
-            )
-        names = list(getattr(model, "feature_names_in_", COLUMNS))
-        if sorted(names) != sorted(COLUMNS):
-            raise ValueError(
-                f"the {type(model).__name__} was fitted to the columns {', '.join(names)}; taken are the five bond quantities "
-                f"{', '.join(COLUMNS)}, in any order"
+                f"the {type(model).__name__} was fitted to {found}; taken are regressors of the five bond quantities {', '.join(COLUMNS)}, "
+                "in any order, alone or within a surrogate_pipeline, which makes features of them"
             )
         order = [COLUMNS.index(name) for name in names]
         return lambda *bond: _quietly(model, np.stack(np.broadcast_arrays(*bond), axis=1)[:, order])

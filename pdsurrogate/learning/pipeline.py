@@ -16,7 +16,7 @@ from sklearn.utils import get_tags
 from ..kernels.bond_state import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
 from .levenberg_marquardt import LevenbergMarquardtRegressor
-from .sampling import COLUMNS, TARGETS, force_factor
+from .sampling import COLUMNS, OUTPUTS, force_factor
 from .target import InputAwareTargetRegressor, check_targets, checked_columns, is_search, named
 
 ROUNDING = 1e-10
@@ -101,7 +101,7 @@ def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.n
     return np.stack(chosen.inputs(chosen.shared(a, b, J, C33), a, b, U_mm, J, C33, length / horizon), axis=1)
 
 
-@named(COLUMNS, TARGETS)
+@named(COLUMNS, OUTPUTS)
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     """Return the outputs of a feature set that correspond to bond forces; the regressor is trained on them.
 
@@ -109,7 +109,7 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     shear are NaN where they are derivatives by the shear, which its force does not determine.
     """
     a, b, U_mm, J, C33, length = _bond_state(X)
-    check_targets(y, TARGETS)
+    check_targets(y, OUTPUTS)
     force = np.asarray(y) if factor is None else y / factor(length)[:, None]
     T_nn, T_nm = along_and_across(*force.T, a, -b, X[:, 0]).T  # the rotation back
     chosen = FEATURE_SETS[features]

@@ -15,7 +15,7 @@ from .target import named
 COLUMNS = ("stretch", "rotation", "length", "C33", "J")
 """Columns of X: lambda_b, dtheta (radians), l_b, C33, det F in the plane."""
 
-TARGETS = ("t_n", "t_tau")
+OUTPUTS = ("t_n", "t_tau")
 """Columns of y: bond force along and across the deformed bond."""
 
 
@@ -166,7 +166,7 @@ def on_surface(law, stretch_1, stretch_2, angle):
 
 
 def force_on_bonds(law, U_nn, U_nm, J, C33, length):
-    """Return X and y (columns `COLUMNS` and `TARGETS`) of bonds in given states."""
+    """Return X and y (columns `COLUMNS` and `OUTPUTS`) of bonds in given states."""
     T_nn, T_nm, _ = plane_stress.bond_traction(law, U_nn, U_nm, J, C33)
     stretch = np.hypot(U_nn, U_nm)
     X = np.stack([stretch, np.arctan2(U_nm, U_nn), length, C33, J], axis=1)

@@ -124,15 +124,16 @@ class FitSettings:
         # Before the training of a pipeline that would be resampled: another choice is exact.
         if self.units is None and (count := len(FEATURE_SETS[chosen].names)) != 2:
             raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {chosen} ones are {count}")
-        if self.units is not None and not (1 <= len(hidden) <= MOST_HIDDEN and regressor.activation in ACTIVATIONS):
-            known = f"one to {MOST_HIDDEN} hidden layers with the activations {', '.join(ACTIVATIONS)}"
-            raise ValueError(f"the kernels evaluate networks of {known}, not {len(hidden)} with {regressor.activation!r}")
+        if self.units is not None and not 1 <= len(hidden) <= MOST_HIDDEN:
+            raise ValueError(f"the kernels evaluate networks of one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}")
+        if self.units is not None and regressor.activation not in ACTIVATIONS:
+            raise ValueError(f"the kernels have no activation {regressor.activation!r}; there are {', '.join(ACTIVATIONS)}")
         return pipeline, f"{chosen} features, {what}"
 
     def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
         """Return the pipeline for an isochoric energy, and its description."""
-        if (key := "features" if self.features is not None else "degree" if self.degree is not None else None) is not None:
-            raise ValueError(f"{key} is of bond forces; of the network of an energy units are to choose")
+        if given := [key for key in ("features", "degree") if getattr(self, key) is not None]:
+            raise ValueError(f"{given[0]} is of bond forces; for the network of an energy choose units")
         hidden = _numbers(8 if self.units is None else self.units, "units")
         if len(hidden) != 1:
             raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")

@@ -19,7 +19,7 @@ from ..solvers.loads import Loads
 from ..solvers.supports import SupportAtPlace
 from .prescriptions import Prescription
 from .programme import Stage
-from .regions import BodyRegions, along_edge
+from .regions import BodyRegions
 
 RIGID = 1e3
 """Stiffness of rigid regions over that of the rest in a first guess, which is then brought to where they can be."""
@@ -62,7 +62,7 @@ def conditions_of(
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
     planes, held, along_planes, keys, reflected = [], [], [], [], []
     for edge, holding in _reflected(scene, prescriptions, regions).items():
-        points = np.flatnonzero(along_edge(body, edge, regions.lower, regions.upper).inside)
+        points = regions.along_edge(edge)
         planes.append(_plane_of(f"{edge} {'grip' if stretched else 'edge'}", holding, names, body.dimension))
         keys.append(holding[0].key)
         reflected += holding
@@ -109,12 +109,9 @@ def _reflected(scene: Scene, prescriptions: list[Prescription], regions: BodyReg
 
 def _plane_of(name: str, holding: list[Prescription], names: tuple[str, ...], dimension: int) -> HeldPlane:
     """Return the plane that some prescriptions of its edge hold."""
-    by_component: list[Prescription | None] = [None] * dimension
-    for one in holding:
-        for component in one.components:
-            by_component[component] = one
-    holders = tuple(None if one is None else names.index(one.holder) for one in by_component)
-    components = tuple(component for component, one in enumerate(by_component) if one is not None)
+    by_component = {component: one for one in holding for component in one.components}
+    holders = tuple(names.index(by_component[axis].holder) if axis in by_component else None for axis in range(dimension))
+    components = tuple(sorted(by_component))
     turned = next((one for one in reversed(holding) if one.rotation is not None), None)
     if turned is not None:
         # Its displacement is that of the origin.
@@ -122,8 +119,8 @@ def _plane_of(name: str, holding: list[Prescription], names: tuple[str, ...], di
 
     def displacement(parameter: float) -> np.ndarray:
         moved = np.zeros(dimension)
-        for component in components:
-            moved[component] = by_component[component].shift(parameter)[component]
+        for component, one in by_component.items():
+            moved[component] = one.shift(parameter)[component]
         return moved
 
     return HeldPlane(name, holders, components, displacement)
@@ -138,10 +135,8 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
     if support is None:
         return HeldPoints(one.name, holder, points, one.components, one.of_places(places))
     if moving:
-        raise ValueError(
-            f"{one.key}.region: {support.count} points are equally near to this place, and a support between points is "
-            "not followed in dynamics; give points by their numbers, or a box around them"
-        )
+        why = f"{support.count} points are equally near to this place, and a support between points is not followed in dynamics"
+        raise ValueError(f"{one.key}.region: {why}; give points by their numbers, or a box around them")
     held = np.setdiff1d(points, support.others)
     return HeldPoints(one.name, holder, held, one.components, one.of_places(support.place[None]), support)
 

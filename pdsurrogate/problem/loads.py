@@ -43,10 +43,8 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
         distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
         if (distance < ON_A_PLANE * body.spacing).all(axis=1).any():
             edge = _words_for(_edge_of(plane), body)
-            raise ValueError(
-                f"{key}: it takes in facets of the {edge}, which is held by reflection, so that a {load.kind} "
-                f"there goes into what holds it; leave the {edge} out, or hold points (support=points)"
-            )
+            why = f"which is held by reflection, so that a {load.kind} there goes into what holds it"
+            raise ValueError(f"{key}: it takes in facets of the {edge}, {why}; leave the {edge} out, or hold points (support=points)")
     return facets
 
 
@@ -62,10 +60,8 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
     if load.kind == "force" and regions.edge(load.region) in map(_edge_of, body.planes):
         # It would pull at points half a cell inside the edge, which are free.
         edge = _words_for(regions.edge(load.region), body)
-        raise ValueError(
-            f"{key}: the {edge} is held by reflection, so that a force there goes into what holds it; give another "
-            "region, or hold points (support=points)"
-        )
+        why = f"the {edge} is held by reflection, so that a force there goes into what holds it"
+        raise ValueError(f"{key}: {why}; give another region, or hold points (support=points)")
     points = regions.points(load.region, key)
     points = points[body.share.own[points]]
     if load.kind == "body_force":

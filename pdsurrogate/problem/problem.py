@@ -1,4 +1,4 @@
-"""The problem of a scene: everything that a run needs, resolved once into points, numbers and names."""
+"""Compilation of a scene into a problem: everything that a run needs, resolved once into points, numbers and names."""
 
 from __future__ import annotations
 
@@ -172,22 +172,18 @@ class Problem:
             own[numbers] = True
             pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
             if not pulls.any() and (self.loading.free[numbers] > 0).all():
-                raise ValueError(
-                    f"{name}: nothing holds this rigid region: no material that is deformed is bonded to it; hold it by prescribed, or "
-                    "make it one region with what it touches"
-                )
+                why = "nothing holds this rigid region: no material that is deformed is bonded to it"
+                raise ValueError(f"{name}: {why}; hold it by prescribed, or make it one region with what it touches")
 
     def _check_support(self, force: InternalForce) -> None:
         """Refuse points whose bonds lie on one line, or in one plane: only a crack may leave points without a deformation gradient."""
         alone = np.flatnonzero(~force.supported & self.body.share.own)
         if len(alone):
-            where = ("on one line", "two rows of points or more in either direction")
-            if self.body.dimension == 3:
-                where = ("in one plane", "two layers of points or more in every direction")
-            raise ValueError(
-                f"body: the bonds of {len(alone)} of its points, the first at {place_of(self.body, alone[0])}, lie {where[0]}; the body "
-                f"needs {where[1]} everywhere, {self.body.spacing:.4g} apart: take {self.body.finer}"
-            )
+            plane = self.body.dimension == 2
+            where, what = ("on one line", "rows") if plane else ("in one plane", "layers")
+            lie = f"the bonds of {len(alone)} of its points, the first at {place_of(self.body, alone[0])}, lie {where}"
+            needs = f"two {what} of points or more in {'either' if plane else 'every'} direction everywhere"
+            raise ValueError(f"body: {lie}; the body needs {needs}, {self.body.spacing:.4g} apart: take {self.body.finer}")
 
 
 def _describe_part(part: Part, model: ForceModel) -> dict:

@@ -46,18 +46,19 @@ class Found(NamedTuple):
     distance: np.ndarray
 
 
-def along_edge(body: Body, edge: str, lower: np.ndarray, upper: np.ndarray) -> Found:
-    """Return which points lie along an edge of the bounding box from `lower` to `upper`, and their distances from it."""
-    axis, side = EDGES[edge]
-    distance = -side * (body.points[:, axis] - (lower, upper)[side > 0][axis])
-    return Found(distance < LAYER * body.cell[axis], distance)
-
-
 class _Parts:
     """Base of what a region consists of: points of the body, or facets of its boundary, each with a place."""
 
     places: np.ndarray
     groups: dict[str, np.ndarray]
+
+    def __init__(self, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
+        self.body, self.corners, self.surface = body, {-1: lower, 1: upper}, surface
+
+    def from_edge(self, name: str) -> np.ndarray:
+        """Return the distances of the places from an edge of the bounding box."""
+        axis, side = EDGES[name]
+        return -side * (self.places[:, axis] - self.corners[side][axis])
 
     def group(self, name: str) -> Found:
         """Return the parts in a physical group of a mesh."""
@@ -79,33 +80,33 @@ class _Points(_Parts):
 
     what = "no point of the body lies in it"
 
-    def __init__(self, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
-        self._body, self._lower, self._upper, self._surface = body, lower, upper, surface
-        self.places, self.groups = body.points, body.groups
+    def __init__(self, *given) -> None:
+        super().__init__(*given)
+        self.places, self.groups = self.body.points, self.body.groups
 
     def describe(self, number: int) -> str:
         return f"point {number} at {_text(self.places[number])}"
 
     def edge(self, name: str) -> Found:
-        return along_edge(self._body, name, self._lower, self._upper)
+        distance = self.from_edge(name)
+        return Found(distance < LAYER * self.body.cell[EDGES[name][0]], distance)
 
     def boundary(self, name: str) -> Found:
-        surface = self._surface()
-        reach = LAYER * self._body.cell.max()
+        surface, reach = self.surface(), LAYER * self.body.cell.max()
         distance = surface.distances(self.places, reach, _facets_of(surface, name))
         return Found(distance < reach, distance)
 
     def listed(self, region: Region) -> Found:
         """Return the points that a region lists, or is the nearest of."""
-        share = self._body.share
+        share = self.body.share
         if region.near is not None:
             distance = np.linalg.norm(self.places - np.array(region.near), axis=1)
             nearest = int(distance.argmin())
             least = min(share.everywhere(float(distance[nearest])))
-            if least > NEAR * self._body.cell.max():
+            if least > NEAR * self.body.cell.max():
                 place, found = _text(np.array(region.near)), self.describe(nearest)
                 raise ValueError(f"the nearest point to {place} is {found}, {distance[nearest]:.3g} away: too far")
-            return self.numbered(np.flatnonzero(distance <= least + ALIKE * self._body.cell.min()))
+            return self.numbered(np.flatnonzero(distance <= least + ALIKE * self.body.cell.min()))
         numbers, size = np.array(region.points, dtype=np.int64), share.size
         if numbers.max(initial=-1) >= size:
             raise ValueError(f"there is no point {numbers.max()}; the body has {size}, from 0 on")
@@ -117,19 +118,18 @@ class _Facets(_Parts):
 
     what = "no part of the boundary lies in it"
 
-    def __init__(self, surface: Surface, lower: np.ndarray, upper: np.ndarray) -> None:
-        self.surface, self._lower, self._upper = surface, lower, upper
-        self.places, self.groups = surface.midpoints(), surface.groups
+    def __init__(self, *given) -> None:
+        super().__init__(*given)
+        self.places, self.groups = self.surface().midpoints(), self.surface().groups
 
     def describe(self, number: int) -> str:
-        return f"a facet of {self.surface.parts[number]} with its middle at {_text(self.places[number])}"
+        return f"a facet of {self.surface().parts[number]} with its middle at {_text(self.places[number])}"
 
     def edge(self, name: str) -> Found:
-        axis, side = EDGES[name]
-        return Found(self.surface.parts == name, np.abs(self.places[:, axis] - (self._lower, self._upper)[side > 0][axis]))
+        return Found(self.surface().parts == name, np.abs(self.from_edge(name)))
 
     def boundary(self, name: str) -> Found:
-        return self.numbered(_facets_of(self.surface, name))
+        return self.numbered(_facets_of(self.surface(), name))
 
     def listed(self, region: Region) -> Found:
         key = "near" if region.points is None else "points"
@@ -172,7 +172,11 @@ class BodyRegions:
 
     @cached_property
     def _facets(self) -> _Facets:
-        return _Facets(self.surface(), self.lower, self.upper)
+        return _Facets(self.body, self.lower, self.upper, self.surface)
+
+    def along_edge(self, edge: str) -> np.ndarray:
+        """Return the numbers of the points along an edge of the bounding box."""
+        return np.flatnonzero(self._points.edge(edge).inside)
 
     def points(self, reference: str | Region, key: str | None = None) -> np.ndarray:
         """Return the numbers of the points in a region.
@@ -196,10 +200,9 @@ class BodyRegions:
         surface = self.surface()
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
-            raise ValueError(
-                f"{self._key(reference, key)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the points beside the "
-                f"boundary, with which it moves, are fewer than {too_few(self.body)}; take {self.body.finer}"
-            )
+            few = f"where the points beside the boundary, with which it moves, are fewer than {too_few(self.body)}"
+            thin = f"the body is too thin at {_text(surface.nodes[lost[0]])}, {few}"
+            raise ValueError(f"{self._key(reference, key)}: {thin}; take {self.body.finer}")
         return found
 
     def edge(self, reference: str | Region) -> str | None:
@@ -229,10 +232,8 @@ class BodyRegions:
         surface = self.surface()
         if not surface.encloses(at)[0] and not np.isfinite(surface.distances(at, RIM * self.body.cell.max())[0]):
             distance, point = cKDTree(self.body.points).query(at[0])
-            raise ValueError(
-                f"{key}: {_text(at[0])} lies outside the body; its nearest point is {point} at {_text(self.body.points[point])}, "
-                f"{distance:.3g} away"
-            )
+            nearest = f"its nearest point is {point} at {_text(self.body.points[point])}, {distance:.3g} away"
+            raise ValueError(f"{key}: {_text(at[0])} lies outside the body; {nearest}")
 
     def _found(self, reference: str | Region, key: str | None, parts: _Points | _Facets) -> np.ndarray:
         try:
@@ -257,12 +258,13 @@ class BodyRegions:
                 return parts.edge(region)
             return parts.numbered(np.arange(len(parts.places))) if region == "body" else parts.boundary(region)
         members = [self._resolved(member, parts) for _, member in region.members()]
+        inside, distances = [member.inside for member in members], [member.distance for member in members]
         if region.both is not None:
-            return Found(np.all([member.inside for member in members], axis=0), np.max([member.distance for member in members], axis=0))
+            return Found(np.all(inside, axis=0), np.max(distances, axis=0))
         if region.either is not None:
-            return Found(np.any([member.inside for member in members], axis=0), np.min([member.distance for member in members], axis=0))
+            return Found(np.any(inside, axis=0), np.min(distances, axis=0))
         if region.other is not None:
-            return Found(~members[0].inside, np.full(len(parts.places), np.inf))
+            return Found(~inside[0], np.full(len(parts.places), np.inf))
         if region.edge is not None:
             return parts.edge(region.edge)
         if region.group is not None:

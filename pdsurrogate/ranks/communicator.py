@@ -15,11 +15,8 @@ LAUNCHED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "PMIX_SIZE")
 """Environment variables in which launchers of MPI state how many processes they have started."""
 
 
-_LEAVES, _ALL_LEAVE = 5, 6
-"""Tags of the messages that announce the end of one rank, and of all ranks."""
-
 _PAUSE = 0.01
-"""Seconds between two checks for such a message."""
+"""Seconds between two checks whether all ranks have ended."""
 
 
 class NotUnderMPI(RuntimeError):
@@ -42,6 +39,8 @@ class Communicator:
     def __init__(self, mpi=None) -> None:
         self._mpi, self._world = mpi, mpi and mpi.COMM_WORLD
         self.rank, self.size = (self._world.rank, self._world.size) if mpi else (0, 1)
+        # A rank may leave while others wait in a message to it: the end of a run is agreed upon apart.
+        self._ends = mpi and self._world.Dup()
 
     def __deepcopy__(self, memo):
         return self
@@ -137,30 +136,14 @@ class Communicator:
 
         If not, a rank that exits with a status other than 0 aborts the others, and MPI reports that.
         """
-        others, arrived = range(1, self.size), 0
-        until = time.monotonic() + seconds
-        if self.rank:
-            self._world.send(None, dest=0, tag=_LEAVES)
-            while not self._world.iprobe(source=0, tag=_LEAVES):
-                if time.monotonic() > until:
-                    return False
-                time.sleep(_PAUSE)
-            self._world.recv(source=0, tag=_LEAVES)
-            self._world.recv(source=0, tag=_ALL_LEAVE)  # the first rank exits without sending it where a rank is missing
-        else:
-            for rank in others:
-                self._world.send(None, dest=rank, tag=_LEAVES)
-            while arrived < len(others):
-                while self._world.iprobe(tag=_LEAVES):
-                    self._world.recv(tag=_LEAVES)
-                    arrived += 1
-                if time.monotonic() > until and arrived < len(others):
-                    return False
-                time.sleep(_PAUSE)
-            for rank in others:
-                self._world.send(None, dest=rank, tag=_ALL_LEAVE)
-        if self._mpi:
-            self._mpi.Finalize()
+        if not self._mpi:
+            return True
+        until, arrival = time.monotonic() + seconds, self._ends.Ibarrier()
+        while not arrival.Test():
+            if time.monotonic() > until:
+                return False
+            time.sleep(_PAUSE)
+        self._mpi.Finalize()
         return True
 
 

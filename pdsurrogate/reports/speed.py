@@ -84,35 +84,11 @@ def measure_speed(
         ``ns_per_directed_bond_1_at_any_time`` and ``ns_per_directed_bond_all_at_any_time``.
     """
     threads = sorted({1, most_threads()})
-    whole, bonds, calls = {}, {}, {}
-    for number, case in enumerate(cases):
-        positions, out = bench_positions(case.body, law), np.empty_like(case.body.points)
-        for count in threads:
-            key = number, count
-            with thread_count(count):
-                force = case.model.bind(case.body, law, ForceSettings(precision=case.precision))
-                whole[key], bonds[key] = partial(force, positions, out), partial(force.pass_bonds, out)
-                whole[key]()
-                bonds[key]()
-                calls[key] = max(1, round(WARM_UP / _seconds(whole[key])))
     yardsticks = {count: _arithmetic_on(count) for count in threads}
     rounds = _rounds_in(PIECE, yardsticks[1])
-
-    def take_turn(number: int, count: int) -> list[tuple[float, float, float]]:
-        """Return times of the whole evaluation, of the bond pass, and of the slower reference arithmetic beside them."""
-        key, found = (number, count), []
-        with thread_count(count):
-            for _ in range(calls[key]):
-                whole[key]()
-            before = yardsticks[count](rounds)
-            for _ in range(TIMINGS):
-                times = _seconds(whole[key]), _seconds(bonds[key])
-                after = yardsticks[count](rounds)
-                found.append((*times, max(before, after)))
-                before = after
-        return found
-
-    timings = {key: [] for key in whole}
+    keys = [(number, count) for number in range(len(cases)) for count in threads]
+    turns = {(number, count): _turns_of(cases[number], law, count, partial(yardsticks[count], rounds)) for number, count in keys}
+    timings = {key: [] for key in keys}
     wanted = list(timings)
     began = time.perf_counter()
     with threadpool_limits(1):
@@ -120,7 +96,7 @@ def measure_speed(
             settled, spent = len(timings) - len(wanted), min((time.perf_counter() - began) / max(patience, 1e-9), 1.0)
             progress(max(settled, spent * len(timings)), len(timings), f"all in turn, {settled} of {len(timings)} settled")
             for key in wanted:
-                timings[key] += take_turn(*key)
+                timings[key] += turns[key]()
             best = {count: min(timing[2] for key in timings if key[1] == count for timing in timings[key]) for count in threads}
             if time.perf_counter() - began > patience:
                 break
@@ -140,6 +116,35 @@ def measure_speed(
         row["arithmetic_speedup"] = best[threads[0]] * row["disturbance_1"] / (best[threads[-1]] * row["disturbance_all"])
         rows.append({key: float(value) for key, value in row.items()})
     return rows
+
+
+def _turns_of(case: TimedModel, law: Law, count: int, yardstick: Callable[[], float]) -> Callable[[], list[tuple[float, float, float]]]:
+    """Return a function that takes one turn of timings of a case on a number of threads.
+
+    A timing is the seconds of the whole evaluation, of the bond pass, and of the slower reference arithmetic before or after them.
+    """
+    positions, out = bench_positions(case.body, law), np.empty_like(case.body.points)
+    with thread_count(count):
+        force = case.model.bind(case.body, law, ForceSettings(precision=case.precision))
+        whole, bonds = partial(force, positions, out), partial(force.pass_bonds, out)
+        whole()
+        bonds()
+        calls = max(1, round(WARM_UP / _seconds(whole)))
+
+    def turn() -> list[tuple[float, float, float]]:
+        found = []
+        with thread_count(count):
+            for _ in range(calls):
+                whole()
+            before = yardstick()
+            for _ in range(TIMINGS):
+                times = _seconds(whole), _seconds(bonds)
+                after = yardstick()
+                found.append((*times, max(before, after)))
+                before = after
+        return found
+
+    return turn
 
 
 def _arithmetic_on(count: int) -> Callable[[int], float]:

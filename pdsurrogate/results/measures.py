@@ -105,6 +105,8 @@ class PointState:
         See `InternalForce.learnt`.
     member_deviation : ndarray, shape (n,), or None
         See `InternalForce.learnt`.
+    kept : dict of str
+        Arrays of state that the force declares as shown, by name, see `pdsurrogate.forces.term.Kept`.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
@@ -114,6 +116,7 @@ class PointState:
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
         self.deviation, self.member_deviation = force.learnt.domain_deviation(), force.learnt.member_deviation()
+        self.kept = {array.name: array.at_points(force.body) for array in force.states if array.shown}
 
     @cached_property
     def deformation_gradient(self) -> np.ndarray:
@@ -205,13 +208,13 @@ POINT_FIELDS = {
 
 
 def point_fields(state: PointState) -> dict[str, np.ndarray]:
-    """Return the fields of `POINT_FIELDS` that have a meaning in a state, shape (n,) or (n, components)."""
+    """Return the fields of `POINT_FIELDS` that have a meaning in a state, and the state that terms show; shape (n,) or (n, components)."""
     fields = {}
     for name, field in POINT_FIELDS.items():
         values = field.values(state)
         if values is not None:
             fields[name] = values if field.components == 1 else values.reshape(-1, field.components)
-    return fields
+    return fields | state.kept
 
 
 def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:

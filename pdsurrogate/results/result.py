@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,6 +18,9 @@ from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occu
 from .measures import unit_of, values_of
 from .states import States, StatesInFiles, StatesInMemory, deformed_cells
 from .tables import column_unit, html_history, read_table, write_tables
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(repr=False)
@@ -68,7 +72,7 @@ class Result:
 
     @property
     def in_pieces(self) -> bool:
-        """Whether several ranks wrote the fields in pieces, one for the points of each; `save` then draws no pictures of them."""
+        """True if several ranks wrote the fields in pieces, one for the points of each; `save` then draws no pictures of them."""
         return isinstance(self.states, StatesInFiles) and self.states.in_pieces
 
     def displacement(self, level: int = -1) -> np.ndarray:
@@ -112,7 +116,7 @@ class Result:
             _drawings().save_drawings(self, folder)
         write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
 
-    def figure(self):
+    def figure(self) -> Figure:
         """Return a figure of the deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
 
         A general programme is shown at a few outputs, coloured by the size of the displacement; breaking bonds, by damage.  A solid is
@@ -176,7 +180,7 @@ class Result:
             raise IndexError(f"level {level}: the result has no such state; {there}")
         return self.states[level][1]
 
-    def plot(self, field: str = "displacement", level: int = -1, limits: tuple[float, float] | None = None):
+    def plot(self, field: str = "displacement", level: int = -1, limits: tuple[float, float] | None = None) -> Figure:
         """Return a figure of the deformed body at a level, coloured by a field.
 
         Parameters
@@ -275,7 +279,7 @@ class Result:
             at = f"t = {moment.t:.3g}"
         return f"{at}, {self.scene.units.amount(moment.time, 'time', '.4g')}" if moving else at
 
-    def loading_figure(self):
+    def loading_figure(self) -> Figure:
         """Return a figure of nominal stress against stretch or, of a general programme, of forces against t."""
         return _drawings().loading_figure(self)
 

@@ -133,7 +133,7 @@ class StatesInFiles:
 
     @property
     def in_pieces(self) -> bool:
-        """Whether each rank writes a piece of a state."""
+        """True if each rank writes a piece of a state."""
         return self.body is not None and self.body.share.divided
 
     def append(self, moment: Moment, fields: Fields) -> None:

@@ -88,16 +88,11 @@ def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray)
     corners, beside = cells.faces
     outer = beside[:, 1] < 0
     sides, owners = nodes[corners[outer]], beside[outer, 0]
-    normals = np.cross(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1])
-    # A triangle repeats its last corner, so the cross product of its diagonals vanishes.
-    normals = np.where(
-        np.linalg.norm(normals, axis=1, keepdims=True) > 0, normals, np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
-    )
+    normals = np.cross(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1])  # of triangles as well, which repeat the last corner
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
     seen = np.flatnonzero(normals @ EYE > 0)
     seen = seen[np.argsort(sides[seen].mean(axis=1) @ EYE)]
-    light = LightSource(AZIMUTH, 45).direction
-    brightness = 0.8 + 0.2 * np.clip(normals[seen] @ light, 0, 1)
+    brightness = 0.8 + 0.2 * np.clip(normals[seen] @ LightSource(AZIMUTH, 45).direction, 0, 1)
     colours = of_cells[owners[seen]].copy()
     colours[:, :3] *= brightness[:, None]
     axes.add_collection3d(Poly3DCollection(sides[seen], facecolors=colours, edgecolors=colours, linewidths=0.2, zsort="average"))

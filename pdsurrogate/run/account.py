@@ -145,11 +145,9 @@ class Bookkeeping:
 
     def _uneven(self) -> bool:
         """Return whether supports change velocity faster than the viscosity allows the elastic forces to be followed."""
-        viscosity, time, run = self._viscosity, self.account.time, self._run
-        if viscosity == 0:
-            return False
-        ahead = run.state.parameter + viscosity * self._motion.rate
-        return run.loading.unevenness(self._motion.at(time - self._integrator.last_step), run.state.parameter, ahead) > LEAST_UNEVENNESS
+        viscosity, motion, now = self._viscosity, self._motion, self._run.state.parameter
+        last = motion.at(self.account.time - self._integrator.last_step)
+        return viscosity > 0 and self._run.loading.unevenness(last, now, now + viscosity * motion.rate) > LEAST_UNEVENNESS
 
     def add_work(self, reactions: Reactions) -> None:
         """Add the work of what holds and loads since the last time; the force is still the one that moves the body."""
@@ -222,10 +220,8 @@ class Bookkeeping:
         # Half as much again for what the trapezoidal rule and the points' own strain energy leave out.
         allowed = put_in + (MOST_ENERGY - 1) * account.most_put_in + self._rounding
         if not first and kinetic + account.damped_energy > allowed:
-            raise Diverging(
-                f"time {account.time:.4g}: the motion runs away: it and the damping have taken {kinetic + account.damped_energy:.3g} "
-                f"of the {put_in:.3g} that was put in"
-            )
+            taken = f"it and the damping have taken {kinetic + account.damped_energy:.3g} of the {put_in:.3g} that was put in"
+            raise Diverging(f"time {account.time:.4g}: the motion runs away: {taken}")
         if self.closes:
             account.gap = kinetic + strain - put_in + account.damped_energy + account.released_energy
             account.greatest_gap = max(account.greatest_gap, account.gap, key=abs)

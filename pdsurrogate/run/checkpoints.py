@@ -10,8 +10,9 @@ import numpy as np
 
 from ..body import rows_of
 from ..ranks import Rows
-from ..results.checkpoint import Checkpoint, CheckpointError
+from ..results.checkpoint import Checkpoint
 from ..results.states import Moment
+from .sharing import together
 from .state import State
 
 if TYPE_CHECKING:
@@ -98,9 +99,7 @@ class Checkpoints:
         run.states = run.states_of([Moment(*moment) for moment in progress["moments"]])
         if run.damage is not None:
             run.damage.restore()
-            broken = np.flatnonzero(run.damage.broken)
-            if self._share.any(len(broken) > 0):
-                run.force.break_bonds(broken)
+        run.break_again()
         self.resumable = True
         run.force.evaluations, run.force.pairs_outside = progress["evaluations"], 0 if run.ranks.rank else progress["outside"]
         return found
@@ -113,19 +112,13 @@ class Checkpoints:
 
     def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
         """Read a checkpoint on the first rank and return every rank's rows of it; the present arrays give the names of those required."""
-        run, share, identity = self.run, self._share, self.identity
-        counts = {key: self._rows_of(key).total for key, array in held.items()}
+        run, identity = self.run, self.identity
+        # In one process an array may have more rows than the body: `ba-nosb` has bonds of images too.
+        counts = {key: self._rows_of(key).total if self._share.divided else len(array) for key, array in held.items()}
         shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
-        whole = error = None
-        if run.ranks.rank == 0:
-            try:
-                whole = Checkpoint.read(run.folder, identity, shapes)
-            except CheckpointError as found:
-                error = found
-        share.agree(error)
+        whole = together(run.ranks, lambda: None if run.ranks.rank else Checkpoint.read(run.folder, identity, shapes))
         progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
-        arrays = {key: self._rows_of(key).hand_out(whole and whole.arrays[key]) for key in keys}
-        return Checkpoint(identity, progress, arrays)
+        return Checkpoint(identity, progress, {key: self._rows_of(key).hand_out(whole and whole.arrays[key]) for key in keys})
 
     def _rows_of(self, key: str) -> Rows:
         """Return the rows of the whole body that an array of a checkpoint holds."""

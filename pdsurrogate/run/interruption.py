@@ -9,7 +9,7 @@ import threading
 import time
 
 SECONDS_TO_HEAR = 1.0
-"""After an interrupt within which a run is to come to such a place; else it ends where it is, with what was saved before."""
+"""Time after an interrupt within which a run is to stop by itself; otherwise it ends where it is, with what was saved before."""
 
 
 class Interrupted(RuntimeError):
@@ -20,17 +20,17 @@ class Interrupted(RuntimeError):
 
 
 class Interruption:
-    """Context in which an interrupt asks for the end of a run, and insists on it when nobody heard; a second one ends it at once.
+    """Context in which an interrupt requests the end of a run, and enforces it if the run does not react; a second one ends it at once.
 
-    Only the main thread is interrupted, and only where nobody else has laid claim to the signal.
+    Only the main thread is interrupted, and only where no other handler of the signal is installed.
 
     Parameters
     ----------
     until : float
-        When the time of the run is over, by `time.perf_counter`.
+        End of the time of the run, by `time.perf_counter`.
     insists : bool
-        Whether to end where it is a run that does not hear: a set-up of a preconditioner, or compilation, may take minutes.  One of several
-        ranks would leave the others waiting.
+        Whether to end a run that does not react where it is: the set-up of a preconditioner, or compilation, may take minutes.  One of
+        several ranks would leave the others waiting.
     """
 
     def __init__(self, until: float = math.inf, insists: bool = True) -> None:
@@ -44,14 +44,10 @@ class Interruption:
 
     @property
     def asked(self) -> bool:
-        """Whether the run is to stop; read this only where the state of the run is whole, since reading it acknowledges the signal."""
+        """Return whether the run is to stop; to be read only where its state is whole, since reading it acknowledges the signal."""
         if self.told:
             self._hear()
         return self.told or self.out_of_time
-
-    @asked.setter
-    def asked(self, told: bool) -> None:
-        self.told = told
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:

@@ -38,9 +38,10 @@ HARD = 2.0
 """Evaluations of an increment, over the mean of those before it in its stage, beyond which the next one is not made longer."""
 
 FARTHEST = 0.5
-"""Of the undeformed body's extent: how far loads may carry a point from the first guess of an increment.  Where there is no equilibrium a
-solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest beyond is found with shorter
-increments too."""
+"""Greatest distance over the extent of the body by which loads may carry a point from the first guess of an increment.
+
+Where there is no equilibrium a solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest
+beyond is found with shorter increments too."""
 
 PATIENCE, LEAST_PATIENCE = 30, 2000
 """Evaluations for all increments that follow one that failed, until one succeeds, over the mean of those that succeeded before; and at
@@ -62,14 +63,14 @@ FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
 """Strain whose stress is what rounding of the forces leaves, by precision.  In single at a strain of 1e-4 forces were 0.03 % off."""
 
 MOST_OFF = 1e-3
-"""Sum of all loads and reactions of an equilibrium, over what drives the body."""
+"""Greatest sum of all loads and reactions of an equilibrium, over the forces that drive the body."""
 
 FAILURES = (NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable)
-"""What a shorter increment may mend."""
+"""Failures that a shorter increment may avoid."""
 
 
 def solver_of(run: Run) -> EquilibriumSolver:
-    """The solver that the scene asks for.
+    """Return the solver that the scene names.
 
     Raises
     ------
@@ -312,7 +313,7 @@ class Equilibria:
 
 
 class _Accepted:
-    """The equilibrium that the next increment starts from, and comes back to if it fails."""
+    """Copy of the equilibrium that an increment starts from, and returns to if it fails."""
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
         self.parameter, self.positions, self.gave_up = run.state.parameter, run.positions.copy(), solver.gave_up

@@ -1,4 +1,4 @@
-"""A scene before it is run: its body, and on it regions, grips, loads, cuts and probes."""
+"""Picture of a scene before it is run: its body, with regions, prescribed motions, loads, cuts and probes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class _Mark(NamedTuple):
 
 
 def preview(scene: Scene) -> Figure:
-    """Figure of the undeformed body of a scene, its regions coloured and named, with arrows of displacements and loads.
+    """Draw the undeformed body of a scene, its regions coloured and named, with arrows for displacements and loads.
 
     A body in space is shown from outside.
 

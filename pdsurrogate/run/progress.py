@@ -10,10 +10,10 @@ class Progress(Protocol):
     """Receiver of the progress of a simulation; every method may do nothing."""
 
     def compiling(self) -> None:
-        """Kernels are being compiled, which happens once on a machine."""
+        """Report that kernels are being compiled, which happens once on a machine."""
 
     def level(self, number: int, parameter: float) -> None:
-        """The way to an output in equilibrium begins, in a stage of the programme, at a value of the loading parameter."""
+        """Report that the search for an output in equilibrium begins: the number of its stage and its loading parameter."""
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
         """Report the residual of a level."""
@@ -26,4 +26,4 @@ class Progress(Protocol):
 
 
 class Silent(Progress):
-    """Progress that nobody hears."""
+    """Progress that is not shown."""

@@ -30,7 +30,7 @@ class Record:
 
     def __init__(self, run: Run, summary: dict) -> None:
         self._run, self._summary = run, summary
-        self._began, self._due, self._due_with_state = time.monotonic(), 0.0, 0.0
+        self._began, self._earliest = time.monotonic(), 0.0
 
     def keep(self) -> None:
         """Write history, convergence and summary."""
@@ -45,15 +45,9 @@ class Record:
         }
         write_tables(run.folder, self._summary | reached, run.state.history, run.state.convergence, run.problem.units)
         ended = time.monotonic()
-        self._due_with_state = ended + SHARE * (ended - began)
-        self._due = max(self._due_with_state, ended + SECONDS)
+        self._earliest = ended + SHARE * (ended - began)
 
-    def state(self) -> None:
-        """Write the record after a state: the first at once, others as soon as writing is cheap enough."""
-        if len(self._run.states) == 1 or time.monotonic() >= self._due_with_state:
-            self.keep()
-
-    def keep_if_due(self) -> None:
-        """Write the record if the last one is old."""
-        if time.monotonic() >= self._due:
+    def keep_if_due(self, rest: float = SECONDS) -> None:
+        """Write the record if the last one is older by `rest` than writing it allows."""
+        if time.monotonic() >= self._earliest + rest:
             self.keep()

@@ -135,10 +135,14 @@ class Run:
         self.force, self.loaded = self.problem.bind("float64")
         for key, array in self.force.state_arrays().items():
             array[:] = old.state_arrays()[key]
+        self.break_again()
+        for counter in ("evaluations", "pairs_outside", "seconds", "timed"):
+            setattr(self.force, counter, getattr(old, counter))
+
+    def break_again(self) -> None:
+        """Take the broken bonds out of a force that was bound, or whose states were read, after they broke."""
         if self.damage is not None and self.body.share.any(bool(self.damage.broken.any())):
             self.force.break_bonds(np.flatnonzero(self.damage.broken))
-        self.force.evaluations, self.force.pairs_outside = old.evaluations, old.pairs_outside
-        self.force.seconds, self.force.timed = old.seconds, old.timed
 
     def states_of(self, moments: list[Moment] | None = None) -> States:
         """Return the storage of states, with the moments of those that are recorded already."""
@@ -182,7 +186,7 @@ class Run:
         self._count_beyond_data(moment)
         self.states.append(moment, fields)
         if self.record_of_folder is not None:
-            self.record_of_folder.state()
+            self.record_of_folder.keep_if_due(0.0 if len(self.states) > 1 else -np.inf)
 
     def _count_beyond_data(self, moment: Moment) -> None:
         """Count the bonds, or of an energy the points, that are beyond the test data that the force was learnt from."""

@@ -1,4 +1,4 @@
-"""A scene and a force model in, a result out: picks what this scene needs and runs it."""
+"""Run of a scene with a force model, from the checks of what was given to the result."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class SimulationInterrupted(SimulationFailed):
 
 
 UNDER_WAY = "the run is under way, or was ended from without"
-"""What a summary says in the place of a failure while its run goes on."""
+"""Entry `failure` of a summary while its run goes on."""
 
 
 ADVICE = {
@@ -92,13 +92,12 @@ ADVICE = {
     Unbalanced: "take a smaller solver.tolerance",
     TooFar: "take a smaller steps.largest_increment, or more outputs",
     Unstable: "push it less far, or follow it in dynamics",
-    RanAway: "a load may have a maximum, as the pressure in a balloon has: to go beyond it prescribe displacements in its place, or follow "
-    "it in dynamics",
+    RanAway: "a load may have a maximum, as the pressure in a balloon has: prescribe displacements in its place, or follow it in dynamics",
     FoldedOver: "contact is not followed, and a finer spacing shows the fold sooner: push it less far, make the free side hollow, or let "
     "the body slide there, with the components along the plane left free",
     InvalidState: "take a finer spacing; or the material itself does not reach this far",
 }
-"""What to change, by what went wrong between levels in equilibrium."""
+"""Advice by the failure of a stage in equilibrium."""
 
 DYNAMICS_ADVICE = "take a smaller dynamics.safety, more dynamics.viscosity or damping, or a finer spacing"
 
@@ -134,7 +133,7 @@ def simulate(
     progress : Progress, optional
         Where to report progress.
     folder : str or path, optional
-        Where states are written the moment they are reached, checkpoints beside them, and the tables and the summary as the run goes on;
+        Folder for states, written the moment they are reached, checkpoints, tables and the summary, updated as the run goes on;
         without it states stay in memory.
         Results of the same run there, of this scene with this force, are replaced; what else there is needs `overwrite`.
     resume : bool

@@ -34,7 +34,7 @@ INTEGRATOR = ("time_step", "last_step", "steps")
 
 
 class Transient:
-    """The dynamics of one stage of a run.
+    """Explicit dynamics of one stage of a run.
 
     Parameters
     ----------

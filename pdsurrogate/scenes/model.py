@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
 from ..html_tables import html_facts
@@ -16,7 +16,7 @@ from .consistency import check_consistency
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
 from .problems import SceneError, suggestion
 from .regions import EDGES, FACES, Region, RegionName, RegionReference, reserved_names
-from .shapes import Mesh, Precut, TaggedOutline, shape_of
+from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle, with_shape
 from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Sphere, Tube, cut_of
 from .strict_model import Finite, Positive, StrictModel, Vector, Whole
 
@@ -32,7 +32,7 @@ HORIZON_RATIOS = {2: 3.15, 3: 1.75}
 """Horizons over the side of a cell where none is asked for, by dimension.  In space short ones are more accurate and cheaper: 26 bonds."""
 
 RIGID = "rigid"
-"""What an entry of `materials` names in the place of a law, whose region moves as one body."""
+"""Material of a region that moves as one body, in the place of a law."""
 
 LEAST_MODULUS, MOST_MODULUS = 1e-30, 1e30
 LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
@@ -71,11 +71,11 @@ class MaterialSpec(StrictModel):
 
     @property
     def rigid(self) -> bool:
-        """Whether the material has no law, so that its region moves as one body."""
+        """Return whether the material has no law, so that its region moves as one body."""
         return self.law == RIGID
 
     def build(self) -> Law:
-        """The law.
+        """Return the law.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class Part(StrictModel):
 
     @property
     def rigid(self) -> bool:
-        """Whether the region moves as one body."""
+        """Return whether the region moves as one body."""
         return self.material.rigid
 
     @model_validator(mode="after")
@@ -211,15 +211,9 @@ class Dynamics(DynamicsSettings):
     outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 30
 
 
-_TaggedSolid = (
-    Annotated[Box, Tag("box")]
-    | Annotated[Cylinder, Tag("cylinder")]
-    | Annotated[Sphere, Tag("sphere")]
-    | Annotated[Tube, Tag("tube")]
-    | Annotated[Extrusion, Tag("extrusion")]
-)
-AnyShape = Annotated[TaggedOutline | _TaggedSolid, Discriminator(shape_of)]
-AnyBody = Annotated[TaggedOutline | _TaggedSolid | Annotated[Mesh, Tag("mesh")], Discriminator(shape_of)]
+_Shape = Rectangle | Circle | Ellipse | Polygon | Box | Cylinder | Sphere | Tube | Extrusion
+AnyShape = Annotated[_Shape, Field(discriminator="shape"), BeforeValidator(with_shape)]
+AnyBody = Annotated[_Shape | Mesh, Field(discriminator="shape"), BeforeValidator(with_shape)]
 AnyPrecut = Annotated[
     Annotated[Precut, Tag("line")] | Annotated[ParallelogramCut, Tag("parallelogram")] | Annotated[DiscCut, Tag("disc")],
     Discriminator(cut_of),
@@ -240,12 +234,12 @@ class Units(StrictModel):
 
     @property
     def force(self) -> str | None:
-        """Unit of forces: bodies are one unit of length thick."""
+        """Return the unit of forces: bodies are one unit of length thick."""
         return f"{self.stress} {self.length}^2" if self.stress and self.length else None
 
     @property
     def energy(self) -> str | None:
-        """Unit of energies and moments."""
+        """Return the unit of energies and moments."""
         return f"{self.stress} {self.length}^3" if self.stress and self.length else None
 
     def label(self, what: str, kind: str) -> str:
@@ -254,15 +248,15 @@ class Units(StrictModel):
         return f"{what} ({unit})" if unit else what
 
     def amount(self, number: float | str, kind: str, form: str = "", power: str = "") -> str:
-        """A number, or several in words, with the unit of its kind where that has a name."""
+        """Return a number, or several in words, with the unit of its kind where that has a name."""
         unit = getattr(self, kind)
         return f"{number:{form}} {unit}{power}" if unit else f"{number:{form}}"
 
 
 class Scene(StrictModel):
-    """A simulation, fully described.
+    """Complete description of a simulation: body, material, loading, solver and output.
 
-    Lengths and stresses are in the scene's own units throughout.  The loading is said in one of two ways.  The short one is two opposite
+    Lengths and stresses are in the scene's own units throughout.  The loading is given in one of two ways.  The short one is two opposite
     `grips` and `stretches`, the levels of the loading programme in the order given: the distance of the two grips over its undeformed
     value.  The general one is `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins
     at 0.  Of a body that `spacing` does not divide the nearest cells are taken that fill it; the horizon is `horizon_ratio` times the
@@ -346,11 +340,11 @@ class Scene(StrictModel):
 
     @property
     def dimension(self) -> int:
-        """Dimension of the body, 2 or 3."""
+        """Return the dimension of the body, 2 or 3."""
         return self.body.dimension
 
     def law(self) -> Law:
-        """The law of its material.
+        """Return the law of the material.
 
         Raises
         ------
@@ -363,20 +357,21 @@ class Scene(StrictModel):
 
     @property
     def stretched(self) -> bool:
-        """Whether the loading is given by grips and stretches."""
+        """Return whether the loading is given by grips and stretches."""
         return bool(self.grips)
 
     @property
     def loaded_axis(self) -> int:
-        """0 where the body is pulled along x1, 1 along x2, 2 along x3."""
+        """Return the axis along which grips pull the body: 0 for x1, 1 for x2, 2 for x3."""
         return EDGES[self.grips[0].edge][0]
 
     @model_validator(mode="before")
     @classmethod
     def _spacing_of_a_mesh(cls, value: Any) -> Any:
-        """Ask a mesh for no spacing."""
-        asked = isinstance(value, Mapping) and "spacing" not in value and shape_of(value.get("body")) == "mesh"
-        return {**value, "spacing": None} if asked else value
+        """Let a mesh be given without a spacing."""
+        body = value.get("body") if isinstance(value, Mapping) else None
+        meshed = isinstance(body, Mesh) or (isinstance(body, dict) and body.get("shape") == "mesh")
+        return {"spacing": None, **value} if meshed else value
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:

@@ -44,51 +44,52 @@ PLAIN = {
     "dict_type": "must be a table",
     "missing": "Field required",
 }
-"""Pydantic's problems, by type, that it tells in the words of Python; a description is written in TOML."""
+"""Messages in the place of Pydantic's, which uses the words of Python; a description is written in TOML."""
 
 
 def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str:
-    """One line for all problems, each with its dotted key.
+    """Return one line for all problems, each with its dotted key.
 
     Parameters
     ----------
     error : ValidationError
     model : type, optional
-        What the description was read as; with it, unknown keys are told with what there is.
+        Model as which the description was read; with it, messages about unknown keys list the known ones.
     """
-    problems, lines = error.errors(), []
-    for problem in problems:
-        loc, kind, given = problem["loc"], problem["type"], problem.get("input")
-        if kind in ("too_short", "too_long") and any(other["loc"] != loc == other["loc"][: len(loc)] for other in problems):
-            continue  # Pydantic counts the entries that are left when the wrong ones are taken out.
-        if kind == "missing" and isinstance(loc[-1], int):
-            if any(other["type"] == "missing" and other["loc"][:-1] == loc[:-1] and other["loc"] > loc for other in problems):
-                continue  # The last one missing tells how many there should be.
-            message = f"needs {loc[-1] + 1} entries, not {len(given)}; it belongs to space, and two components to what is in the plane"
-            lines.append(f"{_place_of(model, loc[:-1])[0]}: {message}")
-            continue
-        key, keys = _place_of(model, loc)
-        message = PLAIN.get(kind, problem["msg"].removeprefix("Value error, "))
-        if kind == "extra_forbidden":
-            message = "unknown key" + (f"; {suggestion(str(loc[-1]), keys)}" if keys else "")
-            given = None
-        elif kind in ("too_short", "too_long"):
-            bound = f"at least {problem['ctx']['min_length']}" if kind == "too_short" else f"at most {problem['ctx']['max_length']}"
-            message = f"needs {bound} entries, not {problem['ctx']['actual_length']}"
-            if (problem["ctx"].get("max_length"), problem["ctx"]["actual_length"]) == (2, 3):
-                message += "; it belongs to the plane, and three components to what is in space"
-        elif kind == "union_tag_invalid":
-            shapes = problem["ctx"]["expected_tags"].replace("'", "").split(", ")
-            message = f"unknown shape {problem['ctx']['tag']!r}; {suggestion(problem['ctx']['tag'], shapes)}"
-        text = repr(given)
-        told = message.endswith(text) or (isinstance(given, str) and text in message)
-        shown = f" (given {text if len(text) <= 80 else text[:77] + '...'})" if isinstance(given, str | int | float) and not told else ""
-        lines.append(f"{key}: {message}{shown}" if key else message)
-    return "; ".join(lines)
+    problems = error.errors()
+    return "; ".join(line for problem in problems if (line := _line(problem, problems, model)))
+
+
+def _line(problem: Any, problems: list, model: type[BaseModel] | None) -> str | None:
+    """Return the line for a problem; None where another one says it better."""
+    loc, kind, given, context = problem["loc"], problem["type"], problem.get("input"), problem.get("ctx", {})
+    if kind in ("too_short", "too_long") and any(other["loc"] != loc == other["loc"][: len(loc)] for other in problems):
+        return None  # Pydantic counts the entries that are left when the wrong ones are taken out.
+    if kind == "missing" and isinstance(loc[-1], int):
+        if any(other["type"] == "missing" and other["loc"][:-1] == loc[:-1] and other["loc"] > loc for other in problems):
+            return None  # The last one missing shows how many there should be.
+        count = f"needs {loc[-1] + 1} entries, not {len(given)}"
+        return f"{_place_of(model, loc[:-1])[0]}: {count}; it belongs to space, and two components to what is in the plane"
+    key, keys = _place_of(model, loc)
+    message = PLAIN.get(kind, problem["msg"].removeprefix("Value error, "))
+    if kind == "extra_forbidden":
+        message, given = "unknown key" + (f"; {suggestion(str(loc[-1]), keys)}" if keys else ""), None
+    elif kind in ("too_short", "too_long"):
+        bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
+        message = f"needs {bound} entries, not {context['actual_length']}"
+        if (context.get("max_length"), context["actual_length"]) == (2, 3):
+            message += "; it belongs to the plane, and three components to what is in space"
+    elif kind == "union_tag_invalid":
+        shapes = context["expected_tags"].replace("'", "").split(", ")
+        message = f"unknown shape {context['tag']!r}; {suggestion(context['tag'], shapes)}"
+    text = repr(given)
+    if isinstance(given, str | int | float) and not message.endswith(text) and not (isinstance(given, str) and text in message):
+        message += f" (given {text if len(text) <= 80 else text[:77] + '...'})"
+    return f"{key}: {message}" if key else message
 
 
 def _place_of(model: Any, loc: tuple) -> tuple[str, list[str]]:
-    """The dotted key of a place as its author wrote it, and the keys of the table that it is in.
+    """Return the dotted key of a place as its author wrote it, and the keys of the table that it is in.
 
     Pydantic adds which of several shapes it took a part for; the author's file has no such key.
     """
@@ -107,7 +108,7 @@ def _place_of(model: Any, loc: tuple) -> tuple[str, list[str]]:
 
 
 def _options(place: Any, tag: str | None = None) -> Iterator[tuple[Any, str | None]]:
-    """The types that a place may be read as, each with the tag that it goes by."""
+    """Yield the types that a place may be read as, each with the tag that it goes by."""
     if get_origin(place) is Annotated:
         place, *notes = get_args(place)
         tag = next((note.tag for note in notes if isinstance(note, Tag)), tag)
@@ -115,11 +116,12 @@ def _options(place: Any, tag: str | None = None) -> Iterator[tuple[Any, str | No
         for option in get_args(place):
             yield from _options(option, tag)
     else:
-        yield place, tag
+        shape = getattr(place, "model_fields", {}).get("shape")
+        yield place, tag or (shape and shape.default)
 
 
 def _inside(place: Any, step: str | int) -> Any:
-    """The type of an entry of a list, or of a key of a table; None where there is no such thing."""
+    """Return the type of an entry of a list, or of a key of a table; None where there is no such thing."""
     if get_origin(place) is tuple and isinstance(step, int):
         return get_args(place)[0]
     if get_origin(place) is dict:
@@ -131,5 +133,5 @@ def _inside(place: Any, step: str | int) -> Any:
 
 
 def _fields(table: type[BaseModel]) -> dict[str, FieldInfo]:
-    """The fields of a table by the keys that an author writes."""
+    """Return the fields of a table by the keys that an author writes."""
     return {field.alias or name: field for name, field in table.model_fields.items()}

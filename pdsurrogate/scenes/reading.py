@@ -16,11 +16,11 @@ from .model import Scene
 from .problems import SceneError, explain
 
 MOST_BYTES = 16 * 2**20
-"""Of the file of a scene: an outline of half a million corners."""
+"""Greatest size of the file of a scene, enough for an outline of half a million corners."""
 
 
 def scene_names() -> list[str]:
-    """Names of the built-in scenes.
+    """Return the names of the built-in scenes.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
 
 
 def read_description(path: Path) -> str:
-    """Text of a file that describes something; SceneError where it is longer than any such file, as that of an endless device is."""
+    """Return the text of a scene or study file; raise SceneError where it is longer than any, as that of an endless device is."""
     with path.open("rb") as file:
         content = file.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:

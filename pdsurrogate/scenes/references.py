@@ -19,14 +19,14 @@ def _cases() -> list[dict]:
 
 
 def reference_level(scene: Scene, stretch: float) -> dict[str, float]:
-    """Measures of a level by the reference that the scene names; empty where its problem is another than the reference's."""
+    """Return the measures of a level by the reference that the scene names; empty where its problem is not that of the reference."""
     if scene.reference is None:
         return {}
     return {"uniaxial": uniaxial_level, "finite-elements": finite_element_level}[scene.reference](scene, stretch)
 
 
 def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
-    """Homogeneous tension of a rectangle that nothing but its grips holds, along the load alone.
+    """Return the homogeneous tension of a rectangle that only its grips hold, along the load alone.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
 
 
 def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
-    """The finite element solution of a scene at a stretch.
+    """Return the finite element solution of a scene at a stretch.
 
     Returns
     -------
@@ -59,20 +59,16 @@ def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
         that stretch.
         Stresses are scaled to the scene's shear modulus, which changes no displacement at the same K/mu.
     """
-    law = scene.law()
-    keys = {"body", "holes", "precuts", "grips", "materials"}
+    law, keys = scene.law(), {"body", "holes", "precuts", "grips", "materials"}
     problem = scene.model_dump(mode="json", include=keys, exclude_none=True, by_alias=True)
-    for case in _cases():
-        same = all(problem[key] == case.get(key, []) for key in problem) and not scene.holds and scene.plane == case.get("plane", "stress")
-        if scene.materials and law.shear_modulus != case["shear_modulus"]:
-            continue
-        ratio = case["bulk_modulus"] / case["shear_modulus"]
-        if not (same and law.name == case["law"] and np.isclose(law.bulk_modulus / law.shear_modulus, ratio)):
+    ratio = law.bulk_modulus / law.shear_modulus
+    for case in [] if scene.holds else _cases():
+        scale = law.shear_modulus / case["shear_modulus"]
+        same = all(problem[key] == case.get(key, []) for key in problem) and scene.plane == case.get("plane", "stress")
+        same = same and law.name == case["law"] and np.isclose(ratio, case["bulk_modulus"] / case["shear_modulus"])
+        if not same or (scene.materials and scale != 1):
             continue
         for level in case["levels"]:
             if np.isclose(level["stretch"], stretch):
-                scale = law.shear_modulus / case["shear_modulus"]
-                values = {key: value for key, value in level.items() if key != "stretch"}
-                values["nominal_stress"] *= scale
-                return values
+                return {key: value * scale if key == "nominal_stress" else value for key, value in level.items() if key != "stretch"}
     return {}

@@ -19,12 +19,12 @@ EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate
 
 
 def edge_names(dimension: int) -> tuple[str, ...]:
-    """Edges of the bounding box of a sheet, or faces of that of a solid."""
+    """Return the edges of the bounding box of a sheet, or the faces of that of a solid."""
     return FACES[: 2 * dimension]
 
 
 def reserved_names(dimension: int) -> tuple[str, ...]:
-    """Regions that every body has: its edges or faces, all of it, its outer boundary, and that of its holes (``holes.0`` the first's)."""
+    """Return the regions that every body has: edges or faces, all of it, its outer boundary, that of its holes (``holes.0``: the first)."""
     return (*edge_names(dimension), "body", "outline", "holes")
 
 
@@ -38,35 +38,35 @@ RegionName = Annotated[str, AfterValidator(_name)]
 
 
 class Disc(StrictModel):
-    """A disc: everything within a radius of its centre."""
+    """Disc: all places within a radius of its centre."""
 
     centre: Point
     radius: Positive
 
 
 class HalfPlane(StrictModel):
-    """All on one side of a straight line through a point: the side that the normal points to, the line itself included."""
+    """Half-plane bounded by a straight line through a point, on the side that the normal points to, the line included."""
 
     point: Point
     normal: Direction
 
 
 class Ball(StrictModel):
-    """A ball: all places within a radius of its centre, in three dimensions."""
+    """Ball: all places within a radius of its centre, in three dimensions."""
 
     centre: SpacePoint
     radius: Positive
 
 
 class HalfSpace(StrictModel):
-    """All on one side of a plane through a point: the side that the normal points to, the plane itself included."""
+    """Half-space bounded by a plane through a point, on the side that the normal points to, the plane included."""
 
     point: SpacePoint
     normal: SpaceDirection
 
 
 class Region(StrictModel):
-    """A region, said in exactly one way.
+    """Region of a body, given in exactly one way.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Region(StrictModel):
     other: Annotated[RegionReference | None, Field(alias="not")] = None
 
     @model_validator(mode="after")
-    def _said_once(self) -> Region:
+    def _given_once(self) -> Region:
         fields = type(self).model_fields
         if sum(getattr(self, name) is not None for name in fields) != 1:
             names = ", ".join(field.alias or name for name, field in fields.items())
@@ -134,7 +134,7 @@ class Region(StrictModel):
         return None
 
     def members(self) -> Iterator[tuple[str, str | Region]]:
-        """The regions that this one is combined of, each with its key in it: and.0, and.1, or.0, not."""
+        """Yield the regions that this one combines, each with its key: and.0, and.1, or.0, not."""
         yield from ((f"and.{number}", member) for number, member in enumerate(self.both or ()))
         yield from ((f"or.{number}", member) for number, member in enumerate(self.either or ()))
         yield from () if self.other is None else [("not", self.other)]
@@ -151,13 +151,13 @@ RegionReference = Annotated[
     Discriminator(lambda value: "name" if isinstance(value, str) else "region"),
     BeforeValidator(_name_or_table),
 ]
-"""The name of a region, or a region given in place."""
+"""Name of a region, or a region given in place."""
 
 Region.model_rebuild()
 
 
 def references_in(key: str, region: str | Region) -> Iterator[tuple[str, str | Region]]:
-    """A region and all that it is combined of, each with its dotted key."""
+    """Yield a region and all that it combines, each with its dotted key."""
     yield key, region
     if isinstance(region, Region):
         for inner, member in region.members():

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from ..body import encloses
 from .strict_model import Point, Positive, StrictModel
@@ -30,7 +30,7 @@ class Shape(StrictModel):
 
     @abstractmethod
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of the bounding box where all coordinates are least, and greatest."""
+        """Return the lower and the upper corner of the bounding box."""
 
 
 class Outline(Shape):
@@ -40,7 +40,7 @@ class Outline(Shape):
 
     @abstractmethod
     def boundary(self, cell: np.ndarray) -> np.ndarray:
-        """Nodes in order around the shape, shape (k, 2).
+        """Return nodes in order around the shape, shape (k, 2).
 
         Those of straight sides are about a cell apart, the ends of the sides among them; those of round ones at most half a cell.
 
@@ -167,7 +167,7 @@ class Polygon(Outline):
 
 
 def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
-    """Nodes along the sides of a polygon, each divided into the equal pieces that are nearest to a cell."""
+    """Return nodes along the sides of a polygon, each divided into the equal pieces that are nearest to a cell."""
     sides = np.roll(corners, -1, axis=0) - corners
     pieces = [max(1, round(float(np.hypot(*(side / cell))))) for side in sides]
     return np.concatenate(
@@ -230,7 +230,7 @@ def _windings(places: np.ndarray, starts: np.ndarray, along: np.ndarray) -> np.n
 
 
 def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
-    """Nodes around an ellipse, symmetric about its axes, such that the chain encloses its area.
+    """Return nodes around an ellipse, symmetric about its axes, such that the chain encloses its area.
 
     With nodes on the curve the area would be that of a smaller one, by a share of theta^2/6 for an angle of theta between nodes.  The work
     of a pressure is the pressure times the change of the area: it is exact so in every affine motion.  Nodes lie beyond the curve by
@@ -242,18 +242,12 @@ def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.n
     return centre + math.sqrt(step / math.sin(step)) * semi_axes * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def shape_of(value: Any) -> str:
-    """Return the shape as which a part is read: a rectangle where none is given."""
-    return str(value.get("shape", "rectangle") if isinstance(value, dict) else getattr(value, "shape", "rectangle"))
+def with_shape(value: Any) -> Any:
+    """Return a description of a shape with its kind, which is a rectangle where none is given."""
+    return {"shape": "rectangle", **value} if isinstance(value, dict) else value
 
 
-TaggedOutline = (
-    Annotated[Rectangle, Tag("rectangle")]
-    | Annotated[Circle, Tag("circle")]
-    | Annotated[Ellipse, Tag("ellipse")]
-    | Annotated[Polygon, Tag("polygon")]
-)
-AnyOutline = Annotated[TaggedOutline, Discriminator(shape_of)]
+AnyOutline = Annotated[Rectangle | Circle | Ellipse | Polygon, Field(discriminator="shape"), BeforeValidator(with_shape)]
 
 
 class Mesh(StrictModel):

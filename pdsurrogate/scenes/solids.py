@@ -20,7 +20,7 @@ class Solid(Shape):
     @property
     @abstractmethod
     def convex(self) -> bool:
-        """Whether the shape is known to be convex."""
+        """Return whether the shape is known to be convex."""
 
 
 class Straight(NamedTuple):
@@ -55,7 +55,7 @@ class Prism(Solid):
     @property
     @abstractmethod
     def straight(self) -> Straight:
-        """Section and axis."""
+        """Return the section and its axis."""
 
     @property
     def convex(self) -> bool:
@@ -199,7 +199,7 @@ class Sphere(Solid):
 
     @property
     def halved(self) -> tuple[int, ...]:
-        """Axes along which it is cut at its centre, in two halves of which it is the upper one."""
+        """Return the axes along which only the upper half of the sphere is there."""
         return tuple(range(("whole", "half", "quarter", "eighth").index(self.part)))
 
     @property
@@ -224,7 +224,7 @@ class FlatCut(StrictModel):
 
     @abstractmethod
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """A place on its plane, the unit normal, and the extent of the cut."""
+        """Return a place on the plane of the cut, the unit normal, and the extent of the cut."""
 
     @abstractmethod
     def covers(self, places: np.ndarray) -> np.ndarray:

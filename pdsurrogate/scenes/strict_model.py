@@ -55,14 +55,14 @@ class _PartType(type(BaseModel)):
 class StrictModel(BaseModel, metaclass=_PartType):
     """Base of all parts of a scene: unknown keys are errors, and nothing changes once read.
 
-    Composed in Python, a part that makes no sense is told like one in a file.
+    A part composed in Python is refused with the same message as one in a file.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def vectors_in(value: Any, key: str = "") -> Iterator[tuple[str, Components]]:
-    """All vectors in a part of a scene, however deep, each with its dotted key."""
+    """Yield all vectors in a part of a scene, however deep, each with its dotted key."""
     if isinstance(value, Components):
         yield key, value
         return

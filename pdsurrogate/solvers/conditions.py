@@ -262,15 +262,10 @@ class Loading:
         """
         supported = force.supported
         for plane, held in zip(self.body.planes, self.planes, strict=True):
-            motion = held.motion(parameter)
-            if held.turn is None:
-                beyond = positions[:, plane.axis] - (plane.position + motion[plane.axis, -1])
-            else:
-                normal, place = np.zeros((2, self.body.dimension))
-                normal[plane.axis], place[plane.axis] = 1.0, plane.position
-                place += displaced(motion, place[None])[0]
-                beyond = (positions - place) @ (normal + motion[:, :-1] @ normal)
-            beyond = np.where(supported, plane.side * beyond, 0.0)
+            motion, (normal, place) = held.motion(parameter), np.zeros((2, self.body.dimension))
+            normal[plane.axis], place[plane.axis] = 1.0, plane.position
+            place += displaced(motion, place[None])[0]
+            beyond = np.where(supported, plane.side * ((positions - place) @ (normal + motion[:, :-1] @ normal)), 0.0)
             worst, error = int(beyond.argmax()), None
             if beyond[worst] > 1e-6 * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {held.name}, on the side of its own image"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
@@ -169,26 +171,17 @@ class RigidStiffness(Preconditioner):
     def __init__(self, force: LoadedForce, free: np.ndarray) -> None:
         body, self._regions = force.body, force.rigid
         n, d = free.shape
-        inside = np.zeros(n, dtype=bool)
-        rows, columns, values, at = [], [], [], d * n
-        self._places = []
-        kept = free.copy()
-        motions_free = []
+        inside, kept = np.zeros(n, dtype=bool), free.copy()
+        columns, motions_free = [], []
         for region in self._regions:
-            inside[region.points] = True
-            kept[region.points] = 0
-            motions = region.motions(body.points[region.points])
-            entries = np.nonzero(motions)
-            rows.append(d * region.points[entries[0]] + entries[1])
-            columns.append(at + entries[2])
-            values.append(motions[entries])
-            self._places.append(slice(at, at + region.n_motions))
+            inside[region.points], kept[region.points] = True, 0
+            motions = np.zeros((n, d, region.n_motions))
+            motions[region.points] = region.motions(body.points[region.points])
+            columns.append(sparse.csr_array(motions.reshape(d * n, -1)))
             motions_free.append(np.full(region.n_motions, 0.0 if region.all_held else 1.0))
-            at += region.n_motions
-        soft = np.flatnonzero(np.repeat(~inside, d))
-        shape = (d * n, at)
-        entries = np.concatenate([np.ones(len(soft)), *values]), (np.concatenate([soft, *rows]), np.concatenate([soft, *columns]))
-        by_motion = sparse.csr_array(entries, shape=shape)
+        by_motion = sparse.hstack([sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
+        ends = np.cumsum([d * n, *(region.n_motions for region in self._regions)])
+        self._places = [slice(*span) for span in pairwise(ends)]
         self._free = np.concatenate([kept.ravel(), *motions_free])
         matrix = by_motion.T @ Springs(body, force.stiffness_moduli).matrix(inside) @ by_motion
         self._factor = factor_of(held_matrix(matrix.tocsc(), self._free))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import permutations
 
 import numpy as np
@@ -88,6 +89,17 @@ def notched(dimension=2, **options) -> Body:
     """Return a body of some 80 points, or 250 in three dimensions, without symmetry, with edges and a notch."""
     points = lattice(*(1.0, 0.9, 0.3)[:dimension])
     return of_points(points[(np.abs(points[:, :2] - [0.35, 0.9]) > [0.1, 0.3]).any(axis=1)], **options)
+
+
+def crack(height: float, length: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """Return the function ``separates`` of a `Body` that is cut from its left edge or face at a height."""
+
+    def separates(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+        crosses = (start[:, 1] - height) * (end[:, 1] - height) < 0
+        share = (height - start[:, 1]) / np.where(crosses, end[:, 1] - start[:, 1], 1.0)
+        return crosses & (start[:, 0] + share * (end[:, 0] - start[:, 0]) < length)
+
+    return separates
 
 
 def inner_points(body: Body) -> np.ndarray:

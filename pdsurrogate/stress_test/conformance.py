@@ -43,7 +43,7 @@ from ..learning import training_samples
 from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent
 from ..scenes import load_scene
-from .bodies import disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
+from .bodies import crack, disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
 from .case import PASS, WEAK, Case, Outcome, Subject, case, forces_at, required
 from .deformations import force_densities, mean_stress_at, turn, wavy, why_inaccurate
 from .equilibria import energy_account, force_balance, in_units_of, scale_of_units, small_loads
@@ -406,12 +406,8 @@ def broken_bonds(subject: Subject) -> Outcome:
     Horizons, gradients and corrections are recomputed from the same numbers in another order. J3 starts from other values, which leaves
     1e-9 (`another_start`).
     """
-
-    def crosses(start, end):
-        share = (0.5 - start[:, 1]) / np.where(end[:, 1] == start[:, 1], np.inf, end[:, 1] - start[:, 1])
-        return (share > 0) & (share < 1) & (start[:, 0] + share * (end[:, 0] - start[:, 0]) < 0.6)
-
     required(True in subject.takes("breakable"), "its bonds do not break")
+    crosses = crack(0.5, 0.6)
     body, cut = plain(subject.dimension), plain(subject.dimension, separates=crosses)
     positions = wavy(body.points)
     force, built = subject.bind(body, breakable=True), subject.bind(cut, breakable=True)

@@ -9,7 +9,7 @@ import numpy as np
 from ..body import Body, ReflectionPlane
 from ..forces import InternalForce, InvalidState
 from ..solvers import Automatic, Diverging, NotConverged
-from .bodies import HORIZONS, SPACING, inner_points, middle_point, of_points, of_simplices
+from .bodies import HORIZONS, SPACING, crack, inner_points, middle_point, of_points, of_simplices
 from .case import STOPS, WEAK, Ended, Outcome, Subject, case
 from .deformations import force_densities, judged_patches, turn
 from .tangents import CELLS, resistance, why_not_resisted
@@ -124,14 +124,7 @@ def notch_tip(subject: Subject) -> Outcome:
     cells = counts[0]
     size = cells * SPACING
     planes = tuple(ReflectionPlane(1, place, side, (-1,) * d) for place, side in ((0.0, -1), (size, 1)))
-
-    def cut(start, end):
-        middle = size / 2
-        crosses = (start[:, 1] - middle) * (end[:, 1] - middle) < 0
-        share = (middle - start[:, 1]) / np.where(crosses, end[:, 1] - start[:, 1], 1.0)
-        return crosses & (start[:, 0] + share * (end[:, 0] - start[:, 0]) < notch * SPACING)
-
-    body = subject.body(counts, counts, planes=planes, separates=cut)
+    body = subject.body(counts, counts, planes=planes, separates=crack(size / 2, notch * SPACING))
     force, positions, reached = subject.bind(body), body.points.copy(), 1.0
     for target in (1.25, 1.5, 1.75, 2.0):
         positions[:, 1] *= target / reached

@@ -6,7 +6,6 @@ from contextlib import suppress
 
 import numpy as np
 
-from ..body import Body
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step
 from ..solvers import FrequencyEstimate
@@ -17,16 +16,14 @@ STEPS = 100_000
 
 
 class Motion:
-    """Motion of a body of unit density by central differences, with damping proportional to mass."""
+    """Motion of a body of unit density by central differences, with damping proportional to mass; by default from rest, all points free."""
 
-    def __init__(
-        self, force: InternalForce, positions: np.ndarray, free: np.ndarray, share_of_critical: float, damping: float = 0.0
-    ) -> None:
-        self.force, self.positions, self.free = force, positions, free
-        self.mass, self.damping = force.body.volumes, damping
-        highest = FrequencyEstimate(self.mass, free)(force, positions)
-        self.step = share_of_critical * 2 / np.sqrt(highest)
-        self.load = np.zeros_like(positions)
+    def __init__(self, force: InternalForce, share_of_critical=0.5, positions=None, free=None, damping=0.0) -> None:
+        self.force, self.mass, self.damping = force, force.body.volumes, damping
+        self.positions = force.body.points.copy() if positions is None else positions
+        self.free = np.ones_like(self.positions) if free is None else free
+        self.step = share_of_critical * 2 / np.sqrt(FrequencyEstimate(self.mass, self.free)(force, self.positions))
+        self.load = np.zeros_like(self.positions)
         self.shake()
 
     def shake(self) -> None:
@@ -51,11 +48,6 @@ class Motion:
             )
 
 
-def free_motion(subject: Subject, body: Body, share_of_critical: float = 0.5) -> Motion:
-    """Return the motion of a body from rest, all of whose points are free."""
-    return Motion(subject.bind(body), body.points.copy(), np.ones_like(body.points), share_of_critical)
-
-
 @case("time step 0.5, 0.9, 1.1, 2 of critical", "bounded below 1, caught within 100 steps above")
 def time_step(subject: Subject) -> Outcome:
     """Test a hundred steps of 0.5, 0.9, 1.1 and 2 times the critical one, for a free body at rest with small random velocities.
@@ -66,7 +58,7 @@ def time_step(subject: Subject) -> Outcome:
     """
     body, notes = subject.body(10, 5), []
     for share in (0.5, 0.9):
-        motion = free_motion(subject, body, share)
+        motion = Motion(subject.bind(body), share)
         first = motion.kinetic_energy
         motion.advance(100)
         growth = Outcome.below(
@@ -75,7 +67,7 @@ def time_step(subject: Subject) -> Outcome:
         if growth.weakness:
             return growth
     for share in (1.1, 2.0):
-        motion, steps = free_motion(subject, body, share), 0
+        motion, steps = Motion(subject.bind(body), share), 0
         with suppress(InvalidState):
             while steps < 100:
                 steps += 1
@@ -92,7 +84,7 @@ def _held(subject: Subject) -> Motion:
     free[np.abs(body.points[:, 0] - body.points[:, 0].mean()) > np.ptp(body.points[:, 0]) / 2 - 1e-9] = 0
     length = np.ptp(body.points[:, 0]) + SPACING
     damping = 2 * np.pi / length * np.sqrt(3 * subject.law.shear_modulus)
-    return Motion(subject.bind(body), body.points @ subject.uniaxial(1.5).T, free, 0.5, damping)
+    return Motion(subject.bind(body), 0.5, body.points @ subject.uniaxial(1.5).T, free, damping)
 
 
 @case("10^5 damped explicit steps at stretch 1.5", "kinetic energy falls to 1e-16", failing="loses stability")
@@ -146,7 +138,7 @@ def sudden_load(subject: Subject) -> Outcome:
     along = np.rint(body.points[:, 0] / SPACING - 0.5)
     free = np.ones_like(body.points)
     free[along == 0] = 0
-    motion, pieces = Motion(force, body.points.copy(), free, 0.5), 2000 // (10 if subject.quick else 1)
+    motion, pieces = Motion(force, free=free), 2000 // (10 if subject.quick else 1)
     motion.velocities[:] = 0
     loaded = along == along.max()
     motion.load[loaded, 0] = 0.1 * subject.law.shear_modulus * body.volumes[loaded] / SPACING

@@ -17,7 +17,7 @@ from ..materials import PLANES, Law
 from ..scenes import MaterialSpec, Scene
 from .case import Outcome, Subject, case, required
 from .deformations import force_densities
-from .dynamics import free_motion
+from .dynamics import Motion
 
 SIDES = (1.2, 0.8), (1.0, 0.8, 0.8)
 """Sides of the held body, in the plane and in three dimensions; its points are a fifth apart."""
@@ -116,7 +116,7 @@ def force_balance(subject: Subject) -> Outcome:
     balance = Outcome.below(errors, OFF_BALANCE, _why_inaccurate_at_rest(subject))
     if balance.weakness:
         return balance
-    motion = free_motion(subject, subject.body(6, 4))
+    motion = Motion(subject.bind(subject.body(6, 4)))
     before = motion.momenta.sum(axis=0)
     motion.advance(100)
     lost = np.abs(motion.momenta.sum(axis=0) - before).max() / np.abs(motion.momenta).sum()

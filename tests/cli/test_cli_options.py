@@ -70,7 +70,6 @@ class Doubled(InvariantLaw):
 
     name: ClassVar[str] = "doubled"
     reference: ClassVar[str] = "a test"
-    n_parameters: ClassVar[int] = 1
 
     @property
     def parameters(self):

@@ -98,7 +98,6 @@ class Cubic(InvariantLaw):
 
     name: ClassVar[str] = "cubic"
     reference: ClassVar[str] = "this test"
-    n_parameters: ClassVar[int] = 2
 
     curvature: float = 0.2
 

@@ -22,7 +22,7 @@ from pdsurrogate.learning import surrogate_of
 from pdsurrogate.learning.bond_force import BOND_FORCE
 from pdsurrogate.learning.export import force_of, taken_over
 from pdsurrogate.learning.resampling import fitted_spline, greatest_jump
-from pdsurrogate.learning.sampling import COLUMNS, TARGETS
+from pdsurrogate.learning.sampling import COLUMNS, OUTPUTS
 
 LAW = pds.materials.Ogden()
 GRID = "regressor__regressor__regressor"
@@ -357,7 +357,7 @@ def test_weights_are_routed_where_they_are_requested(samples):
 def test_frames_of_pandas_go_through_with_their_names(samples):
     """Columns in, columns between the steps where `set_output` asks for them, and the numbers of arrays."""
     pandas = pytest.importorskip("pandas")
-    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
+    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=OUTPUTS)
     names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
     right = fitted(samples, Ridge(0.1)).predict(samples.X)
     plain = pds.surrogate_pipeline(Ridge(0.1), features="isochoric")
@@ -381,7 +381,7 @@ SHUFFLED = ["C33", "J", "rotation", "length", "stretch"]
 def test_columns_of_frames_are_told_by_their_names(samples):
     """Columns in another order were taken by their places, and names of other things as well: both in silence."""
     pandas = pytest.importorskip("pandas")
-    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
+    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=OUTPUTS)
     swapped, other = X[SHUFFLED], X.rename(columns={"J": "detF"})
     model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(4), features="isochoric")
     right = clone(model).fit(X, y)
@@ -405,7 +405,7 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
     alone = make_pipeline(PolynomialFeatures(2), LinearRegression())
     model = clone(alone).fit(X[SHUFFLED], samples.y)
     np.testing.assert_allclose(force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12)
-    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; taken are the five bond quantities stretch"):
+    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; taken are regressors of the five bond quantities stretch"):
         force_of(clone(alone).fit(X.rename(columns={"J": "detF"}), samples.y))
 
 

@@ -50,7 +50,7 @@ def kirchhoff(rows, squares, J, plane):
 def drawn(n, plane, low=0.3, high=3.5, seed=3):
     """States within a range of isochoric stretches, and the squares of their stretches."""
     random = np.random.default_rng(seed)
-    logs = ISOCHORIC_ENERGY._draw_logs(random, n, low, high, 0.2)
+    logs = np.log(ISOCHORIC_ENERGY.draw(LAW, n, (low, high), 0.2, random).stretches)
     J = random.uniform(0.9, 1.1, n)
     if plane == "strain":
         # The thickness is held: its isochoric stretch is J^(-1/3).
@@ -110,7 +110,7 @@ def test_laws_that_lock_are_learnt_as_far_as_they_go():
 @pytest.mark.parametrize("bounds", [(0.4, 4.0), (0.05, 3.0), (0.25, 20.0)])
 def test_the_domain_is_told_from_the_invariants(bounds):
     """A state is outside where one of its stretches is, also with bounds of which product 1 leaves one no work."""
-    logs = ISOCHORIC_ENERGY._draw_logs(np.random.default_rng(0), 20_000, 0.02, 30.0, 0.0)
+    logs = np.log(ISOCHORIC_ENERGY.draw(pds.materials.NeoHookean(), 20_000, (0.02, 30.0), 0.0, 0).stretches)
     squares = np.exp(2 * logs)
     invariants = np.stack([np.ones(len(logs)), squares.sum(axis=1), (1 / squares).sum(axis=1)])
     inside = (distance_coefficients(*bounds) @ invariants > 0).all(axis=0)

@@ -311,7 +311,6 @@ class Exponential(InvariantLaw):
 
     name: ClassVar[str] = "exponential"
     reference: ClassVar[str] = "Demiray 1972"
-    n_parameters: ClassVar[int] = 2
 
     stiffening: float = 0.05
 

@@ -40,7 +40,7 @@ def happens(transient):
     if ranks.rank == 0:
         open(arguments[arguments.index("--out") + 1] + ".happened", "w").close()
     if what == "interrupted" and ranks.rank == ranks.size - 1:
-        run.interruption.asked = True
+        run.interruption.told = True
     elif what == "invalid" and ranks.rank == ranks.size - 1:
         run.positions[run.body.share.own.nonzero()[0][-1]] += 100 * run.body.spacing
     elif what == "killed" and ranks.rank == ranks.size - 1:
