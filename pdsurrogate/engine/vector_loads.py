@@ -157,7 +157,7 @@ def _accumulate(builder, bonds, add, counts, scalar=_DOUBLE, chains=4, together=
     rest = _in_steps(builder, start, stop, chains * together, add_to(sums, together))
     if together > 1:
         rest = _in_steps(builder, rest, stop, together, add_to(sums[:1], together))
-    _in_steps(builder, rest, stop, 1, add_to(sums[-1:], 1))
+    _in_steps(builder, rest, stop, 1, add_to(sums[:1] if together == 1 else sums[-1:], 1))
     found = [[builder.load(accumulator) for accumulator in accumulators] for accumulators in sums]
     while len(found) > 1:
         found = [[builder.fadd(*both) for both in zip(*found[n : n + 2], strict=True)] for n in range(0, len(found), 2)]
