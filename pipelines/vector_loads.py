@@ -14,8 +14,9 @@ import numba
 import numpy as np
 
 from pdsurrogate.engine import vector_loads as loads
-from pdsurrogate.engine.block_arrays import BLOCK, aligned_rows, block_rows
+from pdsurrogate.engine.block_arrays import BLOCK, aligned_rows, block_rows, put_row
 from pdsurrogate.engine.compile import OPTIONS, widest_vectors
+from pdsurrogate.kernels.algebra import entries
 from pdsurrogate.stress_test.bodies import regular
 
 TURNS = 60
@@ -129,48 +130,30 @@ def products(intrinsic, dimension):
     return fast, plain_2 if dimension == 2 else plain_3
 
 
-signed, summed = loads.sum_records(2, -1), loads.sum_records(4, 1)
+def record_sums(length, sign):
+    """Return the pass that sums records by an intrinsic, and its plain twin."""
+    intrinsic = loads.sum_records(length, sign)
+    record = entries("rows, k", [f"np.float64(rows[k, {r}])" for r in range(length)])
+    plus = entries("v, w", [f"v[{r}] + w[{r}]" for r in range(length)])
+    combine = plus if sign > 0 else entries("v, w", [f"v[{r}] - w[{r}]" for r in range(length)])
+    zero = entries("", ["0.0"] * length)
 
+    @compiled
+    def fast(records, pointers, others, indices, out):
+        for i in range(pointers.shape[0] - 1):
+            intrinsic(records, (pointers[i], pointers[i + 1]), indices, (others[i], others[i + 1]), 1.0, i, out)
 
-@compiled
-def signed_sums(records, pointers, others, indices, out):
-    """Sum pair forces by the intrinsic."""
-    for i in range(pointers.shape[0] - 1):
-        signed(records, (pointers[i], pointers[i + 1]), indices, (others[i], others[i + 1]), 1.0, i, out)
+    @compiled
+    def plain(records, pointers, others, indices, out):
+        for i in range(pointers.shape[0] - 1):
+            total = zero()
+            for k in range(pointers[i], pointers[i + 1]):
+                total = plus(total, record(records, k))
+            for k in range(others[i], others[i + 1]):
+                total = combine(total, record(records, indices[k]))
+            put_row(out, i, total)
 
-
-@compiled
-def signed_sums_plain(records, pointers, others, indices, out):
-    """Sum pair forces by a plain loop."""
-    for i in range(pointers.shape[0] - 1):
-        s, t = 0.0, 0.0
-        for k in range(pointers[i], pointers[i + 1]):
-            s, t = s + np.float64(records[k, 0]), t + np.float64(records[k, 1])
-        for k in range(others[i], others[i + 1]):
-            s, t = s - np.float64(records[indices[k], 0]), t - np.float64(records[indices[k], 1])
-        out[i, 0], out[i, 1] = s, t
-
-
-@compiled
-def quad_sums(records, pointers, others, indices, out):
-    """Sum records of four by the intrinsic."""
-    for i in range(pointers.shape[0] - 1):
-        summed(records, (pointers[i], pointers[i + 1]), indices, (others[i], others[i + 1]), 1.0, i, out)
-
-
-@compiled
-def quad_sums_plain(records, pointers, others, indices, out):
-    """Sum records of four by a plain loop."""
-    for i in range(pointers.shape[0] - 1):
-        s, t, u, v = 0.0, 0.0, 0.0, 0.0
-        for k in range(pointers[i], pointers[i + 1]):
-            s, t = s + np.float64(records[k, 0]), t + np.float64(records[k, 1])
-            u, v = u + np.float64(records[k, 2]), v + np.float64(records[k, 3])
-        for k in range(others[i], others[i + 1]):
-            p = indices[k]
-            s, t = s + np.float64(records[p, 0]), t + np.float64(records[p, 1])
-            u, v = u + np.float64(records[p, 2]), v + np.float64(records[p, 3])
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = s, t, u, v
+    return fast, plain
 
 
 @compiled
@@ -306,16 +289,9 @@ def cases():
             yield f"subtract_positions, {name}", subtract(d), (*ends, rows[1])
             if d == 2:
                 yield f"sum_outer_products, {name}", (outer_sums, outer_sums_plain), (body.points, *table, weights, np.zeros((n, 4)))
-                yield (
-                    f"sum_records(2), {name}",
-                    (signed_sums, signed_sums_plain),
-                    (drawn(pairs, 2, dtype=dtype), *incidence, np.zeros((n, 2))),
-                )
-                yield (
-                    f"sum_records(4), {name}",
-                    (quad_sums, quad_sums_plain),
-                    (drawn(pairs, 4, dtype=dtype), *incidence, np.zeros((n, 4))),
-                )
+            for length, sign in ((d, -1), (m, 1)):
+                arguments = drawn(pairs, length, dtype=dtype), *incidence, np.zeros((n, length))
+                yield f"sum_records({length}), {name}", record_sums(length, sign), arguments
         if d == 2:
             weights = drawn(directed, 2)
             yield "outer_products, 2D", (outer_table, outer_table_plain), (body.points, *table, weights, np.zeros((64, 4)))

@@ -86,7 +86,7 @@ def rows_of(length):
 
 block_rows = rows_of(BLOCK)
 
-pair_records, triple_records, quad_records = rows_of(2), rows_of(3), rows_of(4)
+pair_records, quad_records = rows_of(2), rows_of(4)
 
 
 @intrinsic
