@@ -124,6 +124,42 @@ def test_no_file_imports_itself_in_a_circle():
     assert not circles, sorted(circles)
 
 
+def functions_of(module):
+    """Yield the functions of a module with how many arguments they take by position, apart from self and cls."""
+    for node in ast.walk(ast.parse(MODULES[module].read_text())):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            names = [argument.arg for argument in (*node.args.posonlyargs, *node.args.args)]
+            yield node, len(names) - (names[:1] in (["self"], ["cls"]))
+
+
+def test_functions_take_at_most_eight_arguments_by_position():
+    """Apart from kernels, whose arguments are arrays."""
+    for module in MODULES:
+        if room_of(module) != "kernels":
+            assert not [function.name for function, count in functions_of(module) if count > 8], module
+
+
+def test_classes_have_at_most_twenty_public_methods():
+    for module, path in MODULES.items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                public = [part.name for part in node.body if isinstance(part, ast.FunctionDef) and not part.name.startswith("_")]
+                assert len(public) <= 20, f"{module}: {node.name}"
+
+
+SLOW = {"learning", "results", "run.preview"}
+"""What functions import of our own: rooms and files that load scikit-learn, torch or matplotlib."""
+
+
+def test_functions_import_none_of_our_own_but_what_is_slow():
+    """For nothing else: an import inside a function hides a circle."""
+    for module in MODULES:
+        _every, at_once, run = imports_of(module)
+        later = {name for name in run - at_once if name.startswith(f"{PACKAGE.name}.")}
+        rooms = {".".join(name.split(".")[1:]) for name in later}
+        assert all(name.startswith(tuple(SLOW)) for name in rooms) or module == f"{PACKAGE.name}.__main__", f"{module}: {rooms}"
+
+
 def test_torch_is_loaded_on_request_alone():
     asked_for = {"learning.torch_training"}
     for module in MODULES:

@@ -140,11 +140,6 @@ class CompiledBondForce:
     needs_length: bool = False
     asks_law: bool = False
 
-    @property
-    def arguments(self) -> tuple[int, np.ndarray, np.ndarray]:
-        """Arguments of kernels that evaluate the force."""
-        return self.address, self.sizes, self.weights
-
     def memory(self, threads: int, dtype) -> np.ndarray:
         """Return working memory for every thread."""
         return aligned_rows((threads, max(self.work_rows, 1), BLOCK), dtype)

@@ -130,7 +130,7 @@ class Equilibria:
                 return False
             state.outputs += 1
             self._record(equilibrium)
-            self._checkpoint()
+            self.checkpoint()
         return True
 
     def resume(self, checkpoint: Checkpoint) -> None:
@@ -146,7 +146,7 @@ class Equilibria:
                 array[:] = arrays[ACCEPTED + key]
         run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
-    def _checkpoint(self, increments: Increments | None = None) -> None:
+    def checkpoint(self, increments: Increments | None = None) -> None:
         """Write a checkpoint at an output, or on the way to one."""
         kept, arrays = None, {}
         if increments is not None:
@@ -291,7 +291,7 @@ class Equilibria:
         due = run.checkpoints.late or (asked and (run.interruption.out_of_time or not run.checkpoints.resumable))
         asked, due = run.body.share.total((int(asked), int(due)))
         if due and increments is not None:
-            self._checkpoint(increments)
+            self.checkpoint(increments)
         if asked:
             raise Interrupted
 

@@ -185,9 +185,10 @@ def simulate(
         raise TypeError(f"scene must be a Scene, or the name or file of one, not {scene!r}")
     scene, model = _model_of(force, scene)
     _check_arguments(threads, progress, folder, max_time)
-    if resume and (folder is None or overwrite):
-        why = "is resumed from the folder of its results: give it" if folder is None else "is either resumed or begun anew: not both"
-        raise ValueError(f"resume: a run {why}")
+    if resume and folder is None:
+        raise ValueError("resume: give the folder of the run to resume as folder")
+    if resume and overwrite:
+        raise ValueError("give resume or overwrite, not both")
     ranks = communicator()
     if ranks.size > 1:
         refuse_different(ranks, scene, model, folder, resume)

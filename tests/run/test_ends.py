@@ -214,13 +214,13 @@ def test_the_first_equilibrium_goes_on_from_within(tmp_path, name):
 def test_checkpoints_on_the_way_come_by_the_clock(tmp_path, monkeypatch):
     """And change nothing."""
     scene, written = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.5]), []
-    whole, checkpoint = simulate(scene, "analytic"), levels.Equilibria._checkpoint
+    whole, checkpoint = simulate(scene, "analytic"), levels.Equilibria.checkpoint
 
     def counted(stage, *increments):
         written.extend(increments)
         checkpoint(stage, *increments)
 
-    monkeypatch.setattr(levels.Equilibria, "_checkpoint", counted)
+    monkeypatch.setattr(levels.Equilibria, "checkpoint", counted)
     monkeypatch.setattr("pdsurrogate.run.checkpoints.SECONDS_BETWEEN_CHECKPOINTS", 0.0)
     monkeypatch.setattr("pdsurrogate.run.checkpoints.CHECKPOINT_SHARE", 0.0)
     found = simulate(scene, "analytic", folder=tmp_path)
