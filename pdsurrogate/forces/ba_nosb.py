@@ -43,6 +43,7 @@ class BondAssociatedStress(Term):
         self._owners = owners = np.concatenate([kinematics.owners(), bonds.second[from_image]]).astype(np.uint32)
         self._targets = targets = np.concatenate([bonds.neighbours, bonds.first[from_image]])
         self._reverse = _reverse_bonds(owners, targets)
+        self._of_images, self._mirrored = self._mirrored_bonds()
         bond_pointers = pointers_to(owners, total)
 
         # Tables: all points within the horizon; of an image, those that exist.
@@ -73,7 +74,7 @@ class BondAssociatedStress(Term):
         shapes = self._inverse_shapes, self.bond_vectors
         ba_nosb.bond_references(points, volumes, table, (owners, targets), common, horizon_volumes, *shapes)
         self._volume_ratios, self.bond_forces = np.ones(len(owners)), np.empty((len(owners), 2))
-        self.state.append(StateArray("bond_volume_ratios", "bonds", self._volume_ratios))
+        self.state.append(StateArray("bond_volume_ratios", "bonds", self._volume_ratios[: len(bonds.neighbours)]))
         memory = (
             aligned_rows((chunks.threads, int(np.diff(self._table_pointers).max()), 4)),
             aligned_rows((chunks.threads, BLOCK, 4), value=1),
@@ -96,7 +97,20 @@ class BondAssociatedStress(Term):
     def pass_bonds(self, out: np.ndarray) -> list[int]:
         """Compute everything; return the number of bonds without a state and of points without a force."""
         self._sum_forces.give("out", out)
+        # Iterations at the bonds of images begin where those at the mirrored bonds ended, so that bonds of points are all the state.
+        self._volume_ratios[self._of_images] = self._volume_ratios[self._mirrored]
         return self._find_forces()
+
+    def _mirrored_bonds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the numbers of the bonds of images, and of the bonds of points that they mirror."""
+        ghosts, n, count = self.body.ghosts, len(self.body), len(self.body.bonds.neighbours)
+        names = np.concatenate([np.arange(n), ghosts.source + ghosts.image * n])
+        key, image = self._owners[:count] * (names.max() + 1) + names[self._targets[:count]], self._owners[count:] - n
+        wanted = ghosts.source[image] * (names.max() + 1) + self._targets[count:] + ghosts.image[image] * n
+        order = np.argsort(key)
+        found = order[np.searchsorted(key, wanted, sorter=order).clip(max=count - 1)]
+        there = key[found] == wanted
+        return count + np.flatnonzero(there), found[there]
 
     def _without_state(self) -> str:
         """Return a message about the bond without a state: that of the least det F, formed anew for all of them."""

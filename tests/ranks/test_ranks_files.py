@@ -189,3 +189,13 @@ def test_large_bodies_are_written_in_pieces(command, tmp_path):
     assert list(whole) == list(pieces)
     for name, values in whole.items():
         np.testing.assert_array_equal(pieces[name], values)
+
+
+def test_a_force_with_state_at_the_bonds_of_images_writes_checkpoints(command, tmp_path):
+    """Two ranks ended in an error at the first checkpoint of `ba-nosb`; the residual is held to 1e-6 of a shear modulus over a spacing."""
+    scene, stresses = ["uniaxial", "--force", "ba-nosb", "--set", "spacing=0.25", "--set", "stretches=1.05"], []
+    for ranks in (1, 2):
+        done = run(command(ranks, scene, tmp_path / str(ranks)))
+        assert done.returncode == 0, done.stdout
+        stresses.append(json.loads((tmp_path / str(ranks) / "summary.json").read_text())["levels"][0]["nominal_stress"])
+    assert stresses[1] == pytest.approx(stresses[0], rel=1e-5)
