@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..engine.keys import NotKeyable
-from ..materials import Law, plane_stress, solid
+from ..materials import PLANES, Law, plane_stress
 from ..materials.consistency import law_digest
 from .bond_force import exact_bond_force
 from .protocol import Domain
@@ -98,7 +98,7 @@ def isochoric_states(law: Law, first, second):
 
 def isochoric_slopes(law: Law, I1, I2) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of the isochoric energy of a law by I1bar and I2bar."""
-    p, _, r, _ = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
+    p, _, r, _ = PLANES["space"].isochoric_response(law, I1, I2, np.ones_like(I1))
     return p / 2 + I1 * r / 2, -r / 2
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..engine.block_arrays import aligned_rows
 from ..kernels import nosb
-from ..materials import PLANES, solid
+from ..materials import PLANES
 from .errors import at_point
 from .kinematics import matrices
 from .protocol import ForceModel
@@ -47,7 +47,7 @@ class PointStress(Term):
         for portion in () if self.kinematics.plane == "stress" else self.binding.portions:
             numbers = np.arange(len(F))[portion.points]
             for i in numbers[np.argsort(-np.linalg.norm(F[numbers], axis=(1, 2)))][:100]:
-                reason = solid.why_no_energy(portion.law, F[i])
+                reason = PLANES["space"].why_no_energy(portion.law, F[i])
                 if reason:
                     return at_point(self.body, int(i), f"{portion.law.name}: it has no stress: {reason}")
         return super().diagnose(out)

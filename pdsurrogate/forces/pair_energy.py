@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
-from ..materials import PLANES, Law, plane_stress, solid
+from ..materials import PLANES, Law, plane_stress
 from ..materials.stretches import principal_stretches
 from .bond_shares import BondShares
 from .dilatation import LinearisedDilatation
@@ -340,7 +340,7 @@ class PairEnergy(Term):
     def _why_no_energy(self, law: Law, F: np.ndarray) -> str | None:
         """Return why a law has no energy at the gradient of a bond; None if it has one."""
         if self.kinematics.plane != "stress":
-            reason = solid.why_no_energy(law, F)
+            reason = PLANES["space"].why_no_energy(law, F)
             return reason and f"{law.name}: a bond has no energy: {reason}"
         try:
             plane_stress.energy_derivatives(law, *plane_stress.invariants(F[None]))

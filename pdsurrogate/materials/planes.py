@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from . import plane_strain, plane_stress, solid
+from importlib import import_module
+from types import ModuleType
 
-PLANES = {"stress": plane_stress, "strain": plane_strain, "space": solid}
+
+class _Planes(dict):
+    """Modules by names, each imported on first use: a sheet loads nothing for three dimensions."""
+
+    def __getitem__(self, plane: str) -> ModuleType:
+        return import_module(f".{super().__getitem__(plane)}", __package__)
+
+
+PLANES = _Planes(stress="plane_stress", strain="plane_strain", space="solid")
 """Modules by the names that scenes and settings use. Each has `response`, `first_piola_stress`, `energy_density`, and, for points whose
 volume ratio was computed by a force, `energy_at` and `stress_and_energy`.
 """

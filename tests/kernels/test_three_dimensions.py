@@ -303,12 +303,13 @@ def test_forces_of_a_bond_energy_are_its_derivative(random):
     pointers[1:] = np.cumsum(np.bincount(bonds.neighbours[towards] - n, minlength=total - n))
     vectors = body.all_points[owners] - body.all_points[bonds.neighbours[towards]]
     factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.volumes[owners]
+    assert sums.sum_pair_forces[3].bind(forces, *pairs, 1.0, out, chunks=CHUNKS)() == 0
     for first, lists in (
         (0, (bonds.pointers, bonds.neighbours, passes.weighted_bonds)),
         (n, (pointers, owners, np.ascontiguousarray(vectors * factors[:, None]))),
     ):
-        arrays = forces, S, *pairs, *lists, body.all_volumes, 1.0, first, node_parts, out
-        assert sums.point_forces[3].bind(*arrays, chunks=CHUNKS)() == 0
+        arrays = S, *lists, body.all_volumes, 1.0, first, node_parts, out
+        assert sums.add_node_forces[3].bind(*arrays, chunks=CHUNKS)() == 0
     ghosts.fold_forces(out)
     for _ in range(5):
         u = np.zeros((total, 3))
