@@ -98,7 +98,7 @@ class BondShares:
         bond_shares[body.dimension](rows, *directed, body.all_points, body.volumes, strength, body.horizon, self.bond_shares)
 
     def carrying(self, breakable: bool) -> np.ndarray:
-        """Return which pairs carry anything; a pair with a ghost only if its mirrored pair does: else V_i W_ij would not be symmetric."""
+        """Return flags of the pairs that carry forces; a pair with a ghost only if its mirrored pair does, for V_i W_ij to be symmetric."""
         carries = self.bond_weights > 0
         if breakable and len(self._body.ghosts):
             outer, mirrored = self.mirrored_pairs
@@ -167,7 +167,7 @@ class BondShares:
         unit: float,
         others_of: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> Callable[..., int]:
-        """Bind the sum of forces and moments of the pairs to the body's points; what falls to a ghost goes to the point behind it.
+        """Bind the sum of the pairs' forces and moments at the body's points; forces on a ghost are added to the point that it mirrors.
 
         Parameters
         ----------

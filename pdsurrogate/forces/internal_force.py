@@ -121,7 +121,7 @@ class InternalForce:
         """Return the moduli of stiffness and of forces at the points, from those of points and images, infinite for rigid ones."""
         body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self._kinematics.owners()
         around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
-        # A bond between very different moduli carries the force of the softer material, and acts on the stiffer one's points with no more.
+        # A bond between very different moduli carries the force of the softer material: each point counts its own modulus only.
         apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
         around[apart] = moduli[owners[apart]]
         moduli = np.minimum(moduli, self.law.shear_modulus)  # rigid points have none of their own
@@ -171,7 +171,7 @@ class InternalForce:
             out += self._further
 
     def pass_bonds(self, out: np.ndarray) -> None:
-        """Repeat the part of an evaluation that follows the points' own states, in the states last found; its time is that of the bonds."""
+        """Repeat the part of an evaluation that follows the points' states, in the states last found; its time is that of the bonds."""
         self._add_up([term.pass_bonds for term in self.terms], out)
 
     def place(self, positions: np.ndarray) -> None:
@@ -306,7 +306,7 @@ class InternalForce:
         return Release(self.energy(), forces)
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Return the numbers of the pairs that were nearly or fully turned inside out in the last evaluation, by terms that know."""
+        """Return the numbers of the pairs that were nearly or fully turned inside out in the last evaluation, by terms that detect them."""
         return self.terms[0].collapsed_pairs()
 
     @property
