@@ -1,4 +1,4 @@
-"""Force models: what turns a deformed body into forces."""
+"""Force models, which compute the internal forces of a deformed body."""
 
 from ..engine.compile import CompilerSwitchedOff
 from .ba_nosb import BANOSBForce
@@ -18,7 +18,7 @@ from .settings import ForceSettings
 from .spline import SplineForce
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}
-"""Force models that need no artefact, by the name under which scenes and the command line know them."""
+"""Force models that need no artefact, by their names in scenes and on the command line."""
 
 __all__ = [
     "FORCES",

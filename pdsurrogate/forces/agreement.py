@@ -17,28 +17,28 @@ from .bond_force import exact_bond_force
 from .protocol import Domain
 
 MOST_OF_STATED = 5.0
-"""Greatest error, in parts of the greatest one that a card states, that a model passes with.
+"""Greatest accepted error of a model with a card, relative to the maximum error that the card states.
 
-The card's is the greatest of thousands of states over the whole box, edges included; a dozen states within it stay below.
+The card states the maximum over thousands of states in the whole box, edges included; a dozen states within the box stay below it.
 """
 
 MOST_UNSTATED = 0.05
-"""Greatest error, in parts of the greatest force, that a model without a card passes with."""
+"""Greatest accepted error of a model without a card, relative to the greatest force."""
 
 NOTED = 0.01
-"""Error of a model without a card, in parts of the greatest force, beyond which there is a warning."""
+"""Error of a model without a card, relative to the greatest force, beyond which the check warns."""
 
 ROUNDING = 1e-6
 """A card that states less than this states how its own machine rounded."""
 
 WIDEST = (0.5, 4.0)
-"""Stretches beyond which a domain is not tried."""
+"""Range of stretches to which the trial states are limited, however wide the domain."""
 
 PLACES = np.stack([0.07 + 0.86 * (np.arange(1, 13) * step % 1) for step in (0.7548776662, 0.5698402910)], axis=1)
 """Positions of the states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
 
 _exact: dict = {}
-"""Exact answers found before, by all that the law depends on and the box."""
+"""Cache of exact answers; the keys hold the box and everything that the law depends on."""
 
 
 def states_within(law: Law, domain: Domain, exact) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
@@ -120,7 +120,7 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
     answer : callable
         Function of the arguments that `exact` returns: the model's answer there, shape (n, 2).
     serves : str
-        Name of the force model that serves every law, for the error.
+        Name of the force model that accepts every law, for the error message.
 
     Raises
     ------

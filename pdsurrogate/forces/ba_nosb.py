@@ -1,4 +1,4 @@
-"""Bond-associated correspondence (11)-(15): the stable method that the paper compares with."""
+"""Bond-associated correspondence model, theory (11)-(15): the stable reference method of the paper."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from .term import Binding, StateArray, Term
 
 
 class BondAssociatedStress(Term):
-    """Forces from the stresses of the bonds, each with a deformation gradient of its own; those of the points are not needed.
+    """Forces from the stresses of the bonds, each with its own deformation gradient; gradients of the points are not needed.
 
     Attributes
     ----------
     bond_vectors : ndarray, shape (n_bonds, 2)
         Vectors by which the stress of every directed bond is multiplied, those of the ghosts after the points'.
     bond_forces : ndarray, shape (n_bonds, 2)
-        The products in the state last evaluated, over the shear modulus.
+        Products of stress and `bond_vectors` in the state last evaluated, divided by the shear modulus.
     """
 
     needs_gradients = False
@@ -57,7 +57,7 @@ class BondAssociatedStress(Term):
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
         horizon_volumes = np.bincount(table_owners, volumes[self._table], total)
         body.share.fill(horizon_volumes[:n])
-        # An image's horizon goes on beyond the images there are: its volume is that of the mirrored point's.
+        # The horizon of an image extends beyond the existing images, so it has the volume of the mirrored point's horizon.
         horizon_volumes[n:] = horizon_volumes[body.ghosts.source]
 
         table = self._table_pointers, self._table
@@ -95,7 +95,7 @@ class BondAssociatedStress(Term):
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> list[int]:
-        """Compute everything; return the number of bonds without a state and of points without a force."""
+        """Compute stresses and forces; return the number of bonds without a state and the number of points without a force."""
         self._sum_forces.give("out", out)
         # Iterations at the bonds of images begin where those at the mirrored bonds ended, so that bonds of points are all the state.
         self._volume_ratios[self._of_images] = self._volume_ratios[self._mirrored]
@@ -113,7 +113,7 @@ class BondAssociatedStress(Term):
         return count + np.flatnonzero(there), found[there]
 
     def _without_state(self) -> str:
-        """Return a message about the bond without a state: that of the least det F, formed anew for all of them."""
+        """Return a message about the bond with the least det F, after the gradients of all bonds have been recomputed."""
         body, positions, owners = self.body, self.kinematics.positions, self._owners
         bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
         entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common
@@ -166,7 +166,7 @@ class BANOSBForce(ForceModel):
     """
 
     name = family = "ba-nosb"
-    # No bonds that break: the horizons that two ends share would have to be found anew around every one of them.
+    # Fracture is not supported: the shared horizons around every broken bond would have to be recomputed.
     honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": SHEETS}
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:

@@ -23,7 +23,7 @@ class EnergySurrogate(ForceModel):
     Attributes
     ----------
     domain : Domain or None
-        Bounds of the principal stretches on which it was trained; None if it holds everywhere.
+        Bounds of the principal stretches in training; None if the model is valid everywhere.
     default_precision : str
 
     Examples
@@ -40,7 +40,7 @@ class EnergySurrogate(ForceModel):
 
     @property
     def honours(self) -> Mapping[str, tuple]:
-        # It is exact on incomplete horizons, and its invariants do not depend on rotations. The learnt energy is that of a sheet.
+        # The energy is exact on incomplete horizons, and its invariants do not depend on rotations. The learnt energy is that of a sheet.
         honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": ("stress",)}
         return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
@@ -57,10 +57,11 @@ class EnergySurrogate(ForceModel):
 
 
 class BondEnergyForce(EnergySurrogate):
-    """Exact energy of any law.
+    """Exact stored energy of any law, from the deformation gradients of the bonds.
 
-    Under plane stress it is that of the bonds, and C33 is solved for in every evaluation. In plane strain and in three dimensions the
-    isochoric part is taken at the bonds and the volumetric one at the points, which does not lock (`pdsurrogate.forces.volume_energy`).
+    Under plane stress every bond contributes its whole energy, and every evaluation solves for C33. In plane strain and in three
+    dimensions the isochoric part is evaluated at the bonds and the volumetric part at the points, which avoids locking
+    (`pdsurrogate.forces.volume_energy`).
 
     Examples
     --------
@@ -81,11 +82,11 @@ class BondEnergyForce(EnergySurrogate):
         return {**super().honours, "plane": tuple(PLANES)}
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:
-        # In a selective energy single precision would be that of the pairs' forces and moments, and save 4 per cent of the time.
+        # In a selective energy, single precision of the pairs' forces and moments would save only 4 per cent of the time.
         return self.honours if plane == "stress" else {**self.honours, "precision": ("float64",)}
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
-        """Return the isochoric energy of the bonds in plane strain and in space, in double precision; it holds everywhere."""
+        """Return the isochoric energy of the bonds for plane strain and three dimensions, in double precision and without a domain."""
         return IsochoricEnergy.exact(law, plane)
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:

@@ -1,4 +1,4 @@
-"""Force models that map quantities of a bond to its force, the exact one among them, and the term that they make."""
+"""Force models that map quantities of a bond to its force, including the exact one, and the force term that evaluates them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from .term import Binding, Term
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
-"""Relative step of J3 at which the iteration ends, a few times what rounding in the force leaves of it at K = 10 mu."""
+"""Relative step of J3 at which the iteration ends: a few times the error from rounding in the force at K = 10 mu."""
 
 
 @dataclass(frozen=True)
@@ -136,8 +136,8 @@ class PairForces:
 class BondForces(Term):
     """Forces of the bonds, each a function of the states of its ends, theory (55): passes over points and pairs, and the sum to points.
 
-    A pair within a material has its bond force. Of a pair across an interface each of the two materials gives half: what its model and its
-    law make of the bond and of both ends. So the forces on the two ends are opposite.
+    A pair within one material carries its bond force. A pair across an interface carries the mean of two bond forces, one from the model
+    and law of each material, each evaluated with the states of both ends, so that the forces on the two ends are opposite.
     """
 
     def __init__(self, binding: Binding) -> None:
@@ -204,7 +204,7 @@ class BondForces(Term):
             return None
         pairs, states = self.bonds()
         counted = self.body.share.own[self.body.bonds.first[pairs]]
-        # A bond turned past a right angle has no stretch tensor, and is left out.
+        # A bond turned past a right angle has no stretch tensor and is omitted.
         chosen = states.has_stretch_tensor & counted
         return self._domain.beyond_data(states.stretches[chosen])
 
@@ -238,7 +238,7 @@ class BondForces(Term):
 def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain: Domain, precision: str, chunks: Chunks) -> BoundPass:
     """Bind the pass that finds volume ratios and records of points with a learnt force, and counts the points without a state.
 
-    The model of the force knows T_mm; points outside its domain are left to the law.
+    The model must provide T_mm; the law determines the states of points outside the model's domain.
     """
     return surrogate_thickness.surrogate_node_states.bind(
         points.gradients,
@@ -259,9 +259,9 @@ def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain
 
 
 def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
-    """Return a bond force learnt under plane stress, by a model that knows T_mm, with the pressure of a held thickness (theory (47)).
+    """Return a bond force learnt under plane stress plus the pressure of plane strain (theory (47)); the model must provide T_mm.
 
-    Of the law it needs the derivative of U alone, so that a costly law costs nothing in plane strain either.
+    Only the derivative of U comes from the law, so that an expensive law adds no cost in plane strain either.
     """
     addresses = [compiled.address, plane_stress.volumetric_block(law).address]
     return replace(compiled, address=plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
@@ -280,11 +280,11 @@ class ForceSurrogate(ForceModel):
     Attributes
     ----------
     features : tuple of str
-        Quantities of a bond that the model sees.
+        Quantities of a bond that the model depends on.
     domain : Domain or None
-        States on which it was trained; None if it holds everywhere.
+        States on which the model was trained; None if it is valid everywhere.
     gives_transverse : bool
-        Whether it knows T_mm, which the tensor correction needs.
+        Whether the model provides T_mm, which the tensor correction needs.
     default_precision : str
 
     Examples
@@ -345,12 +345,12 @@ class ForceSurrogate(ForceModel):
 
 
 class AnalyticBondForce(ForceSurrogate):
-    """Exact bond force of a material law, in the features of surrogates (theory (7), (11)).
+    """Exact bond force of a material law, as a function of the features that surrogates use (theory (7), (11)).
 
     Parameters
     ----------
     law : Law, optional
-        Law of `bond_force`; in a simulation the scene's own law counts. Neo-Hookean by default.
+        Law that `bond_force` evaluates, by default neo-Hookean. A simulation uses the law of its scene instead.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Volumes that the bonds of a body stand for, and sums of the forces and moments of its pairs to the points."""
+"""Volume shares of the bonds of a body, and assembly of the forces and moments of its pairs at the points."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .kinematics import Kinematics, entries_of, pointers_to
 
 
 class BondShares:
-    """Shares of the volumes of the points that their bonds stand for, and sums over pairs and bonds to points and ghosts.
+    """Division of the points' volumes among their bonds, and sums over pairs and bonds at points and ghosts.
 
-    An energy is that of the body's own points: of a pair with a ghost, the point's share counts, and the ghost's, which lies beyond the
+    An energy belongs to the body's own points: of a pair with a ghost, the point's share counts and the ghost's, which lies beyond the
     grip, does not. Ghosts are functions of the points they mirror, so forces and moments of a ghost are added to those of that point.
 
     Parameters
@@ -29,7 +29,7 @@ class BondShares:
     Attributes
     ----------
     bond_shares : ndarray, shape (n_bonds,)
-        Volume of its point that every directed bond stands for.
+        Share of its point's volume that every directed bond represents.
     bond_weights : ndarray, shape (n_pairs,)
         Volume for which the energy of every pair counts; zero for those that carry nothing.
     strength : ndarray, shape (n_pairs,)
@@ -44,7 +44,7 @@ class BondShares:
         n, total = len(body), len(body.all_points)
         length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
         self.strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        # Pairs in which a point or a ghost comes second; ghosts are first in none.
+        # Pairs in which a point or a ghost is second; ghosts are first in none.
         incidence = np.argsort(bonds.second, kind="stable").astype(np.uint32)
         pair_pointers = np.full(total + 1, bonds.pair_pointers[-1])
         pair_pointers[: n + 1] = bonds.pair_pointers
@@ -53,7 +53,7 @@ class BondShares:
         towards = np.flatnonzero(bonds.neighbours >= n)
         self._ghost_bonds = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
         neighbours = kinematics.owners()[self._ghost_bonds].astype(np.uint32)
-        # In the precision of the points' own: another would have `add_node_forces` compiled a second time.
+        # The precision is that of the points' own arrays: another one would make `add_node_forces` compile a second time.
         weighted_bonds = aligned_rows((len(towards), body.dimension), precision)
         self._of_points = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
         self._of_ghosts = pointers_to(bonds.neighbours[towards] - n, total - n), neighbours, weighted_bonds, body.all_volumes
@@ -64,11 +64,11 @@ class BondShares:
     def renew(self, pairs: np.ndarray) -> np.ndarray:
         """Update shares and weights after a change at given pairs; return all pairs whose weights may have changed.
 
-        They follow from the strengths and from which points have a gradient.
+        Shares and weights depend on the strengths and on which points have a gradient.
         """
         kinematics, body, bonds, n = self._kinematics, self._body, self._body.bonds, len(self._body)
         supported = kinematics.supported.astype(bool)
-        # A point without support has no gradient; its bonds carry nothing, and so take no share of the other end's volume either.
+        # A point without support has no gradient; its bonds carry nothing, and so have no share of the other end's volume either.
         carries = supported[bonds.first[pairs]] & supported[bonds.second[pairs]]
         self._counted[pairs] = np.where(carries, self.strength[pairs], 0.0)
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
@@ -87,7 +87,7 @@ class BondShares:
         return around
 
     def _divide_volumes(self, rows: np.ndarray) -> None:
-        """Divide the volumes of points among their directed bonds; those that an interface leaves out get nothing."""
+        """Divide the volumes of points among their directed bonds; bonds that an interface leaves out get nothing."""
         body, bonds, interfaces = self._body, self._body.bonds, self._kinematics.interfaces
         numbers, strength = bonds.pair_of, self._counted
         if interfaces is not None:
@@ -98,7 +98,7 @@ class BondShares:
         bond_shares[body.dimension](rows, *directed, body.all_points, body.volumes, strength, body.horizon, self.bond_shares)
 
     def carrying(self, breakable: bool) -> np.ndarray:
-        """Return which pairs carry anything; a pair with a ghost only if its mirrored pair does: else V_i W_ij would not be symmetric."""
+        """Return flags of the pairs that carry forces; a pair with a ghost only if its mirrored pair does, for V_i W_ij to be symmetric."""
         carries = self.bond_weights > 0
         if breakable and len(self._body.ghosts):
             outer, mirrored = self.mirrored_pairs
@@ -122,7 +122,7 @@ class BondShares:
     def geometry(self, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
         """Return reference data of pairs in blocks, shape (n_blocks, d + 2 or d + 3, BLOCK).
 
-        They are n, 1/l, the volume for which the energy of each counts, and on a rank the part of it that is counted there.
+        The rows are n, 1/l, the volume that weights the energy of the pair, and on a rank the part of that volume counted there.
         """
         body, d = self._body, self._body.dimension
         pairs = np.arange(len(body.bonds.first))[pairs]
@@ -135,7 +135,7 @@ class BondShares:
         return geometry
 
     def put_weights(self, geometry: np.ndarray, places: np.ndarray, pairs: np.ndarray, weights: np.ndarray) -> None:
-        """Write the weights of given pairs of the body into the geometry, at their places among the pairs of the latter."""
+        """Write the weights of given pairs of the body into the columns `places` of a geometry."""
         body, d = self._body, self._body.dimension
         geometry[places // BLOCK, d + 1, places % BLOCK] = weights
         if body.share.divided:
@@ -167,7 +167,7 @@ class BondShares:
         unit: float,
         others_of: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> Callable[..., int]:
-        """Bind the sum of forces and moments of the pairs to the body's points; what falls to a ghost goes to the point behind it.
+        """Bind the sum of the pairs' forces and moments at the body's points; forces on a ghost are added to the point that it mirrors.
 
         Parameters
         ----------

@@ -19,14 +19,14 @@ from .term import Binding
 class LinearisedDilatation:
     """Derivative D of the smoothed dilatations of the points by the positions, and its transpose (theory (58)), in single precision.
 
-    It serves approximations of the tangent.
+    Solvers use it in approximations of the tangent.
 
     Parameters
     ----------
     binding : Binding
         Body of one material.
     shares : BondShares
-        Shares and sums; bonds that are broken there are broken here.
+        Shares and sums, with their broken bonds.
     smoothing : Smoothing
     dilatations : ndarray, shape (n,)
         Smoothed, as last evaluated.
@@ -71,7 +71,7 @@ class LinearisedDilatation:
 
         self._values, pressures = means, np.zeros(total, dtype=np.float32)
         self._forces = np.zeros((total, d))
-        # The gradients are done with when forces are found.
+        # The gradients are no longer needed when the forces are computed.
         self._find_forces = Steps(
             body.share,
             means,
@@ -85,7 +85,7 @@ class LinearisedDilatation:
         self.stiffness = np.zeros(n)
 
     def take(self) -> None:
-        """Linearise in the state last evaluated."""
+        """Linearise the dilatations about the state last evaluated."""
         self._linearise()
         self._smoothing.take()
         self.stiffness[:] = self._unit * self._body.volumes * self._law.volumetric(self._dilatations, self._law.parameters)[2]

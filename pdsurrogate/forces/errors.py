@@ -1,4 +1,4 @@
-"""Errors and warnings of force evaluations, and the words that name a point in them."""
+"""Errors and warnings of force evaluations, and the part of their messages that names a point."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Homogeneous states of a small body by any force model: the results of a simulation in which a test piece is stretched evenly."""
+"""Homogeneous states of a small body with any force model, as in a simulation of a uniformly stretched test piece."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ TOLERANCE = 1e-9
 """Relative tolerance of the free stretches of a state."""
 
 MOST_STEPS = 30
-"""Most steps of the search for them."""
+"""Maximum number of secant steps for the free stretches of a state."""
 
 
 def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return nominal stresses of a test piece by a force model bound to a small body, which is stretched evenly.
+    """Return nominal stresses of a uniformly stretched small body with a force model.
 
-    The positions are given, and the free stretches are found: the thickness by the force model itself, or in three dimensions as the
-    stretch at which it has no stress, and the sides in uniaxial tension likewise.
+    The given stretches fix the positions. The force model determines the thickness of a sheet; the free stretches of a body in three
+    dimensions, and of the sides in uniaxial tension, are those at which the free stresses vanish.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
     law : Law
         Law of the body.
     stretches : ndarray, shape (n, 2)
-        Along the stress and across it; the latter is NaN where nothing holds the sides.
+        Stretches along the stress and across it; the latter is NaN where the sides are free.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
     Raises
     ------
     ValueError
-        If the model does not describe the law, or takes bodies in plane strain alone.
+        If the model does not describe the law, or accepts only bodies in plane strain.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
         at = np.array([first, second, 1.0])[: body.dimension]
         free = [axis for axis in range(1, body.dimension) if axis == 2 or np.isnan(second)]
         J3 = float(sheet_states(law, np.array([first]), np.array([second]))[1][0])
-        # Free sides and thickness have the same stretch; the law's own state is where the search begins.
+        # Free sides and thickness have the same stretch; the search begins at the state of the law.
         at[free] = np.sqrt(J3 / first) if np.isnan(second) else J3 / (first * second)
         if not np.isfinite(J3):
             continue

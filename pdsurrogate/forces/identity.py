@@ -12,7 +12,7 @@ from .protocol import ForceModel
 
 
 def identity_of(model: ForceModel) -> list[str]:
-    """Return name and digest of a model: models with the same have the same forces."""
+    """Return name and digest of a model; models that agree in both have the same forces."""
     return [model.name, digest_of_model(model)]
 
 

@@ -11,26 +11,27 @@ from ..kernels.reference_state import shape_rows
 from .kinematics import Kinematics
 
 NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
-"""Distances from a place, in cells, within which points are taken for its value: the first with enough of them."""
+"""Trial radii, in cells, of the neighbourhood that interpolates the value at a place: the first with enough points is used."""
 
 WORST_SPREAD = 1e4
 """Condition number up to which points are spread enough to determine a linear function."""
 
 CENTRINGS = 3
-"""Number of fits of the straight interface beside a point, each about the place found before."""
+"""Number of fits of the straight interface next to a point, each centred on the place that the previous one found."""
 
 REACH = 2
 """Horizons about a place on an interface within which the motion of either side is fitted, the farther points counting less.
 
-With one alone the fit depends on the three nearest rows, and points are seen where they would not move with their own displacement: beside
-a material thirty times as stiff that leaves bond forces without equilibrium. With two, `bimaterial` is as good, and a hundred times goes.
+With one horizon the fit depends on the three nearest rows, and a point's continued place does not follow its own displacement: next to a
+material thirty times as stiff, bond forces then have no equilibrium. With two, `bimaterial` is as accurate, and a contrast of a hundred
+converges.
 """
 
 FARTHEST = 1.5
-"""Horizons from a point within which its interface is: it is bonded to points beyond it, of which the nearest are within one."""
+"""Greatest distance of a point from its interface, in horizons: the point is bonded to points beyond it, the nearest within one horizon."""
 
 SIGHT = FARTHEST + REACH
-"""Horizons around a point of a body in parts within which there must be others for its jump to be found."""
+"""Radius, in horizons, around a point of a divided body within which all points must be present to compute its jump."""
 
 ASTRAY = 0.06
 """Share of a horizon's volume on the wrong side of a plane beyond which an interface is not straight, such as at a corner."""
@@ -39,26 +40,26 @@ SECTOR = 0.5
 """Sine of the angle by which a point may lie beyond the plane that touches an interface, on the side of the other material."""
 
 YIELDING = 4.0
-"""Contrast of the shear moduli beyond which the energy of the stiffer material is that of its own points alone.
+"""Contrast of the shear moduli beyond which the energy of the stiffer material depends on its own points only.
 
-It would see the softer one with the error of the fit, and its own modulus times that error is a force on the softer one: a layer of 4 cells
-moves 33 % too little beside halves ten times as stiff, and 83 % beside such a hundred times as stiff. Below, both sides see each other.
-That is more exact: homogeneous states are in equilibrium.
+Otherwise the error of the fitted motion of the softer material, times the stiffer modulus, acts as a force on the softer one: a layer of 4
+cells moves 33 % too little between halves ten times as stiff, and 83 % between halves a hundred times as stiff. Below this contrast the
+energies of both sides depend on each other's points. That is more accurate: homogeneous states are in equilibrium.
 """
 
 WORST_CONDITION = 1e6
-"""Condition number up to which a fit is taken; lengths are in units of its reach. A layer of two rows has one of 1e3."""
+"""Condition number up to which a fit is accepted, with lengths in units of its reach. For a layer of two rows it is 1e3."""
 
 
 class Interfaces:
     """Interfaces between the materials of a body, as far as they are straight within a horizon.
 
-    Of two materials that are bonded F jumps by c (x) N across the interface, N its normal: the displacement is continuous, its slope
-    along N is not.  Beside every point at an interface the jump c is that of the function which fits the positions best of those that are
-    continuous, and linear or quadratic on either side, theory (54): a linear function of the positions.  It carries the motion of a
-    material on beyond the interface: there the points of the other are seen where they would be if their side moved as this one.
+    Across the interface of two bonded materials F jumps by c (x) N, with its normal N: the displacement is continuous, its slope along N
+    is not. For every point near an interface, c follows from a least-squares fit of the positions by a continuous function that is linear
+    or quadratic on either side, theory (54), and is linear in the positions. With c the motion of one material is continued beyond the
+    interface: points of the other material are placed where they would be if they moved with this one.
 
-    A point that sees more than two materials, or no straight interface, has none: c = 0 there, and its own place is seen by all.
+    A point with more than two materials in its horizon, or without a straight interface, has c = 0, and all materials use its own place.
 
     Parameters
     ----------
@@ -70,14 +71,15 @@ class Interfaces:
     moduli : ndarray, shape (n + m,)
         Shear modulus of every point and image; infinite for rigid ones.
     quadratic : bool
-        Whether the motion on either side is fitted with a quadratic function, and much stiffer material leaves out the other side. Linear
-        fits leave an error of first order in c, which plane strain multiplies by K; quadratic ones weigh single points more, and bond
-        forces, which are no gradient, find no equilibrium beside a material a hundred times as stiff.
+        Whether the fit on either side is quadratic, and much stiffer material ignores the other side. Linear fits leave an error of first
+        order in c, which plane strain multiplies by K; quadratic fits give single points more weight, so that bond forces, which are not
+        the gradient of an energy, find no equilibrium next to a material a hundred times as stiff.
     volumes_held : bool
-        Whether a mirror image takes the interface from the gradient of its own point, and not from the nearest points: the force on it is
-        then spread as the stiff material's own stress is.  Otherwise it alternates from point to point, which only the shear modulus
-        resists where volumes are held: a confined layer 4 cells thick was 57 % too soft beside one 10 times as stiff (K = 100 mu, plane
-        strain), and is 14 % too soft so.  In plane stress the nearest points are better, by 1 % in shear.
+        Whether the place of a mirror image on the interface follows from the gradient of its own point, and not from the nearest points:
+        the force on it is then distributed like the stiff material's own stress. Otherwise it alternates from point to point, which only
+        the shear modulus resists where volumes are constrained: a confined layer 4 cells thick was 57 % too soft next to one 10 times as
+        stiff (K = 100 mu, plane strain), and is 14 % too soft with the gradient. In plane stress the nearest points are better, by 1 % in
+        shear.
 
     Attributes
     ----------
@@ -86,9 +88,9 @@ class Interfaces:
     normals : ndarray, shape (n, d)
         Direction from every point to its interface.
     left_out : ndarray of int
-        Directed bonds across an interface that the gradient and the energy of their first point leave out.
+        Directed bonds across an interface that the gradient and the energy of their first point omit.
     one_sided_bonds : tuple or None
-        Directed bonds of the points that have such, their points, and the change of their weights in the gradients.
+        Directed bonds of the points that omit bonds, these points, and the change of the bonds' weights in the gradients.
     on_jumps : ndarray, shape (n, d)
         Forces on the points by which an energy acts on the jumps, as last found by `hand_on`.
     """
@@ -115,7 +117,7 @@ class Interfaces:
             around = np.array(tree.query_ball_point(place, reach * (1 + 1e-9), return_sorted=True), dtype=np.int64)
             around = around[(portion_of[around] == portion_of[i]) | (portion_of[around] == other)]
             x, beyond = (body.points[around] - place) / reach, portion_of[around] == other
-            # Beyond a thin layer, or across a gap, the same material begins again, which has no part in this interface.
+            # Beyond a thin layer or a gap there may be more of the same material, which does not belong to this interface.
             astray = np.where(beyond, -1.0, 1.0) * (x @ normal) > SECTOR * np.linalg.norm(x, axis=1)
             around, x, beyond = around[~astray], x[~astray], beyond[~astray]
             V = body.volumes[around]
@@ -154,7 +156,7 @@ class Interfaces:
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
 
     def _with_transpose(self, rows: list[tuple[int, np.ndarray, np.ndarray]]) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Return the matrix (n, n) of some rows (number, columns, values), and its transpose with what other ranks own."""
+        """Return the matrix (n, n) of some rows (number, columns, values), and its transpose including the rows of other ranks."""
         numbers, columns, values = ([part[place] for part in rows] for place in range(3))
         counts, empty = [len(part) for part in columns], np.empty(0, dtype=np.int64)
         entries = np.repeat(np.array(numbers, dtype=np.int64), counts), np.concatenate([empty, *columns])
@@ -180,7 +182,7 @@ class Interfaces:
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbours]) | behind]
 
     def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Take bonds out of the gradients of their points; return the weights of the bonds that are left, see `gradient_weights`."""
+        """Remove bonds from the gradients of their points; return the weights of the remaining bonds, see `gradient_weights`."""
         body, bonds = self._body, self._body.bonds
         n = len(body)
         for _ in range(2):
@@ -208,9 +210,9 @@ class Interfaces:
         return weights
 
     def cells_across(self, number: int, most: int) -> float:
-        """Return how many cells a material is thick behind its interfaces, in the median over them; at most `most`, 0 if none is found.
+        """Return the median thickness of a material behind its interfaces, in cells: at most `most`, 0 without an interface.
 
-        The number of the material may be that of what is rigid.
+        The number of the material may be that of the rigid parts.
         """
         body, portion_of = self._body, self._portion_of
         beside = np.flatnonzero((portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0))
@@ -225,13 +227,13 @@ class Interfaces:
         return float(np.median(np.where(within.all(axis=1), most, within.argmin(axis=1))))
 
     def correct(self, positions: np.ndarray, gradients: np.ndarray) -> None:
-        """Find the jumps, and take from the points' gradients what they have of the other side.
+        """Compute the jumps, and remove the contribution of the other side from the points' gradients.
 
         Parameters
         ----------
         positions : ndarray, shape (n + m, d)
         gradients : ndarray, shape (n + m, d d)
-            Of the points, by columns, changed in place.
+            Gradients of the points by columns, changed in place.
         """
         n, ghosts = len(self._body), self._body.ghosts
         own = gradients[:n].reshape(-1, positions.shape[1])
@@ -246,7 +248,7 @@ class Interfaces:
         own -= self._corrections[0] @ self.jumps
 
     def see(self, positions: np.ndarray, gradients: np.ndarray) -> None:
-        """Find positions and gradients of all points as the other material sees them."""
+        """Compute positions and gradients of all points in the continued motion of the other material."""
         self.seen_positions[:] = positions - self.depths[:, None] * self.jumps
         n = len(self._body)
         slopes = self.jumps[:n]
@@ -265,7 +267,7 @@ class Interfaces:
         Parameters
         ----------
         forces, moments : ndarray, shapes (n + m, d) and (n + m, d d)
-            Minus the derivative by the seen positions, and the derivative by the seen gradients; the latter are changed.
+            Minus the derivative by the continued positions, and the derivative by the continued gradients; the latter are changed.
         own_moments : ndarray, shape (n, d d)
             Derivative by the points' own gradients; changed by those of mirror images.
         """
@@ -317,7 +319,7 @@ def _sources(body: Body) -> np.ndarray:
 
 
 def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> tuple[float, np.ndarray, int, float] | None:
-    """Return distance and direction of the interface beside a point, the material beyond, and the share of the volume that lies astray."""
+    """Return distance and direction of the interface near a point, the material beyond, and the share of volume on the wrong side."""
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
@@ -333,7 +335,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
             return None
         normal = np.linalg.solve(second, (V * (others - V @ others / V.sum())) @ x)
         normal /= np.linalg.norm(normal)
-        # The line that leaves as much volume beyond it as the other material has.
+        # The plane has as much of the volume beyond it as the other material has.
         along = points[around] @ normal
         order = np.argsort(along, kind="stable")
         behind = np.searchsorted(np.cumsum(V[order]), V[~others].sum() * (1 + 1e-9))
@@ -399,10 +401,11 @@ def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, norm
 def _mirrored(
     at: tuple[np.ndarray, np.ndarray, np.ndarray], normal: np.ndarray, sizes: tuple[float, float], own: np.ndarray, by_gradient: bool
 ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-    """Return weights of the values at points in the jump with which a point is seen as an odd mirror image of softer material.
+    """Return weights of the values at points in the jump that makes a point an odd mirror image of softer material.
 
-    As those of a clamp, theory (22): beside material that is not deformed they bear its stress without a disturbance. The second array are
-    the weights of the softer points at the mirrored place; both are None if the points determine no value at the interface or there.
+    Like the images of a clamp, theory (22), these images carry the stress of the softer material next to an undeformed one without a
+    disturbance. The second array holds the weights of the softer points in the value at the mirrored place; both are None if the points
+    determine no value at the interface or at that place.
 
     Parameters
     ----------
@@ -429,7 +432,7 @@ def _mirrored(
 
 
 def _interpolation(x: np.ndarray, volumes: np.ndarray, place: np.ndarray, spacing: float) -> np.ndarray | None:
-    """Return weights that interpolate values at points (k, d) to a place, exact for linear functions, from as few points as possible."""
+    """Return weights that interpolate values at points (k, d) to a place: exact for linear functions, with as few points as possible."""
     arms = x - place
     distance = np.linalg.norm(arms, axis=1) / spacing
     values = np.column_stack([np.ones(len(x)), arms / spacing])

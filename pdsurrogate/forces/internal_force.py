@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class InternalForce:
-    """Internal force on the points of a body: the sum of the terms of its one or several materials.
+    """Internal force on the points of a body: the sum of the terms of all its materials.
 
     `ForceModel.bind` makes it for a body of one material, and `bind_portions` for a body of several.
 
@@ -32,7 +32,7 @@ class InternalForce:
     ----------
     body : Body
     portions : sequence of Portion
-        Materials with models of one family; of one material alone, its points are ``slice(None)``.
+        Materials with models of one family; the points of a single material are ``slice(None)``.
     settings : ForceSettings
 
     Attributes
@@ -66,17 +66,17 @@ class InternalForce:
     learnt_thickness : bool
         Whether J3 of the points is found with a learnt force, and not by the law.
     learnt : Term
-        Term that knows how far the state is from what the models have learnt: `domain_deviation`, `beyond_data`, `member_deviation`.
+        Term that reports the distance of the state from the training data: `domain_deviation`, `beyond_data`, `member_deviation`.
     stiffness_moduli : float or ndarray, shape (n,)
-        Shear modulus of the stiffness around a point: of several materials the mean over the bonds of a point, each of both its ends, since
-        bonds across an interface stiffen all that they reach.
+        Shear modulus of the stiffness around a point. With several materials it is the mean over the bonds of a point, each with the mean
+        of its two ends, since bonds across an interface stiffen all points that they reach.
     force_scale : float or ndarray, shape (n,)
-        Shear modulus by which the force on a point is measured: of several materials the greatest among the point and those that it is
-        bonded to, since forces and their rounding are that large.
+        Shear modulus that scales the force on a point. With several materials it is the greatest among the point and its neighbours, since
+        forces and their rounding errors are that large.
     states : list of StateArray
         All arrays that the next evaluation starts from, apart from positions and broken bonds.
     state_rows : dict of str
-        What each array of `state_arrays` has a row for, see `StateArray`.
+        Kind of the rows of each array of `state_arrays`, see `StateArray`.
     evaluations : int
         Evaluations begun so far.
     pairs_outside : int
@@ -121,7 +121,7 @@ class InternalForce:
         """Return the moduli of stiffness and of forces at the points, from those of points and images, infinite for rigid ones."""
         body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self._kinematics.owners()
         around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
-        # A bond between very different moduli carries what the softer one does, and the stiffer one's points feel no more of it.
+        # A bond between very different moduli carries the force of the softer material: each point counts its own modulus only.
         apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
         around[apart] = moduli[owners[apart]]
         moduli = np.minimum(moduli, self.law.shear_modulus)  # rigid points have none of their own
@@ -152,7 +152,7 @@ class InternalForce:
             with self.portions[0].model.guarded():
                 self._kinematics.place(positions, self._forms)
                 self._add_up([term.find for term in self.terms], out)
-        except RuntimeError as found:  # about the state, or a force of the user's own
+        except RuntimeError as found:  # the error concerns the state, or comes from a user's own force
             error = found
         self.pairs_outside += sum(watch.found for watch in self._watches)
         for watch in self._watches:
@@ -171,7 +171,7 @@ class InternalForce:
             out += self._further
 
     def pass_bonds(self, out: np.ndarray) -> None:
-        """Repeat the part of an evaluation that follows the points' own states, in the states last found; its time is that of the bonds."""
+        """Repeat the part of an evaluation that follows the points' states, in the states last found; its time is that of the bonds."""
         self._add_up([term.pass_bonds for term in self.terms], out)
 
     def place(self, positions: np.ndarray) -> None:
@@ -212,8 +212,8 @@ class InternalForce:
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
         """Return stress and energy at the points' own deformation gradients at the positions last set.
 
-        A model that has learnt the energy of a sheet gives that energy and its derivative. For all others, which are exact or give forces
-        of bonds only, they follow from the laws of the points, at the volume ratios and bulk stresses that the force has found.
+        A learnt energy of a sheet provides the energy and its derivative. For all other models, which are exact or provide only bond
+        forces, both follow from the laws of the points, at the volume ratios and bulk stresses that the force evaluation computed.
 
         Returns
         -------
@@ -234,9 +234,9 @@ class InternalForce:
         return self.terms[0].forces_beside_pairs()
 
     def levers_on_planes(self) -> np.ndarray | None:
-        """Return the sum of f (x) y of every plane of the body, shape (planes, d, d), by virtual work in the state last evaluated.
+        """Return the sum of f (x) y for every plane of the body, shape (planes, d, d), by virtual work in the state last evaluated.
 
-        f are the forces that a plane exerts, and y the places where it does; None for a force without energy.
+        f are the forces that a plane exerts and y the places where they act; None for a force without energy.
         """
         return self.terms[0].levers_on_planes()
 
@@ -276,8 +276,8 @@ class InternalForce:
         Returns
         -------
         Release or None
-            What they had held at the positions last set, if the force has an energy; nothing where the body has no finite energy before or
-            after.
+            Energy and forces that the pairs carried at the positions last set, None if the force has no energy. Zero if the
+            body has no finite energy before or after.
 
         Raises
         ------
@@ -306,7 +306,7 @@ class InternalForce:
         return Release(self.energy(), forces)
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Return the numbers of the pairs that were nearly or fully turned inside out in the last evaluation, by terms that know."""
+        """Return the numbers of the pairs that were nearly or fully turned inside out in the last evaluation, by terms that detect them."""
         return self.terms[0].collapsed_pairs()
 
     @property

@@ -21,11 +21,12 @@ if TYPE_CHECKING:
     from .material_points import MaterialPoints
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
-"""Share of the gradient along a clamped plane that images beyond it take from their sources where volumes are held.
+"""Share of the gradient along a clamped plane that images beyond it copy from their sources where volumes are constrained.
 
-The plane gives the rest. Measured against finite elements. The bonded cube of 24 points a side (K = 100 mu): stretched to 1.5 the force is
-0.02 % off and the side 0.07 % with none, 0.20 % and 0.28 % with all; compressed to 0.9 the force is 0.13 % and 1.07 % off. In plane strain
-the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 % too stiff with none and 0.4 % with all, and at +30 % they are as good.
+The plane determines the rest. The shares follow from comparisons with finite elements. For the bonded cube of 24 points a side (K = 100 mu)
+stretched to 1.5, the force is 0.02 % and the side 0.07 % off with share 0, 0.20 % and 0.28 % with share 1; compressed to 0.9, the force is
+0.13 % and 1.07 % off. In plane strain the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 % too stiff with share 0 and 0.4 %
+with share 1; at +30 % both are equally good.
 """
 
 
@@ -48,17 +49,17 @@ class Kinematics:
     weighted_bonds : ndarray, shape (n_bonds, d)
         w x V_j of every directed bond, zero where broken.
     inverse_shape : ndarray, shape (n + m, d (d + 1)/2)
-        K^-1 as its upper triangle row by row, zero where the bonds do not span the plane or the space.
+        K^-1 as its upper triangle row by row, zero where the bonds do not span all dimensions.
     supported : ndarray of uint8, shape (n + m,)
-        1 where the bonds span the plane or the space.
+        1 where the bonds span all dimensions.
     gradient_ghosts : Ghosts
         Ghosts that fill the gradients, and fold derivatives by them.
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
     seen : list of MaterialPoints
-        Points as single materials see them; they are updated with the gradients.
+        Points of single materials with the continued points of others; they are updated with the gradients.
     changes : int
-        Number of changes of positions and bonds, by which dependent states know whether they are up to date.
+        Number of changes of positions and bonds, by which dependent states detect that they are out of date.
     """
 
     def __init__(self, body: Body, precision: str, plane: str = "stress") -> None:
@@ -117,7 +118,7 @@ class Kinematics:
         reached[touched] = True
         self.body.ghosts.fill(reached)
         own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self._outer_pairs
-        beside = self.body.share.beside_halo(bonds.first, bonds.second)  # where other ranks may have broken pairs that are not here
+        beside = self.body.share.beside_halo(bonds.first, bonds.second)  # other ranks may have broken pairs that this rank does not have
         return np.unique(np.concatenate([own, outer[reached[bonds.second[outer]]], beside]))
 
     @cached_property
@@ -172,7 +173,7 @@ class Kinematics:
             self._complete_gradients()
 
     def _complete_gradients(self) -> None:
-        """Correct the gradients at interfaces, copy them to halo and ghosts, and update what single materials see."""
+        """Correct the gradients at interfaces, copy them to halo and ghosts, and update the points of single materials."""
         if self.interfaces is not None:
             self.interfaces.correct(self.positions, self.gradients)
         self.body.share.fill(self.gradients[: len(self.body)])

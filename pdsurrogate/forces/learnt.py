@@ -1,4 +1,4 @@
-"""Learnt bond forces: features in, outputs made into a force, a domain, a material."""
+"""Learnt bond forces: maps from features of a bond to its force, each with a training domain and the material that it describes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .protocol import CompiledBondForce, Domain, Member
 class LearntBondForce(ForceSurrogate):
     """Learnt map from features of a bond to its dimensionless force.
 
-    A model that consists of arrays alone names them in `arrays`, fields that follow those of this class, and checks them in `check_arrays`.
+    A model that consists only of arrays lists their names in `arrays`, declares them as fields, and checks them in `check_arrays`.
 
     Parameters
     ----------
@@ -31,13 +31,13 @@ class LearntBondForce(ForceSurrogate):
     feature_set : str
         One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
     at_rest : ndarray, shape (2,)
-        Subtracted from the outputs.
+        Outputs at rest, which are subtracted from all outputs.
     domain : Domain
         States on which it was trained.
     law : str
         Name of the law that it describes.
     shape : mapping
-        Those dimensionless parameters of the law that its bond force depends on.
+        Dimensionless parameters of the law that its bond force depends on.
     stated : mapping, optional
         Relative errors on the plane-stress surface, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
         of the training states; None without a card.
@@ -107,7 +107,7 @@ class LearntBondForce(ForceSurrogate):
 
     @property
     def gives_transverse(self) -> bool:
-        """Whether T_mm is known, which it is from coaxiality, except with the paper's features."""
+        """Whether the model provides T_mm, by coaxiality; models of the paper's features do not."""
         return FEATURE_SETS[self.feature_set].gives_transverse
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
@@ -137,7 +137,7 @@ class LearntBondForce(ForceSurrogate):
         """Return the block function and packed weights in the given precision."""
         features, found = FEATURE_SETS[self.feature_set], CompiledBondForce(*self.packed(dtype))
         if features.anchored is not None and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9:
-            # Zero at rest is made zero as the kernel rounds it: its value there is subtracted, beyond what is subtracted already.
+            # The force at rest is exactly zero in the kernel's precision: the kernel's own rest value is subtracted as well.
             rest = found.evaluate(np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T, TRACTION_ROWS)[0, 0]
             found.weights[features.anchored - N_OUTPUTS] += found.weights.dtype.type(rest / features.rest_factor)
         return replace(found, needs_length=features.needs_length)
@@ -149,7 +149,7 @@ class LearntBondForce(ForceSurrogate):
 
 
 def learnt_facts(model) -> dict[str, str]:
-    """Return what a learnt model describes, in words."""
+    """Return the material that a learnt model describes, in words."""
     stretches = f"{model.domain.least_stretch:g} to {model.domain.greatest_stretch:g}"
     error = {} if model.stated is None else {"RMS error": f"{model.stated['rms']:.2g}"}
     return {"law": model.law, **model.shape, "stretches": stretches, **error}
@@ -161,12 +161,12 @@ def check_described(model, law: Law, shape: Mapping[str, float], exact: str) -> 
     Parameters
     ----------
     model
-        Model with the `name` of its own, and the `law` and `shape` that it was trained for.
+        Model with its `name`, and the `law` and `shape` that it was trained for.
     law : Law
     shape : mapping
-        Those dimensionless parameters of `law` that the model depends on.
+        Dimensionless parameters of `law` that the model depends on.
     exact : str
-        Name of the force model that serves every law, for the error.
+        Name of the force model that accepts every law, for the error message.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def check_payload(kind: str, payload: dict, names: Mapping[str, Collection[str]]
         Kind of the model.
     payload : dict
     names : mapping
-        Names that are known, by key.
+        Allowed names, by key.
     arrays : sequence of str
         Keys of the arrays.
 

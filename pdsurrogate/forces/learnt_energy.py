@@ -1,4 +1,4 @@
-"""Learnt energies: networks of two invariants from plain arrays, of a sheet under plane stress or of the isochoric part."""
+"""Learnt energies: networks of two invariants, stored as plain arrays, for a sheet under plane stress or for the isochoric part."""
 
 from __future__ import annotations
 
@@ -60,13 +60,13 @@ class LearntEnergy(ForceModel):
         One of `pdsurrogate.kernels.activations.SMOOTH`.
     hidden_weights : ndarray, shape (2, n)
     hidden_biases, output_weights : ndarray, shape (n,)
-        On the features as they are, unscaled.
+        Biases and output weights, for unscaled features.
     domain : Domain
         Principal stretches trained on; its bounds of J3^2 are those of the training states, and not tested.
     law : str
         Name of the law that it describes.
     shape : mapping
-        Those dimensionless parameters of the law that its energy depends on.
+        Dimensionless parameters of the law that its energy depends on.
     stated : mapping, optional
         Relative errors of the stress, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
         of the training states; None without a card.
@@ -126,9 +126,9 @@ class LearntEnergy(ForceModel):
 
 @dataclass(frozen=True, repr=False)
 class EnergyNetwork(LearntEnergy, EnergySurrogate):
-    """Network for psi(tr C, J) of a sheet under plane stress, without energy and stress at rest by construction.
+    """Network for the energy psi(tr C, J) of a sheet under plane stress; energy and stress vanish at rest by construction.
 
-    Its features are `ENERGY_FEATURES` and its parameters those of `LearntEnergy`; the shape is that of `energy_shape`.
+    Its features are `ENERGY_FEATURES`, and it has the parameters of `LearntEnergy`; its `shape` comes from `energy_shape`.
 
     Examples
     --------
@@ -150,7 +150,7 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
         return float((value * self.output_weights).sum()), float((slope * self.output_weights * self.hidden_weights[0]).sum())
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
-        """Return the energy and its derivatives in NumPy, see `EnergySurrogate`; the network has learnt the law and does not use it."""
+        """Return the energy and its derivatives in NumPy, see `EnergySurrogate`; the network does not use the law."""
         trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
         rows = np.empty((6, J.size))
         for at in range(0, J.size, CHUNK):
@@ -163,7 +163,7 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
         x, u = np.log(J), np.log(trace / (2 * J))
         value, slope, curvature = ACTIVATIONS[self.activation](x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases)
         slope, curvature = slope * v, curvature * v
-        # Sums written out, not matrix products: the order of summation must not depend on how many states there are.
+        # The sums are written out, since in matrix products the order of summation would depend on the number of states.
         by_x, by_u = (slope * w1).sum(axis=1) - flat, (slope * w2).sum(axis=1)
         xx, xu, uu = (curvature * w1 * w1).sum(axis=1), (curvature * w1 * w2).sum(axis=1), (curvature * w2 * w2).sum(axis=1)
         psi = (value * v).sum(axis=1) - constant - flat * x
@@ -180,7 +180,7 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
         """Return the block function and packed weights in the given precision."""
         packed = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, dtype)
         found = CompiledBondForce(network_energy_density(ACTIVATIONS[self.activation], dtype).address, *packed, NETWORK_WORK_ROWS)
-        # Zero at rest is made zero as the kernel rounds it: its values there are subtracted.
+        # Energy and stress at rest are exactly zero in the kernel's precision: its own rest values are subtracted.
         energy, by_trace, by_area = found.evaluate(np.array([[2.0], [1.0]]), ENERGY_ROWS)[:, 0].astype(dtype)
         # 2 psi_I + psi_J = dpsi/dlog J at rest, of which psi_I is half of dpsi/dlog(tr C/(2 J)).
         slope = by_area + 2 * by_trace
@@ -199,10 +199,11 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
 
 @dataclass(frozen=True, repr=False)
 class IsochoricNetwork(LearntEnergy):
-    """Network for W(I1bar, I2bar), which serves plane strain, space and every bulk modulus: U(J) is the law's own.
+    """Network for W(I1bar, I2bar), for plane strain and three dimensions and for every bulk modulus: U(J) comes from the law.
 
-    Its features are `ISOCHORIC_FEATURES` and its parameters those of `LearntEnergy`; the shape is the law's, and a domain's stretches are
-    the isochoric principal stretches.  Stress vanishes at rest, as that of every function of these invariants, and so does the energy.
+    Its features are `ISOCHORIC_FEATURES`, and it has the parameters of `LearntEnergy`; its `shape` is that of the law, and the stretches of
+    its domain are isochoric principal stretches. Energy and stress vanish at rest; for the stress this holds for every function of these
+    invariants.
 
     Examples
     --------
@@ -221,7 +222,7 @@ class IsochoricNetwork(LearntEnergy):
 
     @property
     def honours(self) -> Mapping[str, tuple]:
-        # Under plane stress every bond would evaluate it in every step of a Newton iteration for the thickness.
+        # Under plane stress every bond would evaluate the network in every step of a Newton iteration for the thickness.
         return {
             "precision": PRECISIONS,
             "correction": ("none",),
@@ -243,7 +244,7 @@ class IsochoricNetwork(LearntEnergy):
         w1, w2, v = *self.hidden_weights, self.output_weights
         value, slope, _ = ACTIVATIONS[self.activation](np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases)
         slope = slope * v
-        # Sums written out, as in `EnergyNetwork`.
+        # The sums are written out as in `EnergyNetwork`.
         W = (value * v).sum(axis=-1) - self._at_rest
         return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
 
@@ -253,7 +254,7 @@ class IsochoricNetwork(LearntEnergy):
         return float((ACTIVATIONS[self.activation](self.hidden_biases)[0] * self.output_weights).sum())
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
-        """Return the isochoric energy of the bonds; by default the exact energy takes over towards the edge of the domain."""
+        """Return the isochoric energy of the bonds; by default the exact energy replaces it towards the edge of the domain."""
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
         block = block_function_of(kernel.network_block, isochoric_energy_signature(precision), *parts)

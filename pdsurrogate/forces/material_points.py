@@ -1,4 +1,4 @@
-"""Points of one material, and those of others as it sees them, with their states by its law."""
+"""Points of one material and the continued points of others, with their states by its law."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from .steps import Step, Steps
 
 
 class MaterialPoints:
-    """Points and images of one material, those of others that it is bonded to as it sees them, and their states by its law.
+    """Points and images of one material, the points of others that it is bonded to, and the states of all of them by its law.
 
-    If all points of the body are of the material, its arrays are the body's own. Otherwise they are copies, in which the points of other
-    materials are where they would be if they moved as this material does (`Interfaces`).
+    If all points of the body are of the material, the arrays are the body's own. Otherwise they are copies, in which the points of other
+    materials are where they would be if they moved with this material (`Interfaces`).
 
     Parameters
     ----------
@@ -35,25 +35,25 @@ class MaterialPoints:
     own : ndarray of bool, shape (n + m,), optional
         Points and images of the material; by default all.
     pairs : ndarray of int, optional
-        Pairs of the body that the material takes part in; by default all.
+        Pairs of the body with an end in the material; by default all.
 
     Attributes
     ----------
     whole : bool
         Whether all points are of the material.
     numbers, pairs : slice or ndarray of int
-        Numbers in the body of these points and images, shape (k,), and of these pairs.
+        Numbers in the body of all points and images of this object, shape (k,), and of its pairs.
     own : tuple
-        Places here and numbers in the body of the material's own points, without images.
+        Places in `numbers`, and numbers in the body, of the material's own points, without images.
     first, second : ndarray of uint32
         Ends of the pairs by their places in `numbers`, filled up to whole blocks.
     positions, gradients : ndarray, shapes (k, d) and (k, d d)
     volume_ratios : ndarray, shape (k,)
         J3.
     kept_ratios : ndarray, shape (n + m,)
-        Latest volume ratios by the numbers of points and images, from which the next are found.
+        Latest volume ratios by the numbers of points and images in the body, from which the next iteration starts.
     records : ndarray, shape (k, 4)
-        (cos, sin, J, C33), which bond forces read; empty in space.
+        (cos, sin, J, C33), which bond forces read; empty in three dimensions.
     response, parameters
         Compiled response of the law and its parameters.
     state_pass : BoundPass or None
@@ -104,7 +104,7 @@ class MaterialPoints:
         kinematics.seen.append(self)
 
     def update(self) -> None:
-        """Copy positions and gradients from the body, those of other materials as this one sees them."""
+        """Copy positions and gradients from the body, and for points of other materials those of the continued motion of this one."""
         kinematics, interfaces, others = self._kinematics, self._kinematics.interfaces, self.numbers[self._others]
         np.take(kinematics.positions, self.numbers, axis=0, out=self.positions, mode="clip")
         np.take(kinematics.gradients, self.numbers, axis=0, out=self.gradients, mode="clip")
@@ -113,7 +113,7 @@ class MaterialPoints:
 
     @cached_property
     def _passes(self) -> list[BoundPass]:
-        """Passes that find the states, bound at their first use, when it is known whether `state_pass` replaces the law."""
+        """Passes that find the states, bound at their first use, when `state_pass` has been set if it replaces the law."""
         return [self.state_pass or self._pass_of_law(), *([self._turn] if self._turn else [])]
 
     @property
@@ -154,11 +154,11 @@ class MaterialPoints:
             have_states([self], self._find())
 
     def note(self, counts: Iterator[int]) -> bool:
-        """Take the counts of its own passes; return whether all points have a state."""
+        """Evaluate the counts of this material's passes; return whether all points have a state."""
         found = not sum(islice(counts, len(self._passes)))
         self._found_at = self._kinematics.changes if found else -1
         if not found:
-            self.kept_ratios[:] = 1.0  # so that a later evaluation starts afresh
+            self.kept_ratios[:] = 1.0  # a later evaluation then starts from the initial values
         return found
 
     def diagnose(self) -> str:
@@ -171,7 +171,7 @@ class MaterialPoints:
             image = "" if numbers[place] < len(body) else "its image beyond the grip: "
             return at_point(body, int(owners[numbers[place]]), image + what)
 
-        # Images too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
+        # Images are checked too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
         F = matrices(self.gradients)
         finite = np.isfinite(F).all(axis=(1, 2))
         if not finite.all():

@@ -1,4 +1,4 @@
-"""Deviation of the members of a committee from the model that runs: what they would give for the same deformation."""
+"""Deviation of the members of a committee from the model in use, for the same deformation."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ CHUNK = 65_536
 
 
 def greatest_deviations(model: ForceModel, law: Law, answer: Callable[[ForceModel, Law, slice], np.ndarray], count: int) -> np.ndarray:
-    """Return the greatest deviation of the members from the model at so many states, in units of the shear modulus, shape (count,).
+    """Return the greatest deviation of the members from the model at each state, in units of the shear modulus, shape (count,).
 
-    Beyond its domain each is the exact force of its own law, as in a run by default.
+    Beyond its domain every member is replaced by the exact force of its own law, as in a run by default.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Learnt bond forces: multilayer perceptrons, from plain arrays."""
+"""Learnt bond forces: multilayer perceptrons, stored as plain arrays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .learnt import LearntBondForce, check_payload, check_shape
 from .protocol import Domain
 
 LAYER = ("weights", "biases")
-"""Parts of a layer, in this order; a payload has both with the layer's number behind."""
+"""Parts of a layer, in this order; the keys of a payload append the number of the layer."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,4 +1,4 @@
-"""Analytic non-ordinary state-based force (2): the exact constitutive law, with zero-energy modes."""
+"""Analytic non-ordinary state-based force, theory (2): the exact constitutive law, with zero-energy modes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PointStress(Term):
         self._stresses, self._parts, passes = aligned_rows((len(body.all_points), d * d)), [], []
         self._broken = np.zeros(len(bonds.first), dtype=bool)
         for points in map(self.points_of, range(len(binding.portions))):
-            # P K^-1 of points and images; of one material it is written where it belongs.
+            # P K^-1 of points and images; a single material writes to this array directly.
             stresses = self._stresses if points.whole else aligned_rows((len(points.numbers), d * d))
             state = points.gradients, points.volume_ratios, kinematics.inverse_shape[points.numbers]
             law = points.law.shear_modulus, points.response.address, points.parameters, kinematics.scratch
@@ -43,7 +43,7 @@ class PointStress(Term):
 
     def diagnose(self, out: np.ndarray) -> str:
         F = self.kinematics.deformation_gradients()
-        # Under plane stress a law ends at the thickness, which is found before.
+        # Under plane stress the limit of a law is found before, with the thickness.
         for portion in () if self.kinematics.plane == "stress" else self.binding.portions:
             numbers = np.arange(len(F))[portion.points]
             for i in numbers[np.argsort(-np.linalg.norm(F[numbers], axis=(1, 2)))][:100]:

@@ -1,4 +1,4 @@
-"""Bond forces and energies that users write in Python: evaluated block by block in NumPy, and so as slow as that."""
+"""Bond forces and energies that users write in Python, evaluated block by block in NumPy and therefore slower than compiled models."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ REST = np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T
 """State of a bond at rest in a block: U_nn, U_nm, U_mm, J, C33, length."""
 
 DIFFERENCE = 1e-3
-"""Relative step of the difference quotients there: their own error is some 1e-6 of a derivative, in single precision 1e-3."""
+"""Relative step of the difference quotients at `INVARIANTS`: their error is about 1e-6 of a derivative, in single precision 1e-3."""
 
 MOST_OFF, NOTED = 1e-2, 1e-4
 """Errors, relative to the greatest derivative or force of a trial (at rest, to the shear modulus), beyond which a derivative or a force is
@@ -43,11 +43,11 @@ NOTED_OF_QUOTIENTS = 2e-3
 """Error of a derivative beyond which there is a warning: a difference quotient in single precision may itself be off by half of it."""
 
 NEAR_REST = 3.0001
-"""Invariants at which the shear modulus of an energy is taken: at 3 itself its derivatives may not be defined."""
+"""Value of both invariants at which the shear modulus of an energy is computed: at 3 itself its derivatives may be undefined."""
 
 
 class OwnForceFailed(RuntimeError):
-    """Error raised by a user's own force, or a result of it that is no force."""
+    """A user's own force raised an error, or returned something that is not a force."""
 
 
 class OwnForceInvalid(InvalidState):
@@ -60,20 +60,20 @@ def is_own_force(thing) -> bool:
 
 
 class OwnBondForce(ForceSurrogate):
-    """Bond force, or isochoric energy, of a user's own, evaluated in NumPy.
+    """Bond force or isochoric energy that a user wrote in Python, evaluated in NumPy.
 
     Parameters
     ----------
     thing : object
-        With a ``bond_force(stretch, rotation, length, C33, J)`` as `ForceSurrogate.bond_force`, of vectors; or with an
-        ``energy(I1bar, I2bar)`` that gives W and its derivatives by both, vectors too, in units of the shear modulus. The force must be
-        isotropic: its component across a bond is the one along a bond across it. The thickness of the points is that of the scene's
-        material, as with every bond force.
+        Object with a method ``bond_force(stretch, rotation, length, C33, J)`` of vectors, as `ForceSurrogate.bond_force`; or with a method
+        ``energy(I1bar, I2bar)`` of vectors that returns W and its derivatives by both, in units of the shear modulus. The force must be
+        isotropic: the transverse component T_mm of a bond is T_nn of a bond across it. The thickness of the points follows from the
+        scene's material, as with every bond force.
 
     Raises
     ------
     TypeError
-        If it has neither.
+        If the object has neither method.
 
     Examples
     --------
@@ -105,8 +105,8 @@ class OwnBondForce(ForceSurrogate):
             )
         self.thing, self.name = thing, type(thing).__name__
         self.failure: Exception | None = None
-        self._gives_force = callable(getattr(thing, "bond_force", None))  # which counts before an energy
-        self._callback = _CALLED(self._evaluate_block)  # kept: its address is handed around
+        self._gives_force = callable(getattr(thing, "bond_force", None))  # a bond force takes precedence over an energy
+        self._callback = _CALLED(self._evaluate_block)  # a reference is kept, since compiled code holds its address
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
         """Return the dimensionless bond force, see `ForceSurrogate.bond_force`.
@@ -131,7 +131,7 @@ class OwnBondForce(ForceSurrogate):
         return force
 
     def energy(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return W and its derivatives, for an object that gives them."""
+        """Return W and its derivatives, for an object with an ``energy``."""
         found = self.thing.energy(I1, I2)
         if not isinstance(found, tuple) or len(found) != 3:
             raise OwnForceFailed(f"{self.name}: energy must return W, dW/dI1bar and dW/dI2bar, not {type(found).__name__}")
@@ -150,7 +150,7 @@ class OwnBondForce(ForceSurrogate):
         return values
 
     def _check_finite(self, what: str, found, state: dict[str, np.ndarray]) -> None:
-        """Raise OwnForceInvalid if a component is not finite somewhere; `what` has braces for the components."""
+        """Raise OwnForceInvalid if a component is not finite somewhere; `what` is a format string for the component."""
         bad = np.flatnonzero(~np.isfinite(np.stack(found)).all(axis=0))
         if len(bad):
             given = what.format(*(part.flat[bad[0]] for part in found))
@@ -175,7 +175,7 @@ class OwnBondForce(ForceSurrogate):
             has_state = np.isfinite(rows).all(axis=0) & (rows[3] > 0) & (rows[4] > 0)
             rows = np.where(has_state & (rows[5] > 0), rows, REST)
             result[:] = np.where(has_state, self._tractions(*rows), np.nan)
-        except Exception as error:  # it cannot pass through compiled code; the evaluation raises it
+        except Exception as error:  # an exception cannot pass through compiled code; the evaluation raises it later
             self.failure = error
             result[:] = np.nan
 
@@ -190,12 +190,13 @@ class OwnBondForce(ForceSurrogate):
         Raises
         ------
         ValueError
-            If it fails, or is not finite; if a derivative is not that of the energy, or a force is not zero at rest or not isotropic.
+            If the object fails, or returns values that are not finite; if a derivative is not that of the energy; or if a force is not
+            zero at rest or not isotropic.
 
         Warns
         -----
         UserWarning
-            If it is slightly so, or an energy has another shear modulus than 1.
+            If such an error is small, or an energy has another shear modulus than 1.
         """
         try:
             found = self._force(*bond_arrays(*TRIAL))
@@ -207,7 +208,7 @@ class OwnBondForce(ForceSurrogate):
                 self._check_modulus()
         except (OwnForceFailed, OwnForceInvalid) as error:
             raise ValueError(str(error)) from error
-        except Warning:  # made an error by whoever called
+        except Warning:  # the caller turns the warning into an error
             raise
         except Exception as error:
             raise ValueError(f"{self.name} fails on bonds of stretches {TRIAL[0]}: {type(error).__name__}: {error}") from error
@@ -242,7 +243,7 @@ class OwnBondForce(ForceSurrogate):
             )
 
     def _check_rest(self) -> None:
-        """Check that there is no force at rest, whatever the length of the bond."""
+        """Check that the force vanishes at rest for every length of the bond."""
         lengths = np.array(TRIAL[2])
         force = self._force(*bond_arrays(1.0, 0.0, lengths, 1.0, 1.0))
         off = np.linalg.norm(force, axis=1)
@@ -279,20 +280,20 @@ class OwnBondForce(ForceSurrogate):
         )
 
     def _judge(self, off: float, what: str, noted: float = NOTED) -> None:
-        """Refuse a great error, and warn about a small one."""
+        """Raise ValueError for a large error, and warn about a small one."""
         if not off <= MOST_OFF:
             raise OwnForceInvalid(what)
         if off > noted:
             warnings.warn(what, stacklevel=4)
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
-        # Python runs on one thread, that which calls.
+        # Python code must run on the calling thread only.
         with thread_count(1):
             return super().bind(body, law, settings)
 
     @contextmanager
     def guarded(self) -> Iterator[None]:
-        """Return a context that raises the error of the user's own code in place of its consequences."""
+        """Return a context that raises the original error of the user's code, and not a consequence of it."""
         self.failure = None
         try:
             yield

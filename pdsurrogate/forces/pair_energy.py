@@ -25,10 +25,10 @@ from .volume_energy import VolumeEnergy
 class PairEnergy(Term):
     """Energy of all pairs, each a function of its deformation gradient F_ij.
 
-    Under plane stress it is all of the energy. Where volumes are held, the energy is selective: isochoric at the pairs, and volumetric at
-    the points (`VolumeEnergy`), which does not lock. Of several materials, each sees the bond and its ends as if the other moved as itself
-    (`Interfaces`), so that a pair across an interface has one gradient for each; the derivative of the energy by the jump between them is a
-    force on the points from which the jump is found.
+    Under plane stress the pairs have the whole energy. In plane strain and three dimensions the energy is selective: isochoric at the pairs
+    and volumetric at the points (`VolumeEnergy`), which avoids locking. With several materials, each evaluates a bond and its ends as if
+    the other material moved with it (`Interfaces`), so that a pair across an interface has one gradient for each; the derivative of the
+    energy by the jump between them is a force on the points that determine the jump.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class PairEnergy(Term):
         self.nearly_incompressible = whole and self.selective
 
     def _see(self, number: int, own: np.ndarray | None) -> np.ndarray:
-        """Bind the points of a material and the pairs in which it has energy; return the volumes for which these pairs count."""
+        """Bind the points of a material and the pairs in which it has energy; return the volumes that weight these pairs."""
         shares, bonds = self.shares, self.body.bonds
         if own is None:
             self.points_of(number)
@@ -98,9 +98,9 @@ class PairEnergy(Term):
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
-        """Find energy and forces from the gradients.
+        """Compute energy and forces from the gradients.
 
-        Returns the number of pairs outside the domain of every model, of those turned inside out, and of points without a force.
+        Return the number of pairs outside the domain of each model, of pairs turned inside out, and of points without a force.
         """
         self._energy = np.nan
         if self.volume is not None:
@@ -116,7 +116,7 @@ class PairEnergy(Term):
         return list(outside), sum(invalid), self._to_points(out)
 
     def _collect(self) -> None:
-        """Add up forces and moments of the parts on the pairs, and on the points of other materials as each sees them."""
+        """Sum the forces and moments of the parts on the pairs, and on the continued points of other materials."""
         for array in (self._forces, self._moments, self._seen_forces, self._seen_moments):
             array[:] = 0.0
         for number, part in enumerate(self._parts):
@@ -136,9 +136,9 @@ class PairEnergy(Term):
         return self._energy
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        """Return the pairs' own forces and those of the S of their two ends along them.
+        """Return the forces of pairs: their own, and those that the moments S of their two ends exert along them.
 
-        For a pair with a ghost they include the force of the mirrored pair on the ghost of this point.
+        The force of a pair with a ghost includes that of the mirrored pair on the ghost of this point.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         first, second = bonds.first[pairs], bonds.second[pairs]
@@ -182,9 +182,9 @@ class PairEnergy(Term):
     def levers_on_planes(self) -> np.ndarray:
         kinematics, body, d = self.kinematics, self.body, self.body.dimension
         moments, forces = np.zeros((len(body.ghosts), d * d)), np.zeros((len(body.ghosts), d))
-        # The sums again, to the same bits, since those of the ghosts are not kept.
+        # The sums are computed again, to the same bits, since those of the ghosts are not kept.
         self._to_points(np.empty_like(body.points), (moments, forces))
-        if body.share.divided:  # images count where the points behind them do
+        if body.share.divided:  # images count where the points that they mirror do
             own = body.share.own[body.ghosts.source, None]
             forces, moments = forces * own, moments * own
         places = kinematics.positions, matrices(kinematics.gradients)
@@ -241,7 +241,7 @@ class PairEnergy(Term):
         trace, J = plane_stress.invariants(F)
         found = part.model.energy_derivatives(law, trace, J)
         learnt = np.ones(len(F), dtype=bool)
-        if self.binding.outside == "fallback":  # where the exact energy begins to take over, it counts
+        if self.binding.outside == "fallback":  # the exact energy counts in the whole band where it is blended in
             learnt = self.domain_deviation() < 0.5 * np.log(1 - BLEND)
         stress[learnt, :2, :2] = part.unit * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learnt]
         energy[learnt] = part.unit * found.psi[learnt]
@@ -268,7 +268,7 @@ class PairEnergy(Term):
         form = kinematics.gradient_pass(changes, gradients, 0.0)
         to_points = self.shares.sums_of(forces, moments, np.zeros_like(self._stresses), self._unit)
         memory = aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK)), aligned_rows((chunks.threads, 4, BLOCK))
-        # A copy: bonds that break later are not broken in this tangent.
+        # The data are copied, since bonds that break later must remain in this tangent.
         pairs = part.points.first, part.points.second, part.geometry.copy(), linearised
         find = bond_energy.pair_tangents.bind(changes, gradients, *pairs, *memory, forces, moments, chunks=chunks)
 
@@ -303,7 +303,7 @@ class PairEnergy(Term):
         if not self.selective:
             return stretches
         J = stretches.prod(axis=1, keepdims=True)
-        # In the plane the third one is held at 1.
+        # In plane strain the third stretch is 1.
         return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
 
     def _gradients(self) -> tuple[np.ndarray, np.ndarray]:
@@ -318,7 +318,7 @@ class PairEnergy(Term):
     def _without_energy(self) -> str:
         """Return a message that names a bond without an energy, and the reason."""
         _, F = self._gradients()
-        with np.errstate(invalid="ignore"):  # numbers that are not finite are looked for
+        with np.errstate(invalid="ignore"):  # values that are not finite are expected in this search
             bonds, alive, J = self.body.bonds, self.shares.bond_weights > 0, np.linalg.det(F)
         broken = alive & ~np.isfinite(J)
         if broken.any():

@@ -1,4 +1,4 @@
-"""Passes that find the energies of the pairs of one material, and their forces: all of the energy, or its isochoric part."""
+"""Passes that compute the energies and forces of the pairs of one material, from the whole energy or its isochoric part."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class EnergyDerivatives(NamedTuple):
 
 
 class PairEnergies:
-    """Pass over the pairs of a material that finds all of their energy under plane stress.
+    """Pass over the pairs of a material that computes their whole energy under plane stress.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class PairEnergies:
     model : EnergySurrogate
     points : MaterialPoints
     weights : ndarray
-        Volumes for which these pairs count.
+        Volumes that weight these pairs.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class PairEnergies:
         return tuple(self._counts.sum(axis=0).tolist())
 
     def energy_derivatives(self, trace: np.ndarray, area_ratio: np.ndarray) -> EnergyDerivatives:
-        """Return the energy and its derivatives, the exact ones taking over where the pass falls back on the exact energy."""
+        """Return the energy and its derivatives, with the exact ones where the pass falls back on the exact energy."""
         found = self.model.energy_derivatives(self.points.law, trace, area_ratio)
         if self.model.domain is None or self._outside != "fallback":
             return found
@@ -105,9 +105,9 @@ class SelectivePairs:
     Parameters
     ----------
     binding, shares, model, points, weights
-        As those of `PairEnergies`; the model has an `isochoric_energy`.
+        Same as the parameters of `PairEnergies`; the model has an `isochoric_energy`.
     volumes : ndarray, shape (n_blocks * BLOCK,)
-        For det F_ij.
+        Array for det F_ij.
     own : ndarray of bool, shape (n_bonds,), or None
         Directed bonds of the material's points; None if these are all.
 
@@ -116,9 +116,9 @@ class SelectivePairs:
     unit : float
         Shear modulus of the material.
     pressures : ndarray, shape (k,)
-        Pressures of the material's points, in units of mu, by which a share of a point's volume weighs the change of det F_ij.
+        Pressures of the material's points, in units of mu, which multiply a share of the point's volume and the change of det F_ij.
     forces, moments
-        As those of `PairEnergies`, in the precision of the isochoric energy.
+        Same as in `PairEnergies`, in the precision of the isochoric energy.
     buffers : ndarray
         Working memory in doubles.
     volume_energies : ndarray
@@ -135,7 +135,7 @@ class SelectivePairs:
     ) -> None:
         dimension, chunks = points.positions.shape[1], binding.kinematics.chunks
         self.model, self.points, self.volumes, self.unit = model, points, volumes, points.law.shear_modulus
-        self.geometry = geometry = shares.geometry(points.pairs, weights, "float64")  # the volumes are found from it
+        self.geometry = geometry = shares.geometry(points.pairs, weights, "float64")  # the volumes are computed from this array
         self.isochoric = isochoric = model.isochoric_energy(points.law, binding.settings.plane, binding.outside, binding.precision)
         self.pressures, self.volume_energies = np.zeros(len(points.positions)), np.zeros(0)
         self.end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))

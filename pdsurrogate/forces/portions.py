@@ -1,4 +1,4 @@
-"""Force models of several materials, bound to one body."""
+"""Binding of the force models of several materials to one body."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from .settings import ForceSettings
 def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettings, rigid: np.ndarray | None = None) -> InternalForce:
     """Prepare the evaluation of a body whose points are of several materials.
 
-    Portions of the same law and model are one material; where all are, the body is evaluated as any other.
+    Portions of the same law and model are one material; if all portions are, the body is evaluated as one of a single material.
 
     Parameters
     ----------
     body : Body
     portions : sequence of Portion
-        Every point of the body is in one of them.
+        Portions that together contain every point of the body once.
     settings : ForceSettings
-        Every model that uses a setting can honour it.
+        Settings that every model honours, as far as it uses them.
     rigid : ndarray of int, optional
-        Points of no material, which solvers move; the points that they are bonded to pull at them. Only for a force with an energy.
+        Points of rigid parts, without a material; solvers move them, and bonds to other points act on them. The force must have an energy.
 
     Raises
     ------
@@ -64,9 +64,9 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
 def _check_several(model: ForceModel, plane: str) -> None:
     """Raise ValueError if a model cannot describe one of several materials of a body.
 
-    The pressure of bond forces and of NOSB is that of det F at single points (theory, section 16). A point would have to keep its volume as
-    the other material sees it as well as its own, and no equilibrium is found; with one gradient for both, states that are homogeneous on
-    either side are not in equilibrium.
+    The pressure of bond forces and of NOSB depends on det F at single points (theory, section 16). A point would have to keep its volume
+    both in its own motion and in the continued motion of the other material, and no equilibrium exists; with one gradient for both
+    materials, states that are homogeneous on either side are not in equilibrium.
     """
     if not model.several_materials:
         raise ValueError(f"{model.name} takes a body of one material; without materials it serves every law")
@@ -90,5 +90,5 @@ def _merged(portions: Sequence[Portion]) -> list[Portion]:
 
 
 def _same(model: ForceModel, other: ForceModel) -> bool:
-    """Return whether two models are one: the same object, or two of one class that have learnt nothing."""
+    """Return whether two models are equivalent: the same object, or two of one class without learnt data."""
     return model is other or (type(model) is type(other) and model.name == other.name and not model.payload() and not other.payload())

@@ -1,4 +1,4 @@
-"""Protocol of force models: domain, materials, the settings that a model honours, and the terms that it consists of."""
+"""Protocol of force models: domain, materials, the settings that a model honours, and the terms of its internal force."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Domain:
         return (-np.sort(-logs, axis=1)[:, :2] @ planes[:, :2].T - planes[:, 2]).max(axis=1)
 
     def beyond_bounds(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
-        """Return the `deviation` from the bounds of stretches and J3^2 alone, within which the model itself counts in a run."""
+        """Return the `deviation` from the bounds of stretches and J3^2 alone, within which a run uses the model itself."""
         with np.errstate(divide="ignore"):
             stretch = np.log(stretches)
             least, greatest, low, high = np.log([self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk])
@@ -106,7 +106,7 @@ def by_blocks(evaluate: Callable[[np.ndarray, np.ndarray], object], states: np.n
     found = np.empty((n_rows, n))
     for at in range(0, n, BLOCK):
         size = min(BLOCK, n - at)
-        # The first state fills up the block, so that all of it are states.
+        # Copies of the first state fill the last block, so that all its columns are valid states.
         rows, result = np.repeat(states[:, at : at + 1], BLOCK, axis=1).astype(dtype), np.zeros((n_rows, BLOCK), dtype)
         rows[:, :size] = states[:, at : at + size]
         evaluate(rows, result)
@@ -125,12 +125,12 @@ class CompiledBondForce:
     sizes : ndarray of int64
     weights : ndarray, in the precision of the bond pass
     work_rows : int
-        Rows of working memory that it needs, in that precision.
+        Rows of working memory that the function needs, in that precision.
     needs_length : bool
-        Whether it reads the last row of its states, l/horizon, which is not filled otherwise.
+        Whether the function reads the last row of its states, l/horizon, which is not filled otherwise.
     asks_law : bool
-        Whether it uses the response that the pass hands over, which includes the state of the thickness. Every other force is that of a
-        thickness without stress; plane strain adds the pressure to it (`pdsurrogate.forces.bond_force.in_plane_strain`).
+        Whether the function calls the response of the law that the pass supplies, which includes the state of the thickness. Every other
+        force is one of zero stress across the thickness; plane strain adds the pressure (`pdsurrogate.forces.bond_force.in_plane_strain`).
     """
 
     address: int
@@ -147,7 +147,7 @@ class CompiledBondForce:
     def evaluate(self, states: np.ndarray, n_rows: int, response: int = 0, parameters: np.ndarray | None = None) -> np.ndarray:
         """Return the result, shape (n_rows, n), at states (rows, n), in double; for checking, not for speed.
 
-        `response` and `parameters` are those of the law, which models without a law of their own need.
+        `response` and `parameters` are those of the law, for functions that use it (`asks_law`).
         """
         dtype = self.weights.dtype
         law = response, np.zeros(1) if parameters is None else parameters
@@ -161,14 +161,14 @@ class CompiledBondForce:
 
 @dataclass(frozen=True)
 class Portion:
-    """Points of a body that are of one material, and the force model that describes it.
+    """Points of one material of a body, with its law and its force model.
 
     Attributes
     ----------
     law : Law
     model : ForceModel
     points : ndarray of int or slice
-        Numbers of the points, rising; ``slice(None)`` where all points are of the material.
+        Numbers of the points in ascending order; ``slice(None)`` if all points are of the material.
     """
 
     law: Law
@@ -187,7 +187,7 @@ class Member:
     law : Law
         Law that it describes.
     ratio : float
-        Its shear modulus over that of the model to whose committee it belongs.
+        Shear modulus of the member divided by that of the model to whose committee it belongs.
     """
 
     model: ForceModel
@@ -196,15 +196,15 @@ class Member:
 
 
 class ForceModel(ABC):
-    """Force model, which declares the settings that it honours and is bound to a body with no others.
+    """Base class of force models: each declares the settings that it honours, and is bound to a body with a material and settings.
 
     Attributes
     ----------
     name : str
     family : str
-        Kind of force model: those of one kind can describe the materials of one body.
+        Kind of force model; only models of one kind can describe the materials of one body together.
     honours : mapping
-        Values that it can honour, for every field of `ForceSettings` that it uses.
+        Values that the model honours, for every field of `ForceSettings` that it uses.
     several_materials : tuple of str
         Planes in which models of its family describe the materials of one body together.
     default_precision : str
@@ -257,7 +257,7 @@ class ForceModel(ABC):
         return self.honours
 
     def usual_precision(self, settings: ForceSettings) -> str:
-        """Return the precision of the settings, or else the model's own; double where pressures balance stresses."""
+        """Return the precision of the settings, or else the model's default; double where pressures balance stresses."""
         return settings.precision or (self.default_precision if settings.plane == "stress" else "float64")
 
     def guarded(self) -> AbstractContextManager:
@@ -265,7 +265,7 @@ class ForceModel(ABC):
         return nullcontext()
 
     def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
-        """Raise ValueError if the model does not describe this material; one that has learnt nothing serves every law."""
+        """Raise ValueError if the model does not describe this material; a model without learnt data accepts every law."""
 
     def payload(self) -> dict:
         """Return the learnt numbers, in plain containers and arrays, which distinguish this model from others of its name."""

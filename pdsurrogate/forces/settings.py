@@ -25,7 +25,7 @@ OTHERS = {
     "strain": "force=analytic and force=bond-energy take both",
     "space": "force=bond-energy, force=nosb and artefacts of isochoric energies take bodies in space",
 }
-"""Name of a plane, and the models that take it if another does not, in words."""
+"""Name of a plane, and the models that support it, for messages about a model that does not."""
 
 ROTATION, OUTSIDE = "polar", "fallback"
 """Defaults of models that honour these settings."""
@@ -33,9 +33,9 @@ ROTATION, OUTSIDE = "polar", "fallback"
 
 @dataclass(frozen=True)
 class ForceSettings:
-    """Choices for the evaluation of a force model; what is left at its default is the model's own choice.
+    """Settings of the evaluation of a force model; the model chooses those that are left at their default.
 
-    A choice that a model cannot honour is refused (`check`), so that none is ignored.
+    A setting that a model cannot honour is rejected (`check`), so that none is ignored silently.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class ForceSettings:
     correction : {"tensor", "scalar", "none"}, optional
         Correction of incomplete horizons: theory (21), the paper's (24)-(25), or nothing. By default "tensor" if the model allows it.
     rotation : {"polar", "convected"}, optional
-        Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
+        Rotation of a horizon: from the polar decomposition, which is the default, or by the paper's (22)-(23).
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional
         Policy for bonds outside the model's domain: the exact bond force (the default), a warning, an error, or nothing. A bond turned by
         a right angle from its horizon has no features, and gets the exact bond force even with "extrapolate".
@@ -80,7 +80,7 @@ class ForceSettings:
                 raise ValueError(f"{key} must be one of {names}, not {getattr(self, key)!r}")
 
     def check(self, name: str, honours: Mapping[str, tuple]) -> None:
-        """Refuse what a model cannot honour.
+        """Raise ValueError for a setting that a model cannot honour.
 
         Parameters
         ----------
@@ -92,11 +92,11 @@ class ForceSettings:
         Raises
         ------
         ValueError
-            Names the setting, the model, and what it takes.
+            If a setting is not honoured; the message names the setting, the model, and the values that it accepts.
         """
         for field in fields(self):
             key, value = field.name, getattr(self, field.name)
-            # Of all but the plane the default is what a model does anyway.
+            # The default of every setting but the plane is a value that all models accept.
             usual = value == field.default and (key != "plane" or key not in honours)
             if usual or value in honours.get(key, ()):
                 continue
@@ -107,7 +107,7 @@ class ForceSettings:
             raise ValueError(f"{name} does not take {_words(key, value)}{where}; it takes {words}{advice}")
 
     def check_body(self, body: Body) -> None:
-        """Refuse a body of another dimension than the state that `plane` names."""
+        """Raise ValueError for a body whose dimension does not match `plane`."""
         if body.dimension != dimension_of(self.plane):
             right = "plane=stress or plane=strain" if body.dimension == 2 else "plane=space"
             raise ValueError(

@@ -21,13 +21,13 @@ class Smoothing:
     On a grid they are (1 2 1)/4 along each axis. Rows add up to one, so that a uniform dilatation is unchanged; V_i W_ij is symmetric, so
     that its mean is unchanged as well, and a uniform pressure too. If points lie closer than on a grid, a point keeps its weight of a grid,
     a quarter in the plane and an eighth in three dimensions. The weight of a neighbour beyond a surface or a crack stays with the point. A
-    mirror image is a neighbour; beyond a clamped plane the body is continued otherwise than it is, and nothing is taken from there.
+    mirror image is a neighbour; images beyond a clamped plane deform differently from the body and have no weight.
 
     Parameters
     ----------
     body : Body
     carries : ndarray of bool, shape (n_pairs,)
-        Flags of the pairs that carry anything: across a cut there are none.
+        Flags of the pairs that carry anything: pairs across a cut carry nothing.
     breakable : bool
         Whether bonds may break, see `renew`.
     """
@@ -106,7 +106,7 @@ class Smoothing:
         self._own[rows] = 1 - np.bincount(owners, self._weights[entries], n)[rows]
 
     def _cap(self, shares: np.ndarray) -> np.ndarray:
-        """Return the factors of the neighbours' shares of points, by which they have no more than on a grid."""
+        """Return the factors that limit the total share of the neighbours of each point to its value on a grid."""
         return self._most / np.maximum(shares, self._most)
 
     def _entries(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Learnt bond forces: tensor-product cubic splines, which any function of two or three features can be resampled onto."""
+"""Learnt bond forces: tensor-product cubic splines, which can resample any function of two or three features."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..kernels.spline import FEATURES, SUPPORT, WORK_ROWS, cubic_weights, pack, 
 from .learnt import LearntBondForce, check_shape
 
 MOST_COEFFICIENTS = 2**20
-"""Most entries of a table: so many places are counted exactly in single precision, too."""
+"""Maximum number of entries of a table: single precision represents all their indices exactly."""
 
 
 @dataclass(frozen=True, repr=False)

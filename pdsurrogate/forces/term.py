@@ -1,4 +1,4 @@
-"""Terms of the internal force: what each needs of the points, what it adds, and which state it keeps."""
+"""Terms of the internal force, with the quantities that each needs of the points and the state that it keeps."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StateArray:
-    """Array that a bound force keeps from one evaluation to the next: in checkpoints, on ranks, and on request in results.
+    """Array that a bound force keeps from one evaluation to the next; checkpoints hold it, ranks divide it, and results may show it.
 
     Attributes
     ----------
     name : str
     rows : {"points", "images", "bonds", "pairs"}
-        What the array has a row for: every point, every point and image, every directed bond, or every pair.
+        Kind of its rows: one for every point, every point and image, every directed bond, or every pair.
     values : ndarray
         Changed in place.
     shown : bool
@@ -77,7 +77,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class Release:
-    """Stored energy that the body loses, and forces on the points, shape (n, d), that vanish, when bonds break."""
+    """Stored energy that the body loses when bonds break, and forces on the points, shape (n, d), that vanish with them."""
 
     energy: float
     forces: np.ndarray
@@ -85,7 +85,7 @@ class Release:
 
 @dataclass(frozen=True)
 class Binding:
-    """Body with its materials, and the settings of the evaluation: all that a term is bound to.
+    """Body, materials and settings to which a term is bound.
 
     Attributes
     ----------
@@ -118,31 +118,31 @@ class Binding:
 class Term(ABC):
     """Term of the internal force, bound to a body and its materials.
 
-    A term derives from this class, declares what it is by class attributes, and binds its steps with `bind_steps`. A term whose forces do
-    not follow from steps alone defines `find` and `pass_bonds` itself.
+    A term derives from this class, declares its properties in class attributes, and binds its steps in `bind_steps`. A term whose forces
+    need more than these steps overrides `find` and `pass_bonds`.
 
     Attributes
     ----------
     needs_gradients : bool
-        Whether it needs the deformation gradients of the points; states of the points by their laws come with `points_of`.
+        Whether the term needs the deformation gradients of the points; `points_of` provides their states by the laws.
     keeps : tuple of Kept
-        Declared state, of which `kept` has the arrays by name.
+        Declared state; `kept` holds the arrays by name.
     has_energy : bool
-        Whether its forces are minus the derivative of an energy.
+        Whether the forces are minus the derivative of an energy.
     has_tangent : bool
-        Whether it has the second derivative of that energy.
+        Whether `tangent` returns the second derivative of that energy.
     nearly_incompressible : bool
-        Whether it knows how the volume of the points changes with the positions.
+        Whether `linearised_dilatation` returns how the volume of the points changes with the positions.
     zero_energy_modes : bool
-        Whether there are displacements from point to point that it does not resist.
+        Whether the force does not resist some displacements that alternate from point to point.
     learnt_thickness : bool
-        Whether J3 of the points is found with a learnt force, and not by the law.
+        Whether J3 of the points follows from a learnt force, and not from the law.
     correction : str
         Correction of incomplete horizons.
     state : list of StateArray
         Arrays that the next evaluation starts from, apart from positions and broken bonds.
     materials : list of MaterialPoints
-        Points as each material sees them.
+        Points of each material with the continued points of others.
     watches : list of DomainWatch
     """
 
@@ -161,7 +161,7 @@ class Term(ABC):
         self.watches: list[DomainWatch] = []
 
     def points_of(self, number: int, pairs: np.ndarray | None = None) -> MaterialPoints:
-        """Bind the points of a portion, and those that it sees through the given pairs of the body; they become part of the state."""
+        """Bind the points of a portion and those bonded to it by the given pairs of the body; they become part of the state."""
         binding = self.binding
         own, end = (None, "") if binding.whole else (binding.portion_of == number, f"_{number}")
         points = MaterialPoints(self.kinematics, binding.portions[number].law, binding.precision, binding.settings.rotation, own, pairs)
@@ -176,7 +176,7 @@ class Term(ABC):
         self.watches.append(DomainWatch(model, n_pairs, self.binding.outside, (quantity, stand_in), share))
 
     def bind_steps(self, *steps: Step) -> None:
-        """Bind the steps of an evaluation, which follow the states of the points; the last is the pass that writes the forces to `out`."""
+        """Bind the steps of an evaluation after the states of the points; the last step is the pass that writes the forces to `out`."""
         share, states = self.body.share, [step for points in self.materials for step in points.steps]
         self._sum, self._find_forces, self._find_all = steps[-1], Steps(share, *steps), Steps(share, *states, *steps)
 
@@ -197,7 +197,7 @@ class Term(ABC):
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> object:
-        """Write the forces in the states of the points last found, without looking at them; for timings, and for what bonds release."""
+        """Write the forces in the states of the points last found, without checks; for timings, and for the energy that bonds release."""
         self._sum.give("out", out)
         self._find_forces()
 
@@ -214,17 +214,17 @@ class Term(ABC):
         raise NotImplementedError
 
     def forces_beside_pairs(self) -> np.ndarray | None:
-        """Return forces on the points that no pair exerts, shape (n, d); None where there are none."""
+        """Return the forces on the points that no pair exerts, shape (n, d); None without such forces."""
         return None
 
     def levers_on_planes(self) -> np.ndarray | None:
-        """See `InternalForce.levers_on_planes`."""
+        """Implement `InternalForce.levers_on_planes`."""
         return None
 
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the first Piola-Kirchhoff stress, shape (d, d): (1/V) sum of f (x) x over the bonds.
 
-        It is work-conjugate to the mean deformation gradient; of a bond with a ghost, half lies within the body.
+        It is work-conjugate to the mean deformation gradient; half of a bond with a ghost lies within the body.
         """
         bonds, points = self.body.bonds, self.body.all_points
         share = np.where(bonds.second < len(self.body), 1.0, 0.5)
@@ -237,15 +237,15 @@ class Term(ABC):
         raise TypeError(f"{type(self).__name__} has no energy")
 
     def tangent(self, positions: np.ndarray) -> LinearOperator:
-        """See `InternalForce.tangent`."""
+        """Implement `InternalForce.tangent`."""
         raise TypeError(f"{type(self).__name__} has no tangent")
 
     def linearised_dilatation(self) -> LinearisedDilatation:
-        """See `InternalForce.linearised_dilatation`."""
+        """Implement `InternalForce.linearised_dilatation`."""
         raise TypeError(f"{type(self).__name__} has no dilatation of its own")
 
     def collapsed_pairs(self) -> np.ndarray:
-        """See `InternalForce.collapsed_pairs`."""
+        """Implement `InternalForce.collapsed_pairs`."""
         return np.empty(0, dtype=np.int64)
 
     def volume_ratios(self) -> np.ndarray:
@@ -286,7 +286,7 @@ class Term(ABC):
     def beyond_data(self) -> np.ndarray | None:
         """Return how far bonds, or for an energy points, are beyond the test data (`Domain.beyond_data`), each counted on one rank.
 
-        None if the model does not know its data.
+        None if the model has no hull of test data.
         """
         return None
 
@@ -304,7 +304,7 @@ class Term(ABC):
 
 
 class DomainWatch:
-    """Counter of the pairs outside the domain of a model, which stops or warns according to the policy.
+    """Counter of the pairs outside the domain of a model, which stops the evaluation or warns, according to the policy.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ class DomainWatch:
     outside : str
         See `ForceSettings`.
     names : tuple of str
-        Names, for messages, of what the model gives, and of what would replace it.
+        Names, for messages, of the quantity that the model computes and of its replacement outside the domain.
     share : Share
 
     Attributes
@@ -333,7 +333,7 @@ class DomainWatch:
         Raises
         ------
         OutsideDomain
-            If there are any, and the policy is to stop.
+            If a pair is outside, and the policy is to stop.
         """
         found = self._share.total(self.found) if self._policy in ("raise", "warn") else 0
         if not found:

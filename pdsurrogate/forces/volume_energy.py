@@ -1,7 +1,7 @@
 """Volumetric part of a selective energy: a function of the smoothed dilatations of the points, theory (48)-(52).
 
-At K = 1000 mu an energy that is all at the bonds locks: every bond would have to keep its volume, and these are more conditions than a body
-has displacements. The mean over the bonds of a point is one condition a point.
+At K = 1000 mu an energy evaluated only at the bonds locks: every bond would have to keep its volume, which are more conditions than the
+body has degrees of freedom. The mean over the bonds of a point is one condition per point.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from .term import Binding
 class VolumeEnergy:
     """Sum of V_i U(J_i), whose forces act through the pressures of the pairs (`SelectivePairs`).
 
-    J_i is the mean of det F_ij over the bonds of a point as its own material sees them, smoothed over its nearest neighbours of that
-    material: the pressure jumps at an interface. The mean alone is exact in homogeneous states, but its pressure is rough; det F_i alone
-    leaves a pressure that changes sign from point to point.
+    J_i is the mean of det F_ij over the bonds of a point in the motion of its own material, smoothed over its nearest neighbours of that
+    material, so that the pressure can jump at an interface. The mean alone is exact in homogeneous states, but its pressure is rough;
+    det F_i alone leads to a pressure that alternates in sign from point to point.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class VolumeEnergy:
     ----------
     smoothing : Smoothing
     dilatations : ndarray, shape (n,)
-        J_i as last found.
+        J_i in the state last evaluated.
     steps : list
         Steps that find the pressures of the pairs and the energies from the dilatations.
     """
@@ -58,27 +58,27 @@ class VolumeEnergy:
         shares_of_bonds = bonds.pointers, self._places(), shares.bond_shares
         find_means = selective_energy.means_over_bonds.bind(*shares_of_bonds, volumes, 1.0, means, chunks=chunks)
         smooth = self.smoothing.bind(means, self.dilatations, chunks)
-        # Points in the halo have bonds, and then neighbours, that are not here.
+        # Points in the halo have bonds, and therefore neighbours, that this rank does not have.
         self._find = Steps(body.share, *(part.find_volumes for part in parts), find_means, means, smooth, self.dilatations)
 
         counted, passes, self._own = body.volumes * body.share.own, [], []
         for part in parts:
             numbers = part.points.own[1]
-            # Views of all points' values where they are of one material.
+            # If all points are of one material, these are views of the arrays of all points.
             ratios, slopes = self.dilatations[numbers], self._slopes[numbers]
             part.volume_energies = np.zeros(-(-len(ratios) // BLOCK))
             law = volume_energy_block(part.points.law).address, part.points.parameters, part.buffers
             arrays = ratios, counted[numbers], *law, part.volume_energies, slopes
             passes.append(selective_energy.volume_energies.bind(*arrays, chunks=chunks))
             self._own.append((part, numbers, ratios, slopes))
-        # The bonds of the points feel the transpose of the smoothing of U', and V_i W_ij is symmetric. Slopes may be in units of each
+        # The transpose of the smoothing of U' acts on the bonds of the points, and V_i W_ij is symmetric. Slopes may be in units of each
         # material's own modulus, for none reach another. Ghosts' volumes lie beyond the body: they have no pressure, and no share.
         self._pressures = parts[0].pressures if binding.whole else np.zeros(n)
         spread = self.smoothing.bind(self._slopes, self._pressures, chunks), self._pressures[:n]
         self.steps = [*passes, *spread] if binding.whole else [self._take, *passes, self._give, *spread, self._show]
 
     def _places(self) -> np.ndarray:
-        """Return where every directed bond finds, among the volumes of all parts, that which its point's own material sees."""
+        """Return, for every directed bond, the index of its det F_ij in its point's own material among the volumes of all parts."""
         binding, bonds, start = self._binding, self._binding.kinematics.body.bonds, 0
         if binding.whole:
             return bonds.pair_of
