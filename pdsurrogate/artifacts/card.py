@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationError, WrapValidator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator
 
 from ..forces import Domain, EnergyNetwork
 from ..forces.learnt_energy import energy_shape
@@ -70,10 +70,9 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def _looked_at(value, check):
-    """Check a part, and keep it as plain values."""
-    check(value)
-    return value
+def _looked_at(part: type[_Part]) -> WrapValidator:
+    """Return a validator that checks a part, and keeps it as plain values."""
+    return WrapValidator(lambda value, _: part.model_validate(value) and value)
 
 
 class _Errors(_Part):
@@ -131,10 +130,9 @@ class _Training(_Part):
     resampling: dict[str, Any] | None = None
 
 
-_KEPT = WrapValidator(_looked_at), PlainSerializer(lambda value: value)
-Report = Annotated[_Report, *_KEPT]
-Features = Annotated[_Features, *_KEPT]
-Training = Annotated[_Training, *_KEPT]
+Report = Annotated[dict[str, Any], _looked_at(_Report)]
+Features = Annotated[dict[str, Any], _looked_at(_Features)]
+Training = Annotated[dict[str, Any], _looked_at(_Training)]
 
 
 class Material(_Part):
@@ -322,7 +320,8 @@ def _contradictions(card: Card) -> Iterator[str]:
     if reach is not None and not same_values(bulk, (1 / reach, reach)):
         right = 1 / reach, reach
         yield f"domain: least_bulk and greatest_bulk must be {right} by training.design.perturbation.log_C33, not {bulk}"
-    for key, part in (("", card), *((f"members.{number}.", member) for number, member in enumerate(card.members))):
+    parts: list[tuple[str, Card | MemberSpec]] = [("", card)]
+    for key, part in [*parts, *((f"members.{number}.", member) for number, member in enumerate(card.members))]:
         yield from (f"{key}{problem}" for problem in _contradictions_of(part, card.kind))
     identified = card.training.get("identification")
     if identified is not None and not same_values(identified["law"], card.material.trained_with):
@@ -421,7 +420,7 @@ def _explained(error: ValidationError) -> str:
 
 
 def _shown(value: Any) -> str:
-    text = {dict: "a table", list: "a list", tuple: "a list"}.get(type(value)) or repr(value)
+    text = "a table" if isinstance(value, dict) else "a list" if isinstance(value, list | tuple) else repr(value)
     return text if len(text) <= 80 else text[:77] + "..."
 
 

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import joblib
 import numpy as np
@@ -142,11 +143,11 @@ def find_artifact(reference: str | Path) -> Path:
     here, named = _in_folder(Path(text)), _by_name(text)
     if here and named and here.resolve() != named.resolve():
         raise ArtifactError(f"{text!r} is the artefact {named} by its name, and the folder {here} holds another: give the path of either")
-    if here is None and named is None:
+    if (found := here or named) is None:
         known = ", ".join(f"{folder.parent.name}@{folder.name}" for folder in list_artifacts()) or "none"
         of_committee = "; behind # stands the number of a member of a committee, from 1 on, or all" if "#" in text else ""
         raise ArtifactError(f"unknown force {text!r}: force models are {', '.join(FORCES)}; artefacts are {known}{of_committee}")
-    return here or named
+    return found
 
 
 def parted(reference: str | Path) -> tuple[str | Path, str | None]:
@@ -310,7 +311,7 @@ def _described_model(folder: Path, card: Card, which: str | None) -> ForceModel:
     return replace(model, members=tuple(Member(found, law, law.shear_modulus / modulus) for found, law in members))
 
 
-def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[ForceModel]:
+def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[LearntBondForce | LearntEnergy]:
     """Return members of a committee by their numbers; the file is read once."""
     arrays = _arrays(folder, card, MEMBERS)
     held: dict[str, dict] = {}
@@ -329,7 +330,7 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
         raise ArtifactError(f"{called(folder, card)}: {file}: {error}") from None
 
 
-def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> ForceModel:
+def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> LearntBondForce | LearntEnergy:
     """Return the model in the arrays of a payload, and check what its card states of it."""
     try:
         model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
@@ -518,7 +519,8 @@ def save_artifact(
         np.savez(temporary / SURROGATE, **surrogate.payload())
         contents = {SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"}
         if members:
-            arrays = {f"{number}.{key}": value for number, one in enumerate(members, 1) for key, value in one.payload().items()}
+            by_number = enumerate((one.payload() for one in members), 1)
+            arrays: dict[str, Any] = {f"{number}.{key}": value for number, payload in by_number for key, value in payload.items()}
             np.savez(temporary / MEMBERS, **arrays)
             contents[MEMBERS] = "the same of every member of the committee, by its number"
         if pipeline is not None:

@@ -172,7 +172,7 @@ class Body:
     @cached_property
     def cells(self) -> CellMesh:
         """Cells of the points, for pictures and result files: those of the mesh, or of a lattice."""
-        return self.mesh_cells or CellMesh.of_lattice(self.points, self.volumes, self.cell)
+        return self.mesh_cells or CellMesh.of_lattice(self.points, self.volumes, np.asarray(self.cell))
 
     @cached_property
     def bonds(self) -> Bonds:

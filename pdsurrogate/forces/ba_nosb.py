@@ -70,9 +70,9 @@ class BondAssociatedStress(Term):
         direction = points[targets] - points[owners]
         self.bond_vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
         self._inverse_shapes = np.empty((len(owners), 3))
-        table, common = (*table, self._table_weights), (self._common_pointers, self._common)
+        weighted, shared = (*table, self._table_weights), (self._common_pointers, self._common)
         shapes = self._inverse_shapes, self.bond_vectors
-        ba_nosb.bond_references(points, volumes, table, (owners, targets), common, horizon_volumes, *shapes)
+        ba_nosb.bond_references(points, volumes, weighted, (owners, targets), shared, horizon_volumes, *shapes)
         self._volume_ratios, self.bond_forces = np.ones(len(owners)), np.empty((len(owners), 2))
         self.state.append(StateArray("bond_volume_ratios", "bonds", self._volume_ratios[: len(bonds.neighbours)]))
         memory = (
@@ -81,7 +81,7 @@ class BondAssociatedStress(Term):
             aligned_rows((chunks.threads, SCRATCH_ROWS + 4, BLOCK), value=1),
         )
         state = self._volume_ratios, material.response.address, material.parameters
-        arrays = kinematics.positions, table, (bond_pointers, *common, *shapes), *state, memory, self.bond_forces
+        arrays = kinematics.positions, weighted, (bond_pointers, *shared, *shapes), *state, memory, self.bond_forces
         sums = self.bond_forces, bond_pointers, self._reverse, material.law.shear_modulus, np.empty_like(body.points)
         self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, chunks=chunks)
         self._find_forces = Chain(ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces)

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
@@ -103,7 +104,7 @@ class PairForces:
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
         self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction)
         self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
-        if self.learns_thickness:
+        if self.learns_thickness and model.domain is not None:
             points.state_pass = surrogate_states(points, compiled, model.domain, precision, kinematics.chunks)
         guard = OUTSIDE_POLICIES[binding.outside] if model.domain is not None else bond_force.UNGUARDED
         domain = EVERYWHERE if model.domain is None or binding.outside == "extrapolate" else model.domain
@@ -142,13 +143,14 @@ class BondForces(Term):
 
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
-        body, bonds, models = self.body, self.body.bonds, [portion.model for portion in binding.portions]
+        body, bonds, models = self.body, self.body.bonds, cast("list[ForceSurrogate]", [portion.model for portion in binding.portions])
         self.correction = binding.settings.correction or ("tensor" if all(model.gives_transverse for model in models) else "scalar")
         if models[0].members and binding.settings.plane == "strain":
             name = models[0].name
             raise ValueError(f"{name} tells the deviation of its members under plane stress; fit it with --energy for other planes")
-        self._strength, pairs, self._parts = pair_strength(body), [None], []
-        if not binding.whole:
+        self._strength, self._parts = pair_strength(body), []
+        pairs: list[np.ndarray | None] = [None]
+        if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
             self._strength *= np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
             pairs = [np.flatnonzero((of_ends == number).any(axis=0)) for number in range(len(models))]
@@ -170,7 +172,7 @@ class BondForces(Term):
         """Add up the forces of all materials on the pairs."""
         self._forces[:] = 0.0
         for part in self._parts:
-            pairs = part.points.pairs
+            pairs = np.asarray(part.points.pairs)
             self._forces[pairs] += part.unit * part.forces[: len(pairs)]
 
     def diagnose(self, out: np.ndarray) -> str:
@@ -296,7 +298,7 @@ class ForceSurrogate(ForceModel):
     """
 
     family = "bond force"
-    several_materials = ("stress",)
+    several_materials: tuple[str, ...] = ("stress",)
     features: tuple[str, ...]
     domain: Domain | None
     gives_transverse: bool
@@ -386,7 +388,7 @@ def exact_bond_force(law: Law, stretch, rotation, C33, J) -> np.ndarray:
     return along_and_across(T_nn, T_nm, a, b, stretch)
 
 
-def bond_arrays(stretch, rotation, length, C33, J) -> list[np.ndarray]:
+def bond_arrays(stretch, rotation, length, C33, J) -> tuple[np.ndarray, ...]:
     """Return the five bond quantities as equally long vectors of doubles.
 
     Raises

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -102,7 +102,7 @@ class LearntEnergy(ForceModel):
         """Return the size of the model in words, for tables."""
         return f"{self.output_weights.size} units"
 
-    def payload(self) -> dict[str, np.ndarray | str]:
+    def payload(self) -> dict[str, Any]:
         """Return the arrays of doubles and the name from which `from_payload` builds the same model."""
         return {key: getattr(self, key) for key in ("activation", *ARRAYS)}
 
@@ -139,7 +139,7 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
     """
 
     kind: ClassVar[str] = "energy-network"
-    default_precision: ClassVar[str] = "float32"
+    default_precision = "float32"
     feature_set: ClassVar[str] = "invariants"
     features: ClassVar[tuple[str, ...]] = ENERGY_FEATURES
 
@@ -159,7 +159,7 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
 
     def _derivatives(self, trace, J):
         constant, flat = self._at_rest
-        w1, w2, v = *self.hidden_weights, self.output_weights
+        (w1, w2), v = self.hidden_weights, self.output_weights
         x, u = np.log(J), np.log(trace / (2 * J))
         value, slope, curvature = ACTIVATIONS[self.activation](x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases)
         slope, curvature = slope * v, curvature * v
@@ -178,8 +178,8 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
 
     def compiled(self, dtype) -> CompiledBondForce:
         """Return the block function and packed weights in the given precision."""
-        packed = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, dtype)
-        found = CompiledBondForce(network_energy_density(ACTIVATIONS[self.activation], dtype).address, *packed, NETWORK_WORK_ROWS)
+        sizes, weights = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, dtype)
+        found = CompiledBondForce(network_energy_density(ACTIVATIONS[self.activation], dtype).address, sizes, weights, NETWORK_WORK_ROWS)
         # Energy and stress at rest are exactly zero in the kernel's precision: its own rest values are subtracted.
         energy, by_trace, by_area = found.evaluate(np.array([[2.0], [1.0]]), ENERGY_ROWS)[:, 0].astype(dtype)
         # 2 psi_I + psi_J = dpsi/dlog J at rest, of which psi_I is half of dpsi/dlog(tr C/(2 J)).
@@ -214,9 +214,9 @@ class IsochoricNetwork(LearntEnergy):
     """
 
     kind: ClassVar[str] = "isochoric-network"
-    family: ClassVar[str] = "bond energy"
-    several_materials: ClassVar[tuple[str, ...]] = ("strain", "space")
-    default_precision: ClassVar[str] = "float64"
+    family = "bond energy"
+    several_materials = ("strain", "space")
+    default_precision = "float64"
     feature_set: ClassVar[str] = "isochoric invariants"
     features: ClassVar[tuple[str, ...]] = ISOCHORIC_FEATURES
 
@@ -241,7 +241,7 @@ class IsochoricNetwork(LearntEnergy):
     def isochoric_derivatives(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return W and its derivatives by I1bar and I2bar at states of one shape, in NumPy."""
         I1, I2 = (np.asarray(value, dtype=float)[..., None] for value in (I1, I2))
-        w1, w2, v = *self.hidden_weights, self.output_weights
+        (w1, w2), v = self.hidden_weights, self.output_weights
         value, slope, _ = ACTIVATIONS[self.activation](np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases)
         slope = slope * v
         # The sums are written out as in `EnergyNetwork`.
@@ -262,7 +262,9 @@ class IsochoricNetwork(LearntEnergy):
         guard = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
         distances = distance_coefficients(self.domain.least_stretch, self.domain.greatest_stretch)
         weights = np.concatenate([distances.ravel(), [self._at_rest], units])
-        return replace(exact, address=block.address, sizes=np.array([len(units) // GROUP, guard, 0]), weights=weights, precision=precision)
+        return replace(
+            exact, address=block.address or 0, sizes=np.array([len(units) // GROUP, guard, 0]), weights=weights, precision=precision
+        )
 
     def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
         """Return the greatest deviation of the members' principal Kirchhoff stresses at stretches of product 1, shape (n,)."""

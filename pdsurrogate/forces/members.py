@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ CHUNK = 65_536
 """Bonds or points evaluated at once, so that their features and outputs need little memory."""
 
 
-def greatest_deviations(model: ForceModel, law: Law, answer: Callable[[ForceModel, Law, slice], np.ndarray], count: int) -> np.ndarray:
+def greatest_deviations(model: ForceModel, law: Law, answer: Callable[[Any, Law, slice], np.ndarray], count: int) -> np.ndarray:
     """Return the greatest deviation of the members from the model at each state, in units of the shear modulus, shape (count,).
 
     Beyond its domain every member is replaced by the exact force of its own law, as in a run by default.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from typing import ClassVar
@@ -63,7 +63,7 @@ class NetworkForce(LearntBondForce):
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> NetworkForce:
         n_layers = sum(key.startswith(LAYER[0]) for key in payload)
         keys = [[f"{key}_{n}" for key in LAYER] for n in range(n_layers)]
-        names = {"feature_set": FEATURE_SETS, "activation": ACTIVATIONS}
+        names: dict[str, Collection[str]] = {"feature_set": FEATURE_SETS, "activation": ACTIVATIONS}
         check_payload(cls.kind, payload, names, [*chain(*keys), "at_rest"])
         if not 2 <= n_layers <= MOST_HIDDEN + 1:
             raise ValueError(f"a network has one to {MOST_HIDDEN} hidden layers and an output layer")

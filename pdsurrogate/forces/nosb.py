@@ -27,7 +27,7 @@ class PointStress(Term):
         self._broken = np.zeros(len(bonds.first), dtype=bool)
         for points in map(self.points_of, range(len(binding.portions))):
             # P K^-1 of points and images; a single material writes to this array directly.
-            stresses = self._stresses if points.whole else aligned_rows((len(points.numbers), d * d))
+            stresses = self._stresses if points.whole else aligned_rows((len(points.gradients), d * d))
             state = points.gradients, points.volume_ratios, kinematics.inverse_shape[points.numbers]
             law = points.law.shear_modulus, points.response.address, points.parameters, kinematics.scratch
             passes.append(nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks))

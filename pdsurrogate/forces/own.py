@@ -181,7 +181,7 @@ class OwnBondForce(ForceSurrogate):
 
     def compiled(self, dtype) -> CompiledBondForce:
         """Return the address of a function that calls Python."""
-        address = ctypes.cast(self._callback, ctypes.c_void_p).value
+        address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         return CompiledBondForce(address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0, needs_length=True)
 
     def check_material(self, law: Law) -> None:
@@ -234,7 +234,7 @@ class OwnBondForce(ForceSurrogate):
     def _check_modulus(self) -> None:
         """Warn if the shear modulus is not 1: a factor has most likely been forgotten."""
         near = np.array([NEAR_REST])
-        modulus = 2 * sum(self.energy(near, near)[1:]).item()
+        modulus = 2 * float(np.sum(self.energy(near, near)[1:]))
         if not abs(modulus - 1) <= MOST_OFF:
             warnings.warn(
                 f"{self.name}: energies are in units of the shear modulus, and this one has a shear modulus 2 (dW/dI1bar + dW/dI2bar) of "

@@ -43,8 +43,8 @@ class PolynomialForce(LearntBondForce):
         return f"degree {first}" if first == second else f"degrees {first} and {second}"
 
     def outputs(self, features: np.ndarray) -> np.ndarray:
-        scaled = (features - self.centre) / self.half_width
-        return np.stack([np.polynomial.chebyshev.chebval2d(*scaled.T, coefficients) for coefficients in self.coefficients], axis=1)
+        x, y = ((features - self.centre) / self.half_width).T
+        return np.stack([np.polynomial.chebyshev.chebval2d(x, y, coefficients) for coefficients in self.coefficients], axis=1)
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
         counts, weights = pack(self.centre, self.half_width, self.coefficients, self.at_rest, dtype)

@@ -224,11 +224,15 @@ class ForceModel(ABC):
 
     name: str
     family: str
-    honours: Mapping[str, tuple]
     several_materials: tuple[str, ...] = ()
     default_precision: str = "float64"
     stated: Mapping[str, float] | None = None
     members: tuple[Member, ...] = ()
+
+    @property
+    @abstractmethod
+    def honours(self) -> Mapping[str, tuple]:
+        """Values that it can honour, for every field of `ForceSettings` that it uses."""
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         """Prepare the evaluation of this model on a body of one material.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -174,6 +174,8 @@ class Term(ABC):
         first, share = self.body.bonds.first[points.pairs], self.body.share
         n_pairs = int(np.count_nonzero(share.own[first]))
         self.watches.append(DomainWatch(model, n_pairs, self.binding.outside, (quantity, stand_in), share))
+
+    _find_forces: Callable[[], list[int]]
 
     def bind_steps(self, *steps: Step) -> None:
         """Bind the steps of an evaluation after the states of the points; the last step is the pass that writes the forces to `out`."""

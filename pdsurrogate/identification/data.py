@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
@@ -51,10 +51,10 @@ class TestData:
     stretches: np.ndarray
     nominal_stress: np.ndarray
     weight: np.ndarray
-    row: np.ndarray | None = None
+    row: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
     def __post_init__(self) -> None:
-        if self.row is None:
+        if not len(self.row):
             object.__setattr__(self, "row", np.arange(1, len(self) + 1))
 
     def __len__(self) -> int:
@@ -78,7 +78,7 @@ class TestData:
 
     def up_to(self, stretch: float) -> TestData:
         """Return the rows in which neither stretch exceeds a value; raise ValueError if there are none."""
-        chosen = (self.stretches <= stretch).all(axis=1)
+        chosen = np.all(self.stretches <= stretch, axis=1)
         if not chosen.any():
             raise ValueError(f"{self.name}: no row has stretches of {stretch:g} or less")
         return self._taken(chosen)
@@ -123,7 +123,7 @@ def test_data_names() -> list[str]:
     return sorted(path.name.removesuffix(".csv") for path in resources.files(__package__).iterdir() if path.name.endswith(".csv"))
 
 
-test_data_names.__test__ = False
+setattr(test_data_names, "__test__", False)  # noqa: B010
 
 
 def load_test_data(reference: str | Path) -> TestData:

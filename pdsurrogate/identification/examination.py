@@ -156,7 +156,7 @@ def wrong_signs(data: TestData) -> list[str]:
     wrong = (along * data.nominal_stress < 0) & (np.abs(along) > NEAR_REST)
     wrong &= np.abs(data.nominal_stress) > NEAR_REST * _greatest_of_mode(data)
     does = np.where(along > 0, "pushes where rubber pulls", "pulls where rubber pushes")
-    found = [f"{data.row_in_words(row)} {does[row]}" for row in np.flatnonzero(wrong)]
+    found = [f"{data.row_in_words(row)} {does[row]}" for row in np.flatnonzero(wrong).tolist()]
     return [f"{', '.join(_some(found))}: tension is positive, compression negative"] if found else []
 
 
@@ -188,10 +188,10 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     resting = (np.abs(np.log(data.stretches)).max(axis=1) < AT_REST) & ~known
     resting &= np.abs(data.nominal_stress) > AT_REST * _greatest_of_mode(data)
     if resting.any():
-        rows = ", ".join(_some([data.row_in_words(row) for row in np.flatnonzero(resting)]))
-        remarks.append(f"{rows}: rubber has no stress at a stretch of 1: is the zero right, are they stretches, not strains?")
+        at_rest = ", ".join(_some([data.row_in_words(row) for row in np.flatnonzero(resting).tolist()]))
+        remarks.append(f"{at_rest}: rubber has no stress at a stretch of 1: is the zero right, are they stretches, not strains?")
     standing = np.abs(_standing(best, predicted))
-    rows = [row for row in np.argsort(-standing) if standing[row] > OUTLIER and not known[row] and not resting[row]]
+    rows = [row for row in np.argsort(-standing).tolist() if standing[row] > OUTLIER and not known[row] and not resting[row]]
     if len(rows) > max(1, len(data) / 4):
         together = "no energy that physics allows describes these tests together"
         return [*remarks, f"{together}: are units the same, zeros right, all stresses nominal?"]

@@ -154,7 +154,7 @@ def algorithm_1(
     stretches = np.repeat(np.exp(sampling.log_stretches(random, pairs, low, high, near_rest=0.0)), LENGTHS * ORIENTATIONS, axis=0)
     length = np.repeat(horizon * (1 - random.uniform(0, 1, pairs * LENGTHS)), ORIENTATIONS)
     angle = 2 * np.pi * (1 - random.uniform(0, 1, len(length)))
-    U_nn, U_nm, J, C33 = sampling.on_surface(law, *stretches.T, angle)
+    U_nn, U_nm, J, C33 = sampling.on_surface(law, stretches[:, 0], stretches[:, 1], angle)
     X, y = sampling.force_on_bonds(law, U_nn, U_nm, J, C33, length)
     if nondimensional:
         X[:, 2] /= horizon

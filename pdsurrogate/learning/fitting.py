@@ -149,7 +149,8 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
     chosen = target_called(target)
     low, high = np.log(checked_range(stretch_range))
     share = _reachable_share(law, lambda share: chosen.reached(law, share * low, share * high))
-    return tuple(float(value) for value in (stretch_range if share == 1 else np.exp([share * low, share * high])))
+    least, greatest = stretch_range if share == 1 else np.exp([share * low, share * high])
+    return float(least), float(greatest)
 
 
 def _reachable_share(law: Law, reached: Callable[[float], bool]) -> float:
@@ -218,10 +219,10 @@ def surrogate_pipeline(
     """
     chosen = target_called(target)
     if chosen is BOND_FORCE:
-        return chosen.pipeline(regressor, features, horizon, weight, shear_modulus)
+        return BOND_FORCE.pipeline(regressor, features, horizon, weight, shear_modulus)
     given = {"features": features is not None, "horizon": horizon != 1, "weight": weight is not None, "shear_modulus": shear_modulus != 1}
     if any(given.values()):
-        raise ValueError(f"{max(given, key=given.get)} is for the target bond-force; {target} has none")
+        raise ValueError(f"{max(given, key=given.__getitem__)} is for the target bond-force; {target} has none")
     return chosen.pipeline(regressor)
 
 
@@ -468,7 +469,7 @@ def evaluate(
     check_seed(random_state)
     if isinstance(model, str | Path):
         model = load_surrogate(model)
-        if hasattr(model, "law") and isinstance(model, ForceSurrogate) and model.domain is None:
+        if isinstance(model, AnalyticBondForce):
             model.law = law  # the exact model is of no particular law
     model = best_of(model)
     if target_of(model) in (SHEET_ENERGY, ISOCHORIC_ENERGY):

@@ -14,7 +14,7 @@ from sklearn.base import BaseEstimator
 from ..arguments import check_is, check_path, check_tables, check_text, kind_of
 from ..artifacts import new_artifact, next_version, own_folder, save_artifact
 from ..artifacts.card import check_plain
-from ..forces import ForceModel
+from ..forces import LearntBondForce, LearntEnergy
 from ..materials import Law
 from ..materials.law import checked_law
 from .export import best_of, regressor_of, title_of
@@ -69,7 +69,7 @@ class CardText:
     @classmethod
     def of(cls, text: str | CardText) -> CardText:
         """Return a text with the given description only; return a `CardText` unchanged."""
-        return text if isinstance(text, cls) else cls(text)
+        return text if isinstance(text, CardText) else cls(text)
 
 
 def store(
@@ -141,8 +141,8 @@ def store(
     surrogate, resampling, stated = _surrogate_and_entry(model, samples, law, title)
     stated["errors"].update(target.more_reports(surrogate, law, tuple(samples.design["stretch_range"])))
     committee, cards = [], []
-    for number, member in enumerate(members, 1):
-        found, _, entry = _surrogate_and_entry(*member, f"{title}#{number}", MEMBER_STATES)
+    for number, (fitted, drawn, of_member) in enumerate(members, 1):
+        found, _, entry = _surrogate_and_entry(fitted, drawn, of_member, f"{title}#{number}", MEMBER_STATES)
         box = entry["errors"]["box"]
         committee.append(found)
         cards.append({**entry, "errors": {"box": {key: box[key] for key in ("stretch_range", "n_samples", "on_surface")}}})
@@ -200,7 +200,9 @@ def _check_members(members: Sequence[tuple], target: Target) -> None:
         checked_law(member[2])
 
 
-def _surrogate_and_entry(model, samples: Samples, law: Law, title: str, n_samples: int = REPORTED_STATES) -> tuple[ForceModel, dict, dict]:
+def _surrogate_and_entry(
+    model, samples: Samples, law: Law, title: str, n_samples: int = REPORTED_STATES
+) -> tuple[LearntBondForce | LearntEnergy, dict, dict]:
     """Return the surrogate of a fitted model, the report of its resampling, and its material, domain and errors for the card.
 
     Raise `TooInexact` for a surrogate that is too far from its law.

@@ -27,6 +27,9 @@ class NamedFunction:
     A pickle holds the module and the name only, as that of a plain function does.
     """
 
+    __name__: str
+    __qualname__: str
+
     def __init__(self, function: Callable, columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> None:
         update_wrapper(self, function)
         self.columns, self.targets = columns, targets

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import clone
@@ -116,8 +116,8 @@ class Target(ABC):
         """Return whether a law has all states of samples whose principal stretches have logarithms from `low` to `high`."""
 
     @abstractmethod
-    def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int, **options) -> Samples:
-        """Return samples in the order in which they are drawn; `options` are those of `pdsurrogate.training_samples`."""
+    def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int) -> Samples:
+        """Return samples in the order in which they are drawn; a target may take further options of `pdsurrogate.training_samples`."""
 
     @abstractmethod
     def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
@@ -128,8 +128,8 @@ class Target(ABC):
         return isinstance(model, InputAwareTargetRegressor) and columns_read(model.func)[0] == self.columns
 
     @abstractmethod
-    def pipeline(self, regressor, **options):
-        """Return an unfitted pipeline; `options` are those of `pdsurrogate.surrogate_pipeline`."""
+    def pipeline(self, regressor):
+        """Return an unfitted pipeline; a target may take further options of `pdsurrogate.surrogate_pipeline`."""
 
     @abstractmethod
     def _predictor(self, model, law: Law) -> Callable[[np.ndarray], np.ndarray]:
@@ -184,8 +184,9 @@ class Target(ABC):
             reach = np.exp(design.get("perturbation", PERTURBATION)["log_C33"])
             bulk = float(1 / reach), float(reach)
         # The hull of the test data, for an energy without a law.
-        hull = None if design.get("hull") is None else tuple(tuple(map(float, plane)) for plane in design["hull"])
-        return Domain(*design["stretch_range"], *bulk, hull)
+        hull = None if design.get("hull") is None else tuple((float(n1), float(n2), float(d)) for n1, n2, d in design["hull"])
+        least, greatest = design["stretch_range"]
+        return Domain(least, greatest, *bulk, hull)
 
     def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
         """Return reports over further ranges of stretches for the card, by title."""
@@ -232,7 +233,7 @@ class EnergyTarget(Target):
         """Return principal stretches whose greatest strain lies in a bin."""
 
     @abstractmethod
-    def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
+    def _stresses(self, stretches, first, second) -> np.ndarray:
         """Return principal stresses from the derivatives of the energy by the two invariants."""
 
     def _samples_at(self, law: Law, stretches: np.ndarray, design: dict) -> Samples:
@@ -266,8 +267,8 @@ class EnergyTarget(Target):
 
     def _network_of(self, model) -> SobolevRegressor:
         """Return the network of a pipeline for this energy; raise ValueError if the pipeline cannot become a surrogate."""
-        pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
-        network = pipeline[-1] if self.carried_by(model) and isinstance(pipeline, Pipeline) else None
+        pipeline: Any = getattr(model, "regressor_", getattr(model, "regressor", None))
+        network: Any = pipeline[-1] if self.carried_by(model) and isinstance(pipeline, Pipeline) else None
         right = isinstance(network, SobolevRegressor) and getattr(pipeline[0], "func", None) is self._functions[0]
         if not right or (network.anchor, network.flat) != (ANCHOR, self._flat):
             made = f"a surrogate_pipeline for the target {self.name}, which ends in a SobolevRegressor"

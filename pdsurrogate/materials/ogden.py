@@ -104,7 +104,7 @@ class Ogden(PrincipalStretchLaw):
 
     @property
     def shape(self) -> dict[str, float]:
-        found = {}
+        found: dict[str, float] = {}
         for number, (modulus, exponent) in enumerate(zip(self.moduli, self.exponents, strict=True), start=1):
             found |= {f"modulus_{number}": modulus / self.shear_modulus, f"exponent_{number}": exponent}
         return found

@@ -54,11 +54,11 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     return _stretch_at(law, "energy_density", fracture_energy / (tip_diameter * horizon), "that fracture energy")
 
 
-def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> float:
+def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> float | None:
     """Return the critical stretch that a scene gives, or the one that follows from its fracture energy for a family of force models."""
     spec = scene.fracture
-    if spec.critical_stretch is not None:
-        return spec.critical_stretch
+    if spec is None or spec.energy is None:
+        return spec.critical_stretch if spec else None
     return critical_stretch_of(law, spec.energy, horizon, tip_diameter(scene.plane, scene.horizon_ratio, family))
 
 

@@ -104,14 +104,15 @@ class Result:
 
     def _write(self, folder: Path, overwrite: bool) -> None:
         streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
-        if not streamed and self.body is None:
-            raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
         if not streamed:
-            make_room(folder, Contents.read(self.summary), overwrite)
+            contents = Contents.read(self.summary)
+            if self.body is None or contents is None:
+                raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
+            make_room(folder, contents, overwrite)
             if self.states:
                 written = StatesInFiles(folder, self.scene.name, self.body)
-                for state in self.states:
-                    written.append(*state)
+                for number in range(len(self.states)):
+                    written.append(*self.states[number])
         if self.states:
             _drawings().save_drawings(self, folder)
         write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
@@ -133,9 +134,11 @@ class Result:
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of the body at a level, apart where a crack is open, and the displacements of their nodes, shape (k, d)."""
-        if self.body is None:
-            return self.states.cells(level)
-        return deformed_cells(self.body, self.states[level][1])
+        if self.body is not None:
+            return deformed_cells(self.body, self.states[level][1])
+        if not isinstance(self.states, StatesInFiles):
+            raise ValueError("the result has neither a body nor files with states")
+        return self.states.cells(level)
 
     def field(self, name: str, level: int = -1) -> np.ndarray:
         """Return the values of a field on the points at a level.

@@ -44,7 +44,8 @@ class Moment:
 class States(Protocol):
     """Recorded states in order: pairs of a moment and the fields on the points."""
 
-    moments: list[Moment]
+    @property
+    def moments(self) -> list[Moment]: ...
 
     def append(self, moment: Moment, fields: Fields) -> None:
         """Record a state."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 
 @runtime_checkable
@@ -25,5 +25,10 @@ class Progress(Protocol):
         """Report the row that a stage in dynamics adds to the history."""
 
 
-class Silent(Progress):
+class Silent:
     """Progress that is not shown."""
+
+    def compiling(self, *_: Any, **__: Any) -> None:
+        """Do nothing."""
+
+    level = residual = dynamics = account = compiling

@@ -41,7 +41,7 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
         )
 
 
-def together(ranks: Communicator, check: Callable[[], T]) -> T | None:
+def together(ranks: Communicator, check: Callable[[], T]) -> T:
     """Return what a check returns; raise on all ranks the error that it raises on the first that has one."""
     if ranks.size == 1:
         return check()

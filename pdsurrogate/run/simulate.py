@@ -195,34 +195,34 @@ def simulate(
     models = together(ranks, lambda: checked_models(scene, model))
     progress = Silent() if progress is None or ranks.rank else progress
     folder = None if folder is None else Path(folder)
-    writes = folder is not None and ranks.rank == 0
+    own = folder if ranks.rank == 0 else None  # of the rank that writes
 
     def look_into_folder() -> None:
-        if writes and resume:
-            check_names(folder, scene.name, resumed=True)
-            remove_leftovers(folder)
-        elif writes:
-            check_room(folder, Contents.of(scene, models), overwrite)
+        if own and resume:
+            check_names(own, scene.name, resumed=True)
+            remove_leftovers(own)
+        elif own:
+            check_room(own, Contents.of(scene, models), overwrite)
 
     together(ranks, look_into_folder)  # before any work
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
-    held = occupied(folder) if writes else nullcontext()
+    held = occupied(own) if own else nullcontext()
     with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
         interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
         run = Run(scene, model, progress, folder, threads and most, interruption)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
-        if writes and not resume:
-            make_room(folder, run.contents, overwrite)
+        if own and not resume:
+            make_room(own, run.contents, overwrite)
         if folder is not None:
             begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
-            run.record_of_folder = Record(run, begun.summary) if writes else None
+            run.record_of_folder = Record(run, begun.summary) if own else None
 
         def ended(message: str | None, status: str) -> Result:
             result = result_of(run, clock.seconds, began, message, status)
-            if writes:
-                write_tables(folder, result.summary, result.history, result.convergence, scene.units)
+            if own:
+                write_tables(own, result.summary, result.history, result.convergence, scene.units)
             return result
 
         try:
@@ -262,7 +262,7 @@ def _advice(run: Run, error: Exception) -> list[str]:
     if isinstance(error, OwnForceFailed | OwnForceInvalid):
         return []
     moving = run.stages[run.state.stage].inertia is not None and run.state.steps > 0
-    advice = [DYNAMICS_ADVICE] if moving else [ADVICE[type(error)]] if type(error) in ADVICE else []
+    advice = [DYNAMICS_ADVICE] if moving else [text for kind, text in ADVICE.items() if type(error) is kind]
     single = isinstance(error, NotConverged | Unstable) and run.force.precision == "float32"
     return [*advice, SINGLE_ADVICE] if single else advice
 

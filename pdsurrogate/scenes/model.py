@@ -15,7 +15,7 @@ from ..materials import LAWS, Law
 from .consistency import check_consistency
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
 from .problems import SceneError, suggestion
-from .regions import EDGES, FACES, Region, RegionName, RegionReference, reserved_names
+from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
 from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle, with_shape
 from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Sphere, Tube, cut_of
 from .strict_model import Finite, Positive, StrictModel, Vector, Whole
@@ -86,7 +86,7 @@ class MaterialSpec(StrictModel):
             raise ValueError(f"unknown law {self.law!r}; {suggestion(self.law, sorted(LAWS))}")
         law = LAWS[self.law]
         known = {field.name for field in dataclasses.fields(law)}
-        given: dict[str, float | tuple[float, ...]] = {}
+        given: dict[str, Any] = {}
         for key, value in (self.model_extra or {}).items():
             if key not in known:
                 raise ValueError(f"{self.law} has no parameter {key!r}; {suggestion(key, sorted(known), 'it has')}")
@@ -144,7 +144,7 @@ class Grip(StrictModel):
     ``travel`` is this grip's share of the elongation, outwards: two grips of 0.5 pull symmetrically.
     """
 
-    edge: Literal[FACES]
+    edge: Face
     holds: Literal["normal", "all"] = "all"
     travel: Annotated[Finite, Field(ge=0, le=1)] = 0.0
 
@@ -286,7 +286,7 @@ class Scene(StrictModel):
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()
     precuts: tuple[AnyPrecut, ...] = ()
-    plane: Annotated[Literal["stress", "strain", "space"], Field(validate_default=True)] = None
+    plane: Literal["stress", "strain", "space"] = Field(None, validate_default=True)
     material: MaterialSpec | None = None
     materials: tuple[Part, ...] = ()
     grips: tuple[Grip, ...] = ()
@@ -297,7 +297,7 @@ class Scene(StrictModel):
     steps: tuple[Step, ...] = ()
     probes: tuple[Probe, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
-    horizon_ratio: Annotated[Finite, Field(gt=1, le=100, validate_default=True)] = None
+    horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
     weight: str = "inverse"
     correction: Literal["tensor", "scalar", "none"] | None = None
     rotation: Literal["polar", "convected"] | None = None

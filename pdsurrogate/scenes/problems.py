@@ -126,7 +126,7 @@ def _inside(place: Any, step: str | int) -> Any:
         return get_args(place)[0]
     if get_origin(place) is dict:
         return get_args(place)[1]
-    if isinstance(place, type) and issubclass(place, BaseModel):
+    if isinstance(step, str) and isinstance(place, type) and issubclass(place, BaseModel):
         field = _fields(place).get(step) or place.model_fields.get(step)
         return field and field.annotation
     return None

@@ -110,7 +110,7 @@ def apply_change(data: dict, key: str, value: Any) -> None:
         If there is no such place.
     """
     *path, last = key.split(".")
-    place: dict | list = data
+    place: Any = data
     for depth, step in enumerate(path, 1):
         name, following = ".".join(path[:depth]), (*path, last)[depth]
         number = _entry(place, step, key, path[: depth - 1])

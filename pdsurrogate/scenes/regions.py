@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from .strict_model import Direction, Point, Positive, SpaceDirection, SpacePoint, StrictModel, Vector, Whole
 
-FACES = ("left", "right", "bottom", "top", "back", "front")
+Face = Literal["left", "right", "bottom", "top", "back", "front"]
+FACES: tuple[Face, ...] = get_args(Face)
 """Faces of the bounding box of a body in space; the first four are the edges of one in the plane."""
 
 
@@ -99,7 +100,7 @@ class Region(StrictModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
-    edge: Literal[FACES] | None = None
+    edge: Face | None = None
     box: tuple[Vector, Vector] | None = None
     disc: Disc | None = None
     half_plane: HalfPlane | None = None

@@ -67,7 +67,7 @@ class Rectangle(Outline):
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         low, high = self.bounds()
-        return ((points > low) & (points < high)).all(axis=1)
+        return np.all((points > low) & (points < high), axis=1)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         lower = np.array(self.lower)
@@ -201,8 +201,8 @@ def _crossing(corners: np.ndarray) -> str | None:
         shares = shares[np.concatenate([[True], np.diff(shares) > margin])]
         middles.append(start + ((shares[1:] + shares[:-1]) / 2)[:, None] * side)
         normals.append(np.tile([-side[1], side[0]] / length, (len(shares) - 1, 1)))
-    middles, beside = np.concatenate(middles), 1e-7 * extent * np.concatenate(normals)
-    windings = np.stack([_windings(middles + sign * beside, starts, along) for sign in (1, -1)], axis=1)
+    places, beside = np.concatenate(middles), 1e-7 * extent * np.concatenate(normals)
+    windings = np.stack([_windings(places + sign * beside, starts, along) for sign in (1, -1)], axis=1)
     sense = 1 if _cross(starts, np.roll(starts, -1, axis=0)).sum() > 0 else -1
     wrong = np.flatnonzero(((windings != 0) & (windings != sense)).any(axis=1))
     if not len(wrong):
@@ -210,7 +210,7 @@ def _crossing(corners: np.ndarray) -> str | None:
     if crossings:
         place, one, other = crossings[0]
         return f"crosses itself at ({place[0]:.4g}, {place[1]:.4g}), where the sides that begin at corners {one} and {other} meet"
-    place = middles[wrong[0]]
+    place = places[wrong[0]]
     return f"runs around itself more than once, or crosses itself at a corner: it does so beside ({place[0]:.4g}, {place[1]:.4g})"
 
 

@@ -271,7 +271,7 @@ class ParallelogramCut(FlatCut):
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
         one, other = np.array(self.sides)
         normal = np.cross(one, other)
-        return np.array(self.corner), normal / np.linalg.norm(normal), max(np.linalg.norm(one), np.linalg.norm(other))
+        return np.array(self.corner), normal / np.linalg.norm(normal), float(max(np.linalg.norm(one), np.linalg.norm(other)))
 
     def covers(self, places: np.ndarray) -> np.ndarray:
         shares = (places - np.array(self.corner)) @ np.linalg.pinv(np.array(self.sides))

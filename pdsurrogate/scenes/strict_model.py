@@ -33,7 +33,8 @@ def _not_zero(value: tuple[float, ...]) -> tuple[float, ...]:
     return value
 
 
-Direction, SpaceDirection = Annotated[Point, AfterValidator(_not_zero)], Annotated[SpacePoint, AfterValidator(_not_zero)]
+Direction = Annotated[Point, AfterValidator(_not_zero)]
+SpaceDirection = Annotated[SpacePoint, AfterValidator(_not_zero)]
 
 
 class Components(tuple):

@@ -242,6 +242,7 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
 
 def scene_of(study: Study, folder: Path) -> str:
     """Return the scene of a study: the name of a built-in one, or the path of a file relative to the study's folder."""
-    place = folder / study.scene
-    known = study.scene in scene_names() or (place.suffix != ".toml" and not place.exists())
-    return study.scene if known else str(place)
+    scene = study.scene or ""
+    place = folder / scene
+    known = scene in scene_names() or (place.suffix != ".toml" and not place.exists())
+    return scene if known else str(place)
