@@ -237,13 +237,13 @@ class EnergyRegressor(StressRegressor):
         """Return the law with the given weights, and its volume ratios, or the given ones for states without a stress."""
         exponents, powers, invariants = parted(terms, weights)
         # A term of Ogden's law is mu_k/alpha_k (...): mu_k alpha_k is the weight.
-        parameters = tuple((powers / exponents).tolist()), tuple(exponents.tolist())
+        moduli, alphas = tuple((powers / exponents).tolist()), tuple(exponents.tolist())
         bulk = self._bulk(stiffness_of(terms, weights))
         if not invariants:
-            law = Ogden(None, bulk, *parameters)
+            law = Ogden(bulk_modulus=bulk, moduli=moduli, exponents=alphas)
         else:
             first, second = (tuple(invariants.get((which, power), 0.0) for power in (1, 2, 3)) for which in (1, 2))
-            law = Polyconvex(None, bulk, *parameters, first, second)
+            law = Polyconvex(bulk_modulus=bulk, moduli=moduli, exponents=alphas, first=first, second=second)
         found = states(law, X)[1]
         return law, np.where(np.isfinite(found), found, volume)
 

@@ -1,7 +1,7 @@
 """Ogden's law: a sum of powers of the principal stretches."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -9,6 +9,9 @@ from ..kernels.elementary import exponential
 from .law import PrincipalStretchLaw, check_number
 
 MOST_TERMS = 8
+
+NOT_GIVEN: Any = None
+"""Default of a modulus that follows from others; after the construction it is a number."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +49,8 @@ class Ogden(PrincipalStretchLaw):
     lists: ClassVar[tuple[str, ...]] = ("moduli", "exponents")
     """Parameters that are several numbers."""
 
-    shear_modulus: float | None = None
-    bulk_modulus: float | None = None
+    shear_modulus: float = NOT_GIVEN
+    bulk_modulus: float = NOT_GIVEN
     moduli: tuple[float, ...] = (0.63 / 0.4225, 0.0012 / 0.4225, -0.01 / 0.4225)
     exponents: tuple[float, ...] = (1.3, 5.0, -2.0)
 
@@ -92,7 +95,7 @@ class Ogden(PrincipalStretchLaw):
 
     def scaled(self, factor: float) -> Self:
         scaled = {key: tuple(value * factor for value in getattr(self, key)) for key in self.lists if key != "exponents"}
-        return replace(self, shear_modulus=None, bulk_modulus=self.bulk_modulus * factor, **scaled)
+        return replace(self, shear_modulus=NOT_GIVEN, bulk_modulus=self.bulk_modulus * factor, **scaled)
 
     @property
     def n_terms(self) -> int:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -21,7 +22,8 @@ from ..body import Body
 from ..problem import Problem, compile_scene
 from ..problem.problem import scene_errors
 from ..results import figures, views
-from ..scenes import Scene
+from ..scenes import Load, Part, Prescribed, Scene
+from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
@@ -41,7 +43,7 @@ class _Mark(NamedTuple):
 
     text: str
     points: np.ndarray
-    colour: tuple[float, ...]
+    colour: tuple[float, float, float, float]
     place: np.ndarray
     arrow: np.ndarray | None
 
@@ -79,7 +81,7 @@ def preview(scene: Scene) -> Figure:
         draw = _in_space if scene.dimension == 3 else _in_the_plane
         figure, axes = draw(problem, marks)
         axes.set_title(f"{scene.name}: {len(problem.body):,} points, spacing {scene.units.amount(problem.body.spacing, 'length', 'g')}")
-        handles = [Patch(color=mark.colour, label=mark.text) for mark in marks]
+        handles: list[Artist] = [Patch(color=mark.colour, label=mark.text) for mark in marks]
         handles += [Line2D([], [], color="black", lw=2, label="cut")] if scene.precuts else []
         handles += [Line2D([], [], color="black", marker="x", ls="", label="probe")] if scene.probes else []
         if handles:
@@ -94,7 +96,8 @@ def _marks(problem: Problem) -> list[_Mark]:
     for number, part in enumerate(scene.materials):
         key = f"materials.{number}"
         found.append((f"{regions.label(part.region, key)}: {part.material.law}", regions.points(part.region, f"{key}.region"), None))
-    used = {entry.region for entry in (*scene.materials, *scene.prescribed, *scene.loads) if isinstance(entry.region, str)}
+    entries: tuple[Part | Prescribed | Load, ...] = (*scene.materials, *scene.prescribed, *scene.loads)
+    used = {entry.region for entry in entries if isinstance(entry.region, str)}
     found += [(name, regions.points(name), None) for name in scene.regions if name not in used]
     for one in sorted(problem.prescriptions, key=lambda one: one.key.startswith("holds")):
         found.append((f"{one.holder or one.name}: {one.words}", regions.points(one.region, one.key), one.displacement))
@@ -133,22 +136,24 @@ def _in_the_plane(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
     size = (high - low) / extent * 5.0
     figure = Figure(figsize=(size[0] + 2.6, max(size[1] + 0.8, 1.6)), layout=ConstrainedLayoutEngine(w_pad=0.15))
     axes = figure.subplots()
-    edges = {"edgecolors": "white", "linewidths": 0.3} if len(body) <= MOST_CELLS_WITH_EDGES else {"edgecolors": "face", "linewidths": 0.2}
-    axes.add_collection(PolyCollection(polygons, facecolors=_colours(body, marks), **edges))
+    colour, width = ("white", 0.3) if len(body) <= MOST_CELLS_WITH_EDGES else ("face", 0.2)
+    # The stub of PolyCollection leaves out that it takes one array of polygons.
+    cells = PolyCollection(polygons, facecolors=_colours(body, marks), edgecolors=colour, linewidths=width)  # type: ignore[arg-type]
+    axes.add_collection(cells)
     with suppress(ValueError):  # of a body whose boundary only a load would need, and that has none
         surface = problem.regions.surface()
         axes.add_collection(LineCollection(surface.nodes[surface.facets], colors="#555555", linewidths=0.8))
-    for cut in scene.precuts:
+    for cut in (cut for cut in scene.precuts if isinstance(cut, Precut)):
         axes.plot(*zip(cut.start, cut.end, strict=True), color="black", lw=2)
     for mark in marks:
         if 0 < len(mark.points) <= FEW:
             axes.plot(*body.points[mark.points].T, "o", color=mark.colour, ms=5)
         if mark.arrow is not None:
             arrow = {"arrowstyle": "-|>", "color": mark.colour, "lw": 1.5, "ec": "black"}
-            axes.annotate("", mark.place + ARROW * extent * mark.arrow, mark.place, arrowprops=arrow)
+            axes.annotate("", mark.place + ARROW * extent * mark.arrow, tuple(mark.place), arrowprops=arrow)
     for probe in scene.probes:
         axes.plot(*probe.at, "x", color="black", ms=6)
-        axes.annotate(probe.name, probe.at, xytext=(4, 4), textcoords="offset points")
+        axes.annotate(probe.name, (probe.at[0], probe.at[1]), xytext=(4, 4), textcoords="offset points")
     room = 1.25 * ARROW * extent if any(mark.arrow is not None for mark in marks) else 0.03 * extent
     axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
     axes.set(xlabel=scene.units.label("x1", "length"), ylabel=scene.units.label("x2", "length"))
@@ -165,11 +170,11 @@ def _in_space(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
     for mark in marks:
         if mark.arrow is not None:
             axes.quiver(*mark.place, *(2 * ARROW * (high - low).max() * mark.arrow), color=mark.colour, lw=2, zorder=5)
-    for cut in scene.precuts:
+    for cut in (cut for cut in scene.precuts if not isinstance(cut, Precut)):
         axes.add_collection3d(Poly3DCollection([_rim(cut)], facecolors=(0, 0, 0, 0.25), edgecolors="black", zorder=6))
-    tree, reach = cKDTree(body.points), np.linalg.norm(high - low)
+    tree, reach = cKDTree(body.points), float(np.linalg.norm(high - low))
     for probe in scene.probes:
-        hidden = _hidden(np.array(probe.at), tree, body.cell.min(), reach)
+        hidden = _hidden(np.array(probe.at), tree, np.asarray(body.cell).min(), reach)
         axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7, alpha=0.35 if hidden else 1)
         axes.text(*probe.at, f" {probe.name}{' (hidden)' if hidden else ''}", zorder=8, alpha=0.6 if hidden else 1)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]), xticks=[], yticks=[], zticks=[])
