@@ -1,4 +1,4 @@
-"""Checkpoints of a run in its folder: when one is due, what it holds, and how a run takes it up."""
+"""Checkpoints of a run in its folder: their schedule, contents, writing and restoring."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Checkpoints:
         self.resumable, self._due = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, CHECKPOINT_SHARE * (ended - began))
 
     def restore(self) -> Checkpoint:
-        """Read a checkpoint, and bring the run to where it was written, except for what moves a stage in dynamics."""
+        """Read a checkpoint and restore the run, except for the integrator of a stage in dynamics."""
         run, held = self.run, self._held()
         found = self._read(held)
         progress = found.progress
@@ -113,7 +113,7 @@ class Checkpoints:
     def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
         """Read a checkpoint on the first rank and return every rank's rows of it; the present arrays give the names of those required."""
         run, identity = self.run, self.identity
-        # In one process an array may have more rows than the body: `ba-nosb` has bonds of images too.
+        # In a single process an array may have more rows than the body: `ba-nosb` has bonds of images too.
         counts = {key: self._rows_of(key).total if self._share.divided else len(array) for key, array in held.items()}
         shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
         whole = together(run.ranks, lambda: None if run.ranks.rank else Checkpoint.read(run.folder, identity, shapes))

@@ -9,7 +9,7 @@ import threading
 import time
 
 SECONDS_TO_HEAR = 1.0
-"""Time after an interrupt within which a run is to stop by itself; otherwise it ends where it is, with what was saved before."""
+"""Seconds after an interrupt within which a run should stop by itself; otherwise it is ended, with the results saved so far."""
 
 
 class Interrupted(RuntimeError):

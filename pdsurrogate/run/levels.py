@@ -40,8 +40,8 @@ HARD = 2.0
 FARTHEST = 0.5
 """Greatest distance over the extent of the body by which loads may carry a point from the first guess of an increment.
 
-Where there is no equilibrium a solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest
-beyond is found with shorter increments too."""
+Without an equilibrium a solver moves that far within some ten evaluations, and then needs thousands to fail; equilibria beyond this
+distance are found with shorter increments too."""
 
 PATIENCE, LEAST_PATIENCE = 30, 2000
 """Evaluations for all increments that follow one that failed, until one succeeds, over the mean of those that succeeded before; and at
@@ -51,8 +51,8 @@ MOST_WASTED = 5000
 """Evaluations of all increments of a run that fail, beyond which the next failure ends it: good runs take tens to some hundreds."""
 
 FINE, COARSE = 1e-3, 1e-2
-"""Residuals of states on the way to an output, which only bring the next start near; the second of nearly incompressible bodies, whose
-preconditioner puts right what is left (a fifth fewer evaluations of bonded blocks)."""
+"""Tolerances of intermediate states, which only serve as starts of the next ones. The second is for nearly incompressible bodies, whose
+preconditioner corrects the remaining error (a fifth fewer evaluations of bonded blocks)."""
 
 PRECISION_NAMES = {"float32": "single", "float64": "double"}
 
@@ -107,13 +107,13 @@ class Equilibria:
         self._evaluations: list[int] = []  # of every increment of the stage that succeeded
         self._last_output = run.positions.copy(), run.state.parameter
         self._increments: Increments | None = None
-        self._accepted: _Accepted | None = None  # what the present increment starts from
-        self._iterate: np.ndarray | None = None  # what the solver of a run that is resumed had come to
+        self._accepted: _Accepted | None = None  # start of the present increment
+        self._iterate: np.ndarray | None = None  # state of the solver of a resumed run
 
     def go(self) -> bool:
-        """Go through the outputs that are left; return whether the end was reached.
+        """Compute the remaining outputs; return whether the end was reached.
 
-        Where a bond would break the stage ends, and the body is put back to the last output: what follows is not in equilibrium.
+        If a bond would break, the stage ends and the body returns to the last output, since what follows is not in equilibrium.
         """
         run, state = self.run, self.run.state
         while state.outputs < self.stage.outputs:
@@ -185,7 +185,7 @@ class Equilibria:
         return equilibrium
 
     def _lengthen(self, increments: Increments, taken: int) -> None:
-        """Go on after an increment that took so many evaluations, with a longer one if it was easy."""
+        """Continue after an increment of `taken` evaluations, with a longer one if it was easy."""
         easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
         self._evaluations.append(taken)
         if increments.accept(easy):
@@ -193,7 +193,7 @@ class Equilibria:
             self.run.note(self.run.state.parameter, reason=again)
 
     def _follow(self, increments: Increments, patience: float) -> Equilibrium:
-        """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
+        """Bring the run to equilibrium at the end of the present increment, within `patience` evaluations."""
         run, state, target = self.run, self.run.state, increments.target
         guess = self._best(self._course.guesses(run.positions, state.parameter, target, run.earlier), target)
         tolerance = run.problem.solver.tolerance
@@ -252,7 +252,7 @@ class Equilibria:
         """Record the last equilibrium on the way to an output that is not reached, if it can be made as exact as an output."""
         run = self.run
         target, run.target = run.target, run.state.parameter
-        # What a coarse tolerance let pass close below a greatest load need not be an equilibrium.
+        # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
             self._record(self._solve(run.target, run.problem.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
         run.target = target
@@ -260,7 +260,7 @@ class Equilibria:
     def _solve(
         self, target: float, tolerance: float, guess: np.ndarray, patience: float, increments: Increments | None = None
     ) -> Equilibrium:
-        """Return the equilibrium at a value of the parameter from where the run is, near a guess, within so many evaluations."""
+        """Return the equilibrium at a value of the parameter, from the present state near a guess, within `patience` evaluations."""
         run, began = self.run, self.run.force.evaluations
 
         def report(evaluations: int, residual: float) -> None:
@@ -283,8 +283,8 @@ class Equilibria:
     def _keep_or_stop(self, increments: Increments | None) -> None:
         """Write a checkpoint where one is due, or where none exists yet, and stop a run that received a signal.
 
-        A run that was interrupted goes on from its last output, to the same bits, where it has come to one and not long gone on since; one
-        whose time is over goes on from here.
+        An interrupted run continues from its last output, to the same bits, if it is recent; a run whose time limit has passed continues
+        from its present state.
         """
         run = self.run
         asked = run.interruption.asked

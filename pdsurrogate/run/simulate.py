@@ -1,4 +1,4 @@
-"""Run of a scene with a force model, from the checks of what was given to the result."""
+"""Simulation of a scene with a force model, from the checks of the arguments to the result."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ __all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "SinglePreci
 
 
 class SimulationFailed(RuntimeError):
-    """A run that did not reach its end; what it did reach is in `result`.
+    """Error for a run that stopped before its end; `result` holds the outputs that it reached.
 
     Examples
     --------
@@ -135,11 +135,11 @@ def simulate(
     folder : str or path, optional
         Folder for states, written the moment they are reached, checkpoints, tables and the summary, updated as the run goes on;
         without it states stay in memory.
-        Results of the same run there, of this scene with this force, are replaced; what else there is needs `overwrite`.
+        Results of the same run (this scene with this force) in the folder are replaced; to replace others, set `overwrite`.
     resume : bool
         Go on from the checkpoint in `folder`, to the result that the run would have had without the interruption.
     overwrite : bool
-        Remove what other runs left in `folder`, and what the same one left that was ended before its time.
+        Remove the results of other runs in `folder`, and the checkpoint of this run if it was interrupted.
     max_time : float, optional
         Seconds after which the run ends at the next place where its state is whole, with a checkpoint if it has a folder.
 
@@ -258,7 +258,7 @@ def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) ->
 
 
 def _advice(run: Run, error: Exception) -> list[str]:
-    """Return what to change after an error; nothing where the message of a user's own force says what is wrong."""
+    """Return advice after an error; an empty text if a user's own force raised it, since its message names the cause."""
     if isinstance(error, OwnForceFailed | OwnForceInvalid):
         return []
     moving = run.stages[run.state.stage].inertia is not None and run.state.steps > 0
@@ -268,7 +268,7 @@ def _advice(run: Run, error: Exception) -> list[str]:
 
 
 def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
-    """Return the force model that the `force` of `simulate` stands for, and the scene with the material that comes with it."""
+    """Return the force model named by the `force` argument of `simulate`, and the scene with that model's material."""
     if force is None:
         return scene, artifacts.default_force(scene)
     if isinstance(force, str | Path):

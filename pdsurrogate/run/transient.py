@@ -1,4 +1,4 @@
-"""Stages in explicit dynamics: what is held goes on in time, rows and outputs follow, and cracks may start and run."""
+"""Stages in explicit dynamics: time stepping with moving holders, rows and outputs, and cracks that start and grow."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ MOST_STEPS = 1e9
 """Greatest number of steps of a stage: more take weeks even on the smallest body, and are a slip in the units of the density or rate."""
 
 CRACK_VISCOSITY = 0.7
-"""Retardation time of scenes with fracture that give none, in spacings over the speed of shear waves.
+"""Default retardation time of scenes with fracture, in spacings over the speed of shear waves.
 
-Material that snaps back from a crack moves in waves as short as a bond, and this time takes their energy within a few steps.  Strips torn
-by `bond-energy` close their accounts within 0.1 % with it; without it they gain half of the energy put in (`docs/guide/cracks.md`)."""
+Material that unloads behind a crack moves in waves as short as a bond, and this viscosity dissipates their energy within a few steps.
+Energy accounts of strips torn with `bond-energy` close within 0.1 % with it; without it they gain half of the supplied energy
+(`docs/guide/cracks.md`)."""
 
 
 INTEGRATOR = ("time_step", "last_step", "steps")
@@ -138,7 +139,7 @@ class Transient:
         return True
 
     def _time_due(self, outputs: int) -> float:
-        """Return the time of the output after so many, in a stage with a duration."""
+        """Return the time of the output after `outputs` others, in a stage with a duration."""
         return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
@@ -182,14 +183,14 @@ class Transient:
             self._books.count_release()
 
     def _limit_step(self) -> None:
-        """Bound the next step.
+        """Limit the length of the next step.
 
-        Where work is summed in every step, what is held moves up to the end of the stage and not for a part of a step.  No step passes two
-        outputs.
+        If work is summed in every step, the last step ends with the stage, so that holders do not move for only a part of it. No step
+        passes two outputs.
         """
         account, integrator = self.account, self.integrator
         if self._timed:
-            # Equal parts of what is left, so that no step before an output is much shorter than the others.
+            # The remaining time is divided equally, so that no step before an output is much shorter than the others.
             left = self._time_due(account.outputs + self._due()) - account.time
             integrator.longest = integrator.part_of(left) if left > 0 else integrator.last_step
         else:

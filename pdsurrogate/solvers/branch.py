@@ -37,7 +37,7 @@ class Branch:
         self._loading, self._force, self._solver, self._share = loading, force, solver, solver.share
 
     def check(self, before: float, after: float, guess: np.ndarray, positions: np.ndarray) -> None:
-        """Check an equilibrium in which the force was last evaluated; the next one is taken to follow it.
+        """Check an equilibrium in which the force was last evaluated; the next check assumes that its equilibrium follows this one.
 
         Parameters
         ----------

@@ -122,7 +122,7 @@ class Equilibrium:
 
 
 class EquilibriumSolver(ABC):
-    """A solver for equilibrium.
+    """Base class of the solvers for equilibrium.
 
     Two conditions end the search: the residual is below the tolerance, and the forces left on the free points are small beside what drives
     the body, or no more than rounding.
@@ -175,11 +175,11 @@ class EquilibriumSolver(ABC):
         positions : ndarray, shape (n, 2)
             A start; the equilibrium on return, and the last state reached if an error is raised.
         tolerance : float, optional
-            Instead of the solver's own, for states on the way: there the forces left are not held against what drives the body.
+            Tolerance in place of the solver's own, for intermediate states: there the forces left are not compared with the driving forces.
         report : callable
             Called every few evaluations.
         least_drive : float
-            What drives the body counts for no less: of a body that comes back to rest, what drove it before.
+            Lower bound of the driving forces: for a body that returns to rest, the forces that drove it before.
 
         Raises
         ------
@@ -207,7 +207,7 @@ class EquilibriumSolver(ABC):
         return greatest * force.body.spacing / unit
 
     def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:
-        """Write the forces on the free components to `out`, shape (n, d), 0 on held ones; those are kept for what drives the body."""
+        """Write the forces on free components to `out`, shape (n, d), 0 on held ones, whose forces are kept as driving forces."""
         force(positions, out)
         components = out.reshape(-1)
         self._on_held = components[self._held]
@@ -225,7 +225,7 @@ class EquilibriumSolver(ABC):
         Raises
         ------
         TooSmall
-            If the forces left would have to be smaller than single precision can tell.
+            If the forces left would have to be smaller than single precision resolves.
         """
         residual = self.residual(force, forces)
         if not residual <= tolerance or tolerance > self.tolerance:
@@ -254,7 +254,7 @@ class EquilibriumSolver(ABC):
 
     @property
     def share_left(self) -> float:
-        """Sum of the forces on the free points that may be left, over what drives the body."""
+        """Permitted sum of the forces on free points, relative to the driving forces."""
         return min(UNBALANCED, PER_TOLERANCE * self.tolerance)
 
     def _holding(self, force: InternalForce) -> float:

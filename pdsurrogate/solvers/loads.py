@@ -306,7 +306,7 @@ class Loads:
         return self._summed(positions, thickness, lambda places, forces: forces)
 
     def displacements(self, positions: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the mean displacement of what the loads act on, shape (d,), by name; loads of one name are averaged together.
+        """Return the mean displacement of the parts that loads act on, shape (d,), by name; loads of one name are averaged together.
 
         Points count in proportion to their part of a force, so that its work is force times displacement.  A pressure moves with the
         middles of its facets.
@@ -332,7 +332,7 @@ class Loads:
     def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the moment of the loads in a state about a place (d,), by name; loads of one name are summed.
 
-        It is a number, counter-clockwise, in the plane, and a vector of shape (3,) in space.
+        The moment is a counter-clockwise number in the plane and a vector of shape (3,) in three dimensions.
         """
         return self._summed(positions, thickness, lambda places, forces: _cross(places - about, forces))
 
@@ -395,7 +395,7 @@ class LoadedForce:
         Raises
         ------
         InvalidState
-            Where the state has no force, or a region cannot follow what is prescribed.
+            If the state has no force, or a region cannot follow the prescribed displacements.
         OutsideDomain
             See `InternalForce`.
         """

@@ -33,7 +33,7 @@ class Multigrid:
     Parameters
     ----------
     matrix : sparse.csr_array, shape (n, n)
-        Symmetric and positive definite, with no positive entries beside the diagonal but those of images.
+        Symmetric and positive definite, without positive off-diagonal entries but those of images.
     points : ndarray, shape (n, d)
     spacing : float
         Mean distance of neighbouring points.
@@ -48,7 +48,7 @@ class Multigrid:
     """
 
     def __init__(self, matrix: sparse.csr_array, points: np.ndarray, spacing: float, free: np.ndarray, width: int = 1) -> None:
-        # In single precision whatever the units: powers of two, which change no digit.
+        # Powers of two scale the values into the range of single precision, in any units, without rounding.
         self._unit = power_of_two(matrix.diagonal().mean())
         matrix = matrix / self._unit
         # Rows of three are read as four.
@@ -106,11 +106,11 @@ class _Level:
     Attributes
     ----------
     right, found, rest, first : ndarray of float32, shape (n, held)
-        Right hand side, solution, what is left of the one or another solution on the way, and the solution of a first visit.
+        Right-hand side, solution, residual or intermediate solution, and the solution of a first visit.
     down, up : Chain or None
-        What is done before and after the next coarser level, to whose right hand side and from whose solution; None on the coarsest.
+        Passes before and after the next coarser level, to its right-hand side and from its solution; None on the coarsest.
     take_rest : Chain or None
-        Finds what the solution leaves of the right hand side.
+        Pass that computes the residual of the solution.
     """
 
     def __init__(self, count: int, held: int) -> None:

@@ -80,7 +80,7 @@ class QuasiNewton(EquilibriumSolver):
         step *= min(1.0, self.LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
 
     def _advance(self, force, positions, step, forces, trial):
-        """Take the longest part of a step that is accepted; returns the forces there, and scales `step` to what was taken."""
+        """Move by the longest accepted part of a step, scale `step` to it, and return the forces there."""
         accepts, following, share = self._criterion(force, step, forces), np.empty_like(forces), 1.0
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
@@ -99,7 +99,7 @@ class QuasiNewton(EquilibriumSolver):
         raise Diverging(self.NO_STEP)
 
     def _criterion(self, force, step, forces) -> Callable[[np.ndarray, float], tuple[bool, float]]:
-        """Return the rule that accepts forces after a share of a step, or says by which factor to shorten it."""
+        """Return the rule that accepts forces after a share of a step, or returns the factor by which to shorten it."""
         square = self.share.dot(forces, forces)
         return lambda following, share: (self.share.dot(following, following) <= self.MOST_GROWTH**2 * square, 0.5)
 
