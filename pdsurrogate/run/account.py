@@ -31,7 +31,7 @@ GAP_WARNED, GAP_FAILED = 0.01, 0.05
 """Gaps of the account over the energy put in: beyond the first a warning is given, beyond the second the run fails."""
 
 MEND_GAP = "a smaller dynamics.safety or more dynamics.viscosity mends it"
-"""Advice where an account is off: within a shorter step forces are closer to linear, and viscosity takes motion as short as a bond."""
+"""Advice for an account that does not close: forces are closer to linear within a shorter step, and viscosity damps bond-long waves."""
 
 LEAST_UNEVENNESS = 0.01
 """Departure of what is held from its present velocity, over its way within the viscosity, from which elastic forces are evaluated and not

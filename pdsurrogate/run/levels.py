@@ -48,7 +48,7 @@ PATIENCE, LEAST_PATIENCE = 30, 2000
 least.  Close below a greatest load the stiffness vanishes and solvers wander."""
 
 MOST_WASTED = 5000
-"""Evaluations of all increments of a run that fail, beyond which the next failure ends it: good runs take tens to some hundreds."""
+"""Evaluations in failed increments of a run beyond which the next failure ends the run: good runs need tens to some hundreds."""
 
 FINE, COARSE = 1e-3, 1e-2
 """Tolerances of intermediate states, which only serve as starts of the next ones. The second is for nearly incompressible bodies, whose
@@ -60,7 +60,7 @@ RESOLVED = 1000
 """Least strain of the body's most strained bond, over that which rounding leaves: smaller ones would be off by more than 0.1 %."""
 
 FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
-"""Strain whose stress is what rounding of the forces leaves, by precision.  In single at a strain of 1e-4 forces were 0.03 % off."""
+"""Strain whose stress equals the rounding error of the forces, by precision. In single, forces at a strain of 1e-4 were 0.03 % off."""
 
 MOST_OFF = 1e-3
 """Greatest sum of all loads and reactions of an equilibrium, over the forces that drive the body."""

@@ -20,7 +20,7 @@ from .rows import component_columns, forces_by_name, moments_by_name, output_row
 from .run import Run
 
 MOST_STEPS = 1e9
-"""Greatest number of steps of a stage: more take weeks even on the smallest body, and are a slip in the units of the density or rate."""
+"""Maximum number of steps of a stage: more would run for weeks even on the smallest body, and indicate wrong units of density or rate."""
 
 CRACK_VISCOSITY = 0.7
 """Default retardation time of scenes with fracture, in spacings over the speed of shear waves.

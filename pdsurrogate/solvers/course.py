@@ -25,8 +25,8 @@ NO_STRESS = {"float32": 1e-5, "float64": 1e-10}
 """Compression over the shear modulus that rounding of the forces may show, by precision."""
 
 LARGEST_TURN = 10.0
-"""Degrees by which held parts turn at once in a first guess.  Points between them go along chords, which shrinks the body half way by 0.4 %
-for 10 degrees and by 13 % for 60; 2, 5 and 10 degrees take as many evaluations (twisted boxes and cylinders)."""
+"""Greatest turn of held parts in one portion of a first guess, in degrees. Points between them move along chords, which shrinks the body
+half way by 0.4 % for 10 degrees and by 13 % for 60; 2, 5 and 10 degrees need equally many evaluations (twisted boxes and cylinders)."""
 
 HALVINGS = 10
 """Greatest number of halvings of a step in the search for a first increment; a guess a thousand times too long is a slip in the scene."""

@@ -57,7 +57,7 @@ class Power(NamedTuple):
 
 
 class ExplicitDynamics:
-    """M (a + c v) = f(y + tau v) by central differences, velocities at half steps; with tau = 0 the paper's scheme, here in real time.
+    """Integrator of M (a + c v) = f(y + tau v) by central differences, velocities at half steps; tau = 0 is the paper's scheme.
 
     Forces at positions a retardation time tau ahead are those of a Kelvin-Voigt solid, f + tau df/dt, to first order in tau, at no further
     evaluation.  They damp what is as short as the bonds, which damping proportional to mass hardly touches: material that snaps

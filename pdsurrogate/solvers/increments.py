@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 LEAST_SHARE = 1 / 64
-"""Least share of a planned increment: if no longer one finds a solution, it is assumed not to exist."""
+"""Least share of a planned increment: a solution that increments of this share do not find is assumed not to exist."""
 
 
 class Increments:

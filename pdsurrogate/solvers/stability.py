@@ -68,7 +68,7 @@ requires a greater strain, and they are central: their error is the square of th
 """
 
 MOST_PRODUCTS = 25
-"""Steps of Lanczos' method; the preconditioned spectrum of a stable body is some tenths to a few, and what lies below is found in ten."""
+"""Maximum number of Lanczos steps; the preconditioned spectrum of a stable body is some tenths to a few, and ten find values below."""
 
 KNOWN = 1 / 3
 """Relative error bound of the least Ritz value below which a positive one is accepted as the least curvature."""

@@ -81,7 +81,7 @@ class Supports:
 
     @cached_property
     def fields(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """By support and component: weights (n, d) of the mean, and how the body follows its held point, scaled to a mean of 1."""
+        """Weights (n, d) of the mean and response of the body to the held point, scaled to a mean of 1, by support and component."""
         found = []
         for part in self._parts:
             for component in part.components:
