@@ -152,7 +152,7 @@ class Body:
 
     @property
     def finer(self) -> str:
-        """Name what has more points where there are too few, for messages."""
+        """Advice, for messages, that a body with too few points needs."""
         return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
 
     def weigh(self, length: np.ndarray) -> np.ndarray:
@@ -228,7 +228,7 @@ class Cells:
     lower : tuple of float
         Corner of the box where all coordinates are least.
     counts : tuple of int
-        Cells along each axis, two in the plane and three in space.
+        Cells along each axis, two numbers in the plane and three in three dimensions.
     sides : tuple of float
         Sides of a cell along the axes.
     """
@@ -364,7 +364,7 @@ class Bonds:
             )
         # The tolerance includes points at exactly the horizon, whose computed distance may exceed it by rounding.
         pairs = cKDTree(points).query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")
-        # Sorting one number per pair takes a fifth of the time of sorting two.
+        # Sorting one number per pair is five times as fast as sorting two.
         one, other = pairs.T
         keys = np.minimum(one, other) * len(points) + np.maximum(one, other)
         del pairs, one, other

@@ -34,8 +34,9 @@ MEND_GAP = "a smaller dynamics.safety or more dynamics.viscosity mends it"
 """Advice for an account that does not close: forces are closer to linear within a shorter step, and viscosity damps bond-long waves."""
 
 LEAST_UNEVENNESS = 0.01
-"""Departure of what is held from its present velocity, over its way within the viscosity, from which elastic forces are evaluated and not
-followed: the work of holders that viscosity takes would be off by as much."""
+"""Deviation of held parts from their velocity, relative to their way within the viscosity, beyond which elastic forces are evaluated anew.
+
+If they were followed, the work of holders that viscosity dissipates would have this relative error."""
 
 
 @dataclass

@@ -29,7 +29,7 @@ Level = Annotated[Positive, Field(le=100)]
 """A stretch; rubber breaks below 10."""
 
 HORIZON_RATIOS = {2: 3.15, 3: 1.75}
-"""Horizons over the side of a cell where none is asked for, by dimension.  In space short ones are more accurate and cheaper: 26 bonds."""
+"""Default horizon over the side of a cell, by dimension. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
 
 RIGID = "rigid"
 """Material of a region that moves as one body, in the place of a law."""
@@ -199,7 +199,7 @@ class Dynamics(DynamicsSettings):
     Attributes
     ----------
     stretch : float
-        Where the programme ends, unless the body comes apart before.
+        End of the programme, unless the body separates before.
     stretch_rate : float
         Change of the stretch per unit time.
     outputs : int
@@ -357,7 +357,7 @@ class Scene(StrictModel):
 
     @property
     def stretched(self) -> bool:
-        """Return whether the loading is given by grips and stretches."""
+        """Return whether grips and stretches define the loading."""
         return bool(self.grips)
 
     @property

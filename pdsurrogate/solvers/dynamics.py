@@ -69,7 +69,7 @@ class ExplicitDynamics:
     hold : callable
         ``hold(positions, ahead)`` brings all that is held to where it is a time `ahead` from now.
     positions, velocities : ndarray, shape (n, 2)
-        Start; taken over, and changed in place.
+        Initial values, changed in place.
     free : ndarray, shape (n, 2)
         1 where a component may move by itself, 0 where it is held.
     mass : ndarray, shape (n,)
@@ -98,7 +98,7 @@ class ExplicitDynamics:
         Greatest length of the next step, set by the caller.
     """
 
-    # The tangent changes over the time that a wave takes across many horizons; a look every so many steps costs 1 to 2 %.
+    # The tangent changes over the time in which a wave crosses many horizons; an estimate at this interval of steps costs 1 to 2 %.
     STEPS_BETWEEN_ESTIMATES = 500
 
     def __init__(

@@ -21,8 +21,9 @@ Report = Callable[[int, float], None]
 """Called with the force evaluations so far and the residual."""
 
 UNBALANCED = 5e-4
-"""Sum of the sizes of the forces that an equilibrium may leave on free points, over that of the loads or of what holds the body, the
-greater of them.  It bounds the error of every balance of forces, and of moments over the greatest lever."""
+"""Greatest sum of the magnitudes of the forces left on free points, relative to that of the loads or reactions, whichever is greater.
+
+It bounds the error of every balance of forces, and of moments over the greatest lever."""
 
 PER_TOLERANCE = 500
 """Forces left over the drive of the body, over the tolerance, where that is stricter than `UNBALANCED`."""

@@ -1,4 +1,4 @@
-"""A cycle of multigrid for Laplacians of scattered points, which costs a few products with the matrix whatever their number."""
+"""A cycle of multigrid for Laplacians of scattered points, which costs a few products with the matrix for any number of points."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def factor_of(matrix: sparse.sparray):
 class Multigrid:
     """Smoothed aggregation over boxes of points, coarser levels visited twice (a W cycle).
 
-    One cycle is a symmetric positive definite operator near the inverse of the matrix, a fixed one: what a preconditioner asks for.  It is
-    done in single precision.  Boxes divide the points evenly: a last layer of boxes that is one point thick lets errors stand beside it,
-    of which the energy tells little and the strain much.
+    One cycle is a fixed, symmetric positive definite operator near the inverse of the matrix, as a preconditioner must be. It uses single
+    precision. Boxes divide the points evenly: next to a last layer of boxes that is one point thick errors would remain that are small in
+    the energy and large in the strain.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
     least = points.min(axis=0) - spacing / 2
     extent = points.max(axis=0) + spacing / 2 - least
     counts = np.maximum(1, np.rint(extent / (COARSENING * spacing))).astype(np.int64)
-    # Points between two boxes fall to the same side whatever their last digit.
+    # Points between two boxes are assigned to the same side, independent of rounding.
     cells = np.floor((points - least) / extent * counts + 1e-9).astype(np.int64)
     return np.ravel_multi_index(tuple(cells.T), tuple(counts))
 
