@@ -152,7 +152,7 @@ class Body:
 
     @property
     def finer(self) -> str:
-        """Advice, for messages, that a body with too few points needs."""
+        """Remedy for a body with too few points, for error messages."""
         return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
 
     def weigh(self, length: np.ndarray) -> np.ndarray:
@@ -294,7 +294,7 @@ def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.n
 
 
 def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:
-    """Return sums at n points of values (k,) or (k, c) of bonds: of those that begin there, and, times a sign, of those that end there."""
+    """Return the sums at n points of values (k,) or (k, c) over the bonds that begin there, plus `sign` times those that end there."""
     if values.ndim == 2:
         return np.stack([sums_at_points(n, first, second, column, sign) for column in values.T], axis=1)
     within = second < n

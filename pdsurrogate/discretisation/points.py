@@ -28,11 +28,11 @@ volume is as near as one of 1024 places along each where a plane or cylinder cut
 where it cuts otherwise."""
 
 WITHIN = 1 - 1e-6
-"""Share of the way from the middle of a cell in space to its corners that is sampled: a boundary between cells cuts none."""
+"""Share of the way from the middle of a 3D cell to its corners that is sampled, so that a boundary between cells cuts neither."""
 
 CLEARANCE = 0.4
-"""Cells without material around a place on a bond, in every direction, that make it empty: bonds beside a round hole of more than
-some three cells' radius, whose chords leave the material by less, stay."""
+"""Distance without material, in cells in every direction, that makes a place on a bond empty. Bonds next to a round hole with a radius
+above some three cells leave the material by less and remain."""
 
 STEP = 0.15
 """Cells between the places on a bond: a gap of one cell is empty over 0.2 of them."""

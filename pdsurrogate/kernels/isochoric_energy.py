@@ -102,7 +102,7 @@ def network_block(activation, invariants, of_invariants):
             low, high = distances(bounds, I1, I2)
             a, da = exact_share_at(low)
             b, db = exact_share_at(high)
-            # W + s (exact - W), s = 1 - (1 - a) (1 - b): what s changes is a function of the invariants like W.
+            # W + s (exact - W), s = 1 - (1 - a) (1 - b): the blended energy is a function of the invariants like W.
             rest = (1.0 - a) * (1.0 - b)
             da = da * (1.0 - b)
             db = db * (1.0 - a)

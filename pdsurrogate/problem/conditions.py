@@ -28,7 +28,7 @@ SAMPLES = 5
 """Values of the parameter in each stage at which prescriptions are compared: amplitudes that agree at all of these are the same."""
 
 LEAST_SPREAD = 1e-6
-"""Singular value of the constraints on a rigid motion below which it is free: less than two points a thousandth of the body apart give."""
+"""Singular value of the constraints below which a rigid motion is free: two points a thousandth of the body apart yield more."""
 
 
 def conditions_of(

@@ -21,8 +21,8 @@ from ..scenes.regions import edge_names
 LAYER = 0.99
 """Distance in cells from an edge, or from the boundary, up to which points belong to it.
 
-The outermost points lie half a cell inside; along a boundary that cuts cells, so do those that a part of another cell was added to.  The
-second points lie one and a half cells inside."""
+The outermost points lie half a cell inside; so do points along a boundary whose cells include a part of another, cut cell. The points
+of the second row lie one and a half cells inside."""
 
 ROUNDING = 1e-9
 """Share of the extent of a body within which places count as lying on the boundary of a region."""

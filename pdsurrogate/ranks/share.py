@@ -93,7 +93,7 @@ class Rows:
 
 
 class Share:
-    """The points of a body that one rank works on: its own, and those of its halo. In one process all are its own.
+    """Points of a body that one rank works on: its own, and those of its halo. In a single process all points are its own.
 
     Points are numbered in the order of the whole body, points of the halo between its own, so that sums over bonds are taken in the same
     order on any number of ranks, to the same bits. Values summed over all bonds of a point are right on owned points, and are copied from
@@ -121,7 +121,7 @@ class Share:
     divided : bool
         True if several ranks have the body.
     leads : bool
-        True on the one rank that counts values known to all.
+        True on the one rank that counts values that all ranks have.
     numbers, owners, size, ranks
     """
 

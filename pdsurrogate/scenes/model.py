@@ -178,7 +178,7 @@ class SolverSpec(StrictModel):
 
 
 class Fracture(StrictModel):
-    """When bonds break: beyond a critical stretch, given, or from a fracture energy (`pdsurrogate.critical_stretch_of`).
+    """Fracture of bonds beyond a critical stretch, set directly or through a fracture energy (`pdsurrogate.critical_stretch_of`).
 
     An energy is taken where the diameter of a crack tip is known for the force model, the plane and the horizon, and refused elsewhere.
     """
@@ -226,7 +226,7 @@ def _dimension_of(data: Mapping[str, Any]) -> int:
 
 
 class Units(StrictModel):
-    """Names of the units in which a scene is written; nothing is converted, and what has no name is called by none."""
+    """Names of the units of a scene. Values are not converted, and quantities without a named unit are shown without one."""
 
     length: UnitName | None = None
     stress: UnitName | None = None

@@ -19,8 +19,8 @@ FREQUENCY_MARGIN = 1.03
 
 
 MOST_TRAVEL = 0.5
-"""Spacings that a point may move in a step.  At the speeds of waves it does not get as far; what snaps back from the last bonds of a crack
-would, past the bonds that should stop it."""
+"""Spacings that a point may move in a step. Waves move points by less; material that unloads behind the last bonds of a crack would move
+past the bonds that should stop it."""
 
 
 class VelocitiesAround(NamedTuple):
