@@ -23,9 +23,9 @@ RASTER = 16
 """Sampled places along either side of a cell in the plane, which determine the area of its material to some 1/1000 of a cell."""
 
 SCATTERED = 128
-"""Places in an eighth of a cell in space, and their mirror images: of no two of them are the coordinates alike along any axis, so that a
-volume is as near as one of 1024 places along each where a plane or cylinder cuts the cell along the axes, and nearer than 1/200 of a cell
-where it cuts otherwise."""
+"""Number of sampled places in an eighth of a 3D cell, with mirror images in the others. No two have equal coordinates along an axis, so
+that a volume is as accurate as with 1024 places along each axis if a plane or cylinder cuts the cell along the axes, and better than
+1/200 of a cell otherwise."""
 
 WITHIN = 1 - 1e-6
 """Share of the way from the middle of a 3D cell to its corners that is sampled, so that a boundary between cells cuts neither."""

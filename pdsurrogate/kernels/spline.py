@@ -1,8 +1,8 @@
 """Tensor-product cubic splines of two or three features as bond-force block functions.
 
 Knots are equidistant, so that one multiplication finds the cell of a state; the function and its first two derivatives are continuous.
-Beyond the box of the knots the spline has the value of the nearest place in the box, and a feature that is NaN is taken as the box's lower
-end.
+Beyond the box of the knots the spline has the value of the nearest place in the box, and the box's lower end
+replaces a feature that is NaN.
 """
 
 from functools import cache

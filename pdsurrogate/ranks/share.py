@@ -209,7 +209,7 @@ class Share:
         self.fill(theirs)
         edges = np.unique(np.stack([label, theirs], axis=1), axis=0)
         _, piece = connected(sum(counts), *np.concatenate(self.everywhere(edges)).T)
-        # A piece of a share may be of the halo alone: those count that have points of somebody's own, in the order of the first of these.
+        # A piece of a share may consist of halo points only. Pieces with owned points count, in the order of the first such point.
         least = np.full(sum(counts), self.size)
         np.minimum.at(least, piece[label[self._own]], self.numbers[self._own])
         least = np.min(self.everywhere(least), axis=0)

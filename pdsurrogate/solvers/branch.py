@@ -21,16 +21,16 @@ LEAST_JUMP = 0.1
 
 
 class Branch:
-    """Watches over the equilibria along a loading.
+    """Check of the equilibria along a loading.
 
-    Only bodies that are pushed are looked at closely: under tension the stress itself keeps a body from buckling.
+    Only compressed bodies are checked for stability: under tension the stress itself prevents buckling.
 
     Parameters
     ----------
     loading : Loading
     force : InternalForce
     solver : EquilibriumSolver
-        That finds them.
+        Solver that computes the equilibria.
     """
 
     def __init__(self, loading: Loading, force: InternalForce, solver: EquilibriumSolver) -> None:
@@ -52,8 +52,8 @@ class Branch:
         InvalidState
             If a point lies beyond a plane of reflection.
         Unstable
-            If a body that is pushed jumped away from the extrapolation, where conditions tell how far it should have gone, or its energy is
-            not the least nearby.
+            If a compressed body jumped away from the extrapolation, provided that the conditions determine it, or its energy is not a local
+            minimum.
         """
         loading, force = self._loading, self._force
         loading.check_inside(after, force, positions)
