@@ -40,7 +40,7 @@ class Transient:
     Parameters
     ----------
     run : Run
-        With its positions as the stage before left them, or as a checkpoint did.
+        Run with the positions of the end of the last stage, or of a checkpoint.
     stage : Stage
     """
 
@@ -50,7 +50,7 @@ class Transient:
         masses, moved = self.spec.density * run.body.volumes, (run.positions, np.zeros_like(run.positions), run.loading.free)
         damped = {"damping": self.spec.damping, "viscosity": self.viscosity, "safety": self.spec.safety}
         self.integrator = ExplicitDynamics(run.force, self._hold, *moved, masses, **damped, loads=run.loads)
-        # A stage with a duration ends, and is recorded, exactly then.  One at a rate goes to the first step past an output.
+        # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
         self._timed = self.spec.duration is not None
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)
         self._cracks = None if run.damage is None else Cracks(run, self.integrator, self._books.account)
@@ -61,7 +61,7 @@ class Transient:
         return self._books.account
 
     def _viscosity(self) -> float:
-        """Return the retardation time of the stage: the scene's own, or by default the time that a crack needs."""
+        """Return the retardation time of the stage: that of the scene, or the default for cracks."""
         if self.spec.viscosity is not None or self.run.damage is None:
             return self.spec.viscosity or 0.0
         return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.problem.law.shear_modulus)
@@ -73,10 +73,10 @@ class Transient:
         return held if self.viscosity == 0 else held | {"elastic": integrator.elastic}
 
     def begin(self) -> None:
-        """Start with the velocities that the stage before left.
+        """Start with the velocities at the end of the last stage.
 
-        After equilibrium these are the velocities of a body that follows its conditions slowly, which then send no shock; after dynamics
-        they are its last ones, and conditions that change their velocity do send a shock.
+        After equilibrium these are the velocities of a body that follows its conditions quasi-statically, so that no shock is sent; after
+        dynamics they are its last velocities, and conditions that change their velocity do send a shock.
         """
         run, integrator, motion = self.run, self.integrator, self.motion
         velocities = run.loading.course.velocities(run.positions, motion) if run.velocities is None else run.velocities
@@ -93,7 +93,7 @@ class Transient:
         self._row(first=True)
 
     def resume(self, checkpoint: Checkpoint) -> None:
-        """Bring the dynamics to where a checkpoint was written."""
+        """Restore the dynamics from a checkpoint."""
         run, integrator, kept = self.run, self.integrator, checkpoint.progress["transient"]
         vars(self.account).update(kept["account"])
         for key in INTEGRATOR:
@@ -101,12 +101,12 @@ class Transient:
         integrator.frequency.fresh = False
         for key, array in self.arrays().items():
             array[:] = checkpoint.arrays[key]
-            run.body.share.clear(array)  # points of the halo are moved by their owners
+            run.body.share.clear(array)  # the owners of halo points move them
         self._limit_step()
         self._apply()
 
     def go(self) -> bool:
-        """Run to the end of the stage, or until the body has come apart."""
+        """Run to the end of the stage, or until the body has separated."""
         run, account, integrator, through = self.run, self.account, self.integrator, False
         while account.outputs < self.most_outputs and not through:
             try:
@@ -127,7 +127,7 @@ class Transient:
             if due:
                 through = self.output_at_row()
                 self._books.check()
-            # A checkpoint has the row and the output of its step, and not the row that an interruption adds.
+            # A checkpoint includes the row and the output of its step, but not the row that an interruption adds.
             asked, late = run.body.share.total((int(run.interruption.asked), int(run.checkpoints.late)))
             if not through and (due or asked or late):
                 self._checkpoint()
@@ -151,7 +151,7 @@ class Transient:
         return motion.at(self.account.time) >= due - 1e-12 * (motion.end - motion.begin)
 
     def save_last_state(self) -> None:
-        """Go back to before the step that failed, and record the state there unless it has been."""
+        """Undo the failed step, and record the state before it unless it has been recorded."""
         run, integrator = self.run, self.integrator
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
@@ -198,20 +198,20 @@ class Transient:
             integrator.longest = min(left, apart) if self._books.every_step and left > 0 else apart
 
     def _parameter(self) -> float:
-        """Return the loading parameter now; at the end it is the stage's own, without the rounding of rate by time."""
+        """Return the present loading parameter; at the end of the stage it is the exact final value, without rounding."""
         ended = self._timed and self.account.time >= self.motion.duration
         return self.motion.end if ended else self.motion.at(self.account.time)
 
     def _apply(self) -> None:
-        """Move everything that is held to its present place, and bring the loads to their size."""
+        """Move all held parts to their present places, and set the loads to their present size."""
         self.run.loading.apply(self.run.state.parameter, self.run.force, self.run.positions)
 
     def _hold(self, positions: np.ndarray, ahead: float) -> None:
-        """Move everything that is held to its place a time `ahead` from now."""
+        """Move all held parts to their places at a time `ahead` from now."""
         self.run.loading.hold(self.run.state.parameter + ahead * self.motion.rate, self.run.force, positions)
 
     def _last_row(self) -> None:
-        """Add a row at the present state, unless there is one."""
+        """Add a row for the present state unless it has one."""
         if self.account.time > self.account.row_time:
             self._row()
 
@@ -237,7 +237,7 @@ class Transient:
         run.report("account", self.integrator.steps, kinetic, strain)
 
     def output_at_row(self) -> bool:
-        """Record the present state, with a row; return whether the body has come apart between its supports."""
+        """Record the present state, with a row; return whether the body has separated between its supports."""
         self._last_row()
         through = self._cracks is not None and self._cracks.through()
         self.output()

@@ -13,8 +13,8 @@ from .equilibrium import EquilibriumSolver, Unstable
 from .stability import NEGATIVE, least_curvature
 
 JUMP = 0.25
-"""Distance of the points from the extrapolation, over the growth of the body's extent.  Contraction across the load, stress about holes and
-cracks give some hundredths; a sheet that buckles several tenths to ten, and more the shorter the increment."""
+"""Greatest distance of the points from the extrapolation, over the growth of the body's extent. Contraction across the load and stresses at
+holes and cracks cause some hundredths; buckling of a sheet several tenths to ten, and more with shorter increments."""
 
 LEAST_JUMP = 0.1
 """Least distance, in spacings, that counts as a jump: a finer tolerance changes positions by less."""

@@ -32,8 +32,8 @@ SINGLE = 1e-7
 """Least residual that forces in single precision can reach: at rest their rounding error is some 1e-8."""
 
 ROUNDED = 100
-"""Residual that rounding of the positions may leave, over the stress that its strain of a bond makes.  Below, a search goes on only as long
-as the forces left fall by a third within `IDLE` evaluations."""
+"""Residual that rounding of the positions may cause, over the stress of the strain that it causes in a bond. Below it, a search continues
+only while the forces left fall by a third within `IDLE` evaluations."""
 
 IDLE = 5
 """Evaluations within which the forces left must fall by a third once they may be rounding errors, see `ROUNDED`."""
