@@ -5,7 +5,7 @@ from importlib import import_module
 
 __version__ = "0.1.0"
 
-# The package logs only where a program asks for it: `logging.getLogger("pdsurrogate").setLevel("INFO")` with a handler, or `-v`.
+# The package logs only if a program enables it: `logging.getLogger("pdsurrogate").setLevel("INFO")` with a handler, or `-v`.
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 # Names are imported where they are first used: a simulation loads no scikit-learn, and training no solver.
@@ -26,7 +26,7 @@ _NAMES = {
     "studies": "Study StudyInterrupted study",
 }
 
-# Public names that a room gives: `pdsurrogate.shapes.Rectangle`.
+# Public names that belong to a room: `pdsurrogate.shapes.Rectangle`.
 _IN_ROOMS = {
     "forces": (
         "BANOSBForce EnergyNetwork EnergySurrogate ForceModel ForceSurrogate InvalidState IsochoricNetwork NOSBForce NetworkForce "

@@ -152,7 +152,7 @@ class Body:
 
     @property
     def finer(self) -> str:
-        """Name what has more points where there are too few, for messages."""
+        """Remedy for a body with too few points, for error messages."""
         return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
 
     def weigh(self, length: np.ndarray) -> np.ndarray:
@@ -228,7 +228,7 @@ class Cells:
     lower : tuple of float
         Corner of the box where all coordinates are least.
     counts : tuple of int
-        Cells along each axis, two in the plane and three in space.
+        Cells along each axis, two numbers in the plane and three in three dimensions.
     sides : tuple of float
         Sides of a cell along the axes.
     """
@@ -294,7 +294,7 @@ def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.n
 
 
 def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:
-    """Return sums at n points of values (k,) or (k, c) of bonds: of those that begin there, and, times a sign, of those that end there."""
+    """Return the sums at n points of values (k,) or (k, c) over the bonds that begin there, plus `sign` times those that end there."""
     if values.ndim == 2:
         return np.stack([sums_at_points(n, first, second, column, sign) for column in values.T], axis=1)
     within = second < n
@@ -364,7 +364,7 @@ class Bonds:
             )
         # The tolerance includes points at exactly the horizon, whose computed distance may exceed it by rounding.
         pairs = cKDTree(points).query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")
-        # Sorting one number per pair takes a fifth of the time of sorting two.
+        # Sorting one number per pair is five times as fast as sorting two.
         one, other = pairs.T
         keys = np.minimum(one, other) * len(points) + np.maximum(one, other)
         del pairs, one, other

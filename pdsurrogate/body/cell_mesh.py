@@ -17,11 +17,11 @@ CORNERS[3] = np.array([[*corner, height] for height in (0, 1) for corner in CORN
 FACES = {
     (2, 3): ((0, 1), (1, 2), (2, 0)),
     (2, 4): ((0, 1), (1, 2), (2, 3), (3, 0)),
-    # A triangle repeats its last corner, so that all faces in space have four.
+    # A triangle repeats its last corner, so that all faces in three dimensions have four.
     (3, 4): ((0, 2, 1, 1), (0, 1, 3, 3), (1, 2, 3, 3), (0, 3, 2, 2)),
     (3, 8): ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
-"""Sides of a cell by the dimension and the number of its corners; in space their normals point outwards by the right-hand rule."""
+"""Sides of a cell by dimension and number of corners; in three dimensions their normals point outwards by the right-hand rule."""
 
 TORN = 0.5
 """Relative distance above which the two positions that neighbouring cells predict for their common side are drawn apart. The distance is
@@ -49,9 +49,9 @@ class CellMesh:
 
     @classmethod
     def of_lattice(cls, points: np.ndarray, volumes: np.ndarray, cell: np.ndarray) -> CellMesh:
-        """Return the cells around points of a lattice, `cell` being their sides; a cell cut by the body's surface is included in full.
+        """Return the cells of sides `cell` around points of a lattice; a cell cut by the body's surface is included in full.
 
-        Points with the volume of a full cell are known to lie at its middle.
+        Points with the volume of a full cell lie at its middle.
         """
         full = np.flatnonzero(np.isclose(volumes, cell.prod(), rtol=1e-9, atol=0))
         middle = points[full[0] if len(full) else 0]

@@ -32,7 +32,7 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     Raises
     ------
     ValueError
-        If there are fewer points than ranks, or a horizon reaches beyond the ranks beside one.
+        If there are fewer points than ranks, or a horizon reaches beyond the neighbouring ranks.
     """
     n = len(body)
     if n < 4 * ranks.size:
@@ -54,7 +54,7 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
 def rows_of(body: Body, kind: str) -> Rows:
     """Return the rows of the whole body that arrays of this body hold.
 
-    `kind` names what the arrays have a row for: "points", "images" (points and images), "bonds" (directed bonds), or "pairs".
+    `kind` names the kind of their rows: "points", "images" (points and images), "bonds" (directed bonds), or "pairs".
     """
     share, bonds, ghosts = body.share, body.bonds, body.ghosts
     if kind == "points":

@@ -176,7 +176,7 @@ class Ghosts:
         if self.share_along == 1:
             return None
         shifts = np.zeros((len(self), turns.shape[1], turns.shape[1]))
-        # The planes are taken in their order, since images of images copy the values of the images that they mirror.
+        # The planes are processed in order, since images of images copy the values of the images that they mirror.
         for number, plane in enumerate(self.planes):
             images = (self.image >> number) & 1 == 1
             of_rows, of_columns, of_plane = _continuation(plane, self.share_along)

@@ -13,7 +13,7 @@ from .body import Body
 from .ghosts import ReflectionPlane
 
 REACH = 1.3
-"""Distance, in horizons, within which points take part in a fit.
+"""Distance, in horizons, within which points contribute to a fit.
 
 A load on the boundary acts on the adjacent rows of points with the weights of the fit there. Where these differ from the forces that a
 uniformly stressed body exerts on the rows, the rows are displaced. At a straight edge under a uniform traction this displaces the edge by
@@ -198,14 +198,14 @@ def _on_boundary(body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Se
 
 
 def _mirrors(body: Body) -> list[ReflectionPlane]:
-    """Return the planes of symmetry of a body in space, in which only the motion across them is odd."""
+    """Return the planes of symmetry of a body in three dimensions, across which only the normal motion is odd."""
     if body.dimension == 2:
         return []
     return [plane for plane in body.planes if all((sign < 0) == (axis == plane.axis) for axis, sign in enumerate(plane.parity))]
 
 
 def _reach(body: Body) -> float:
-    """Return the distance within which points take part in a fit."""
+    """Return the distance within which points contribute to a fit."""
     return max(REACH * body.horizon, LEAST_REACH * body.cell.max())
 
 

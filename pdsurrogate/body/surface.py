@@ -26,7 +26,7 @@ class Following:
     rows: tuple[sparse.csr_array, ...]
 
     def __matmul__(self, vectors: np.ndarray) -> np.ndarray:
-        """Return the vectors at the places, shape (k, d), from those of the points (n, d); a single map takes rows of any shape."""
+        """Return the vectors at the places, shape (k, d), from those of the points (n, d); a single map accepts rows of any shape."""
         if len(self.rows) == 1:
             return self.rows[0] @ vectors
         return np.stack([rows @ vectors[:, component] for component, rows in enumerate(self.rows)], axis=1)
@@ -61,7 +61,7 @@ class Following:
 
 @dataclass(frozen=True)
 class Surface:
-    """Boundary of a body: facets between nodes on the boundary itself, segments in the plane and triangles in space.
+    """Boundary of a body: facets between nodes on the boundary, segments in the plane and triangles in three dimensions.
 
     The outermost points of a body lie half a cell inside its boundary. A node moves with them and their deformation gradient, y_s = sum_j
     N_sj y_j, where the rows of N sum to 1 and have X_s as their first moment: every affine motion is followed exactly, and a load on a node

@@ -87,9 +87,9 @@ def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance
 
 
 def between_material_and_none(nodes: np.ndarray, facets: np.ndarray, curves: np.ndarray, beside: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the facets with material on one side alone, turned so that it is on their left, each once; and their chains.
+    """Return the facets with material on one side only, each once and turned so that it is on their left, and their chains.
 
-    What is on either side changes only where chains meet: one facet of each run is asked.
+    The material on either side changes only where chains meet, so one facet of each run is tested.
     """
     runs, run = np.unique(curves, axis=0, return_inverse=True)
     run = run.ravel()
@@ -110,7 +110,7 @@ def between_material_and_none(nodes: np.ndarray, facets: np.ndarray, curves: np.
     there, beyond = material(middles + left)[run], material(middles - left)[run]
     facets = np.where(there[:, None], facets, facets[:, ::-1])
     kept = np.flatnonzero(there != beyond)
-    # Where the boundaries of two run together, it is that of the first.
+    # Facets on the boundaries of two curves are assigned to the first.
     _, once = np.unique(facets[kept], axis=0, return_index=True)
     kept = kept[np.sort(once)]
     return facets[kept], curves[kept, 0]

@@ -20,7 +20,7 @@ from ..scenes import Mesh
 from .places import same_places
 
 CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
-"""Cells that are taken, by dimension, as meshio names them."""
+"""Accepted types of cells by dimension, by their names in meshio."""
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
 """First letters of the names of corners and sides, which a mesh may list in addition to its cells."""
@@ -85,7 +85,7 @@ class Sides:
     owners : ndarray of int, shape (e,)
         The cells.
     number : ndarray of int, shape (k,)
-        Node that stands for each of the file's nodes: the first at its place.
+        Node that replaces each of the file's nodes: the first one at its place.
     """
 
     corners: np.ndarray
@@ -124,8 +124,8 @@ def mesh_of(mesh: Mesh) -> MeshFile:
     Raises
     ------
     ValueError
-        If there is no such file, it cannot be read, or is no flat mesh of triangles and quadrilaterals, or none of tetrahedra and
-        hexahedra, as the scene says.
+        If the file does not exist or cannot be read, or if it is neither a flat mesh of triangles and quadrilaterals nor a mesh of
+        tetrahedra and hexahedra, whichever the scene requires.
     """
     path = Path(mesh.file)
     if not path.is_file():
@@ -142,13 +142,13 @@ def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
     try:
         with redirect_stdout(printed), redirect_stderr(printed):
             read = meshio.read(file)
-    except (Exception, SystemExit) as error:  # meshio's readers raise whatever they meet, and print and exit on what none of them reads
+    except (Exception, SystemExit) as error:  # meshio's readers raise errors of any type, and print and exit if no reader accepts the file
         reason = printed.getvalue() if isinstance(error, SystemExit) else error
         raise ValueError(f"body.file: meshio cannot read {file}: {' '.join(str(reason).split())}") from None
     points = np.asarray(read.points, dtype=float)
     if not np.isfinite(points).all():
         raise ValueError(f"body.file: node {np.argwhere(~np.isfinite(points))[0, 0]} of {file} has a position that is not finite")
-    # Of points, edges and faces meshes have those of their boundaries; other cells would leave holes where they are left out.
+    # Points, edges and faces are those of boundaries and may be skipped; skipping cells of other types would leave holes.
     kinds = {block.type for block in read.cells if len(block.data)}
     refused = sorted(kind for kind in kinds - set(CELL_TYPES[dimension]) if not kind.startswith(BESIDE_CELLS[dimension]))
     if refused:

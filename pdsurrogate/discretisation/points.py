@@ -20,19 +20,19 @@ from .meshes import centroids, mesh_of, section_area
 from .planes import reflected_edges, reflection_planes
 
 RASTER = 16
-"""Sampled places along either side of a cell in the plane, which give the area of its material to some 1/1000 of a cell."""
+"""Sampled places along either side of a cell in the plane, which determine the area of its material to some 1/1000 of a cell."""
 
 SCATTERED = 128
-"""Places in an eighth of a cell in space, and their mirror images: of no two of them are the coordinates alike along any axis, so that a
-volume is as near as one of 1024 places along each where a plane or cylinder cuts the cell along the axes, and nearer than 1/200 of a cell
-where it cuts otherwise."""
+"""Number of sampled places in an eighth of a 3D cell, with mirror images in the others. No two have equal coordinates along an axis, so
+that a volume is as accurate as with 1024 places along each axis if a plane or cylinder cuts the cell along the axes, and better than
+1/200 of a cell otherwise."""
 
 WITHIN = 1 - 1e-6
-"""Share of the way from the middle of a cell in space to its corners that is sampled: a boundary between cells cuts none."""
+"""Share of the way from the middle of a 3D cell to its corners that is sampled, so that a boundary between cells cuts neither."""
 
 CLEARANCE = 0.4
-"""Cells without material around a place on a bond, in every direction, that make it empty: bonds beside a round hole of more than
-some three cells' radius, whose chords leave the material by less, stay."""
+"""Distance without material, in cells in every direction, that makes a place on a bond empty. Bonds next to a round hole with a radius
+above some three cells leave the material by less and remain."""
 
 STEP = 0.15
 """Cells between the places on a bond: a gap of one cell is empty over 0.2 of them."""
@@ -43,10 +43,10 @@ MOST_PLACES = 1_000_000
 """Places on bonds, or in cells, looked at together, which bounds the memory for them."""
 
 STRIPS = 1e-9
-"""Share of the area of a cut in space that a strip of it may be off by."""
+"""Permitted error of a strip of a planar cut in three dimensions, relative to the area of the cut."""
 
 CUT_SHIFT = 1e-6
-"""Distance inside a grip's plane, in extents of the body, of the cut whose area is taken: more than corners in single precision are off."""
+"""Distance, in extents of the body, from a grip's plane to the cut that determines its area: more than the rounding of single precision."""
 
 
 STATED = 0.01
@@ -291,7 +291,7 @@ def material_at(scene: Scene, places: np.ndarray) -> np.ndarray:
 
 
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
-    """Return which points within the outline remain without the holes; raise SceneError where a hole or the body holds no point."""
+    """Return which points within the outline remain without the holes; raise SceneError if a hole or the body contains no point."""
     kept = within.copy()
     for number, hole in enumerate(scene.holes):
         inside = hole.contains(points)

@@ -1,4 +1,4 @@
-"""Check that memory holds the body of a scene, before anything of it is made."""
+"""Check that the body of a scene fits into memory, before it is built."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ..scenes import Mesh, Scene, SceneError
 from .points import material_at
 
 BYTES_PER_BOND = 50
-"""Memory that every directed bond of a body takes at least, with its share of points, forces and equilibrium.
+"""Least memory in bytes for every directed bond of a body, with its share of points, forces and equilibrium.
 
-A million points of a sheet held 1.4 GB (docs/validation/ranks.md), which have 28 bonds each.  It is a bound from below: what is refused by
-it would not have fitted.
+A sheet of a million points with 28 bonds each needed 1.4 GB (docs/validation/ranks.md). This is a lower bound: every body that it rejects
+would not have fitted.
 """
 
 SAMPLED = 32
@@ -35,18 +35,18 @@ def memory_here() -> float:
 
 
 def check_size(scene: Scene, memory: float) -> None:
-    """Refuse a body of more points than are taken, or than memory holds.
+    """Raise SceneError for a body with more points than allowed, or than fit into memory.
 
     Parameters
     ----------
     scene : Scene
     memory : float
-        Bytes that it may take.
+        Available memory in bytes.
 
     Raises
     ------
     SceneError
-        Says how many points there would be, and the least spacing that would do.
+        If the body is too large; the message states its number of points and the least possible spacing.
     """
     if isinstance(scene.body, Mesh):  # its points are the cells of a file, which somebody has had in memory
         return

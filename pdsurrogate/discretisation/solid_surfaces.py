@@ -1,4 +1,4 @@
-"""The boundary of a solid that is made of shapes, as triangles.
+"""Boundary of a solid composed of shapes, as triangles.
 
 Of a prism, such as a box, a cylinder or an extrusion, it is the boundary of its section, as `surfaces` has it in the plane, times its
 length, and a cap on either end.  Holes that go all the way through along its axis are part of the section.  Other holes have a closed
@@ -110,7 +110,7 @@ def _faces_of_part(body: Solid) -> tuple[int, ...]:
 def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> int | None:
     """Return the first hole with a closed boundary of its own that does not lie in the body, apart from all other holes.
 
-    The rims of those that are cut lie on the flat faces of the body.
+    The rims of holes that the surface cuts lie on the flat faces of the body.
     """
     inward = np.zeros(3)
     inward[list(_faces_of_part(scene.body))] = 4 * tolerance

@@ -1,6 +1,7 @@
 """Boundary of the body of a scene.
 
-In the plane the outline and the holes become closed chains of facets, see `chains`; in space closed surfaces, see `solid_surfaces`.
+In the plane the outline and the holes become closed chains of facets, see `chains`; in three dimensions closed surfaces, see
+`solid_surfaces`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from .meshes import centroids, loops_of, mesh_of
 from .solid_surfaces import boundary_of_solids, quarters
 
 EDGE = 0.8
-"""Cosine of the angle between the normals of facets in space beyond which they are of one side of a body, and not beyond its edge."""
+"""Cosine of the angle between normals of facets in three dimensions above which the facets belong to one side, without an edge between."""
 
 
 def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> Surface:
@@ -40,7 +41,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     Raises
     ------
     ValueError
-        If holes in space meet each other or the outline in a way that `boundary_of_solids` does not know.
+        If holes in three dimensions meet each other or the outline in a way that `boundary_of_solids` does not support.
     """
     extent = float((upper - lower).max())
     groups = {}
@@ -64,8 +65,8 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """Return the unit normals of the boundary on the sides of each node, shape (k, d, d).
 
-    In the plane they are those of the facets before and after it; in space the means of those of the facets around it that differ by less
-    than `EDGE`, as many as there are, and beyond those rows of NaN.
+    In the plane they are the normals of the facets before and after the node; in three dimensions the means over groups of surrounding
+    facets with normals that differ by less than `EDGE`, followed by rows of NaN.
     """
     if nodes.shape[1] == 3:
         return _normals_of_sides(nodes, facets)

@@ -1,4 +1,4 @@
-"""Arrays of rows whose length the compiler knows."""
+"""Arrays of rows whose length is a compile-time constant."""
 
 import math
 from functools import cache

@@ -54,7 +54,7 @@ def compiled_digest(*values) -> str:
 
 
 class CacheFile(IndexDataCacheFile):
-    """numba's files of a cache; what cannot be read, as after a full disk or a power cut, is not there, and is written anew."""
+    """numba's files of a cache; files that cannot be read, as after a full disk or a power cut, count as missing and are written again."""
 
     def _load_index(self):
         try:
@@ -70,7 +70,7 @@ class CacheFile(IndexDataCacheFile):
     def _load_data(self, name):
         kept = Path(self._data_path(name)).read_bytes()
         if _checksum(kept[4:]) != kept[:4]:
-            raise OSError(f"{name} is damaged")  # which numba takes for a file that is not there
+            raise OSError(f"{name} is damaged")  # numba treats this error as a missing file
         return pickle.loads(kept[4:])
 
 
@@ -198,7 +198,7 @@ def bond_force_signature(dtype):
 def call_block(typingctx, address, *arguments):
     """Call the block function at an address; arrays are passed as pointers to their data, and tuples as their items.
 
-    numba's first-class functions would serve, but take some 40 microseconds to unpack at every call of a kernel. The arguments are not
+    numba's first-class functions would work, but need some 40 microseconds of unpacking at every call of a kernel. The arguments are not
     checked: they must fit the signatures above.
     """
     arguments = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], types.BaseTuple) else arguments
@@ -240,7 +240,7 @@ _NOT_KEYABLE: list[CFunc] = []
 
 
 class CompilerSwitchedOff(RuntimeError):
-    """numba does not compile, because the environment tells it so."""
+    """numba does not compile, because an environment variable switches it off."""
 
 
 def compile_block_function(function: Callable, signature, digest: str | None = None) -> CFunc:

@@ -64,7 +64,7 @@ def tuple_of(typingctx, array, count):
 
 @intrinsic
 def add_to(typingctx, counters, number, count):
-    """Add to one of an array of counters, atomically, and return what it was before."""
+    """Add to one of an array of counters, atomically, and return its previous value."""
 
     def codegen(context, builder, signature, arguments):
         data = data_of(context, builder, signature.args[0], arguments[0])

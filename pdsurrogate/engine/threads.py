@@ -73,7 +73,7 @@ _lost = False
 
 
 def threads_are_lost() -> bool:
-    """Whether the kernels of this process run on the thread that calls, because it was forked from one that had started threads."""
+    """Return whether kernels run on the calling thread only, because this process was forked from one that had started threads."""
     return _lost
 
 

@@ -137,7 +137,7 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
         f"fit it again, or use force={serves}, which serves every law"
     )
     if model.stated is not None:
-        # On the surface that it was trained on: the force at given C33 knows no bulk modulus, the surface does.
+        # States lie on the plane-stress surface of training: the force at given C33 does not depend on the bulk modulus, the surface does.
         bulk = model.stated["bulk_ratio"] * law.shear_modulus
         law = law if law.bulk_modulus == bulk else replace(law, bulk_modulus=bulk)
     try:

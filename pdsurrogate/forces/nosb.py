@@ -65,7 +65,7 @@ class PointStress(Term):
 
 
 class NOSBForce(ForceModel):
-    """NOSB PD: t_i = w P_i K_i^-1 x. Exact in homogeneous deformation; blind to modes that leave F alone.
+    """Non-ordinary state-based force t_i = w P_i K_i^-1 x: exact in homogeneous states, without resistance to modes that leave F unchanged.
 
     Examples
     --------

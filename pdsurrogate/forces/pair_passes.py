@@ -100,7 +100,7 @@ class PairEnergies:
 class SelectivePairs:
     """Passes over the pairs of a material that find their volumes, their isochoric energy, and the forces of that and of pressures.
 
-    Energies and forces of the pairs may be in single precision. Their volumes are not: a pressure is K/mu times the error of one.
+    Energies and forces of the pairs may be in single precision. Volumes are in double, since a pressure has K/mu times their error.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class Domain:
 
     @property
     def interior(self) -> Domain:
-        """Part of the domain in which the surrogate alone counts; between the two its force is blended into the exact one.
+        """Part of the domain in which only the surrogate counts; between it and the domain's edge the exact force is blended in.
 
         Every bound lies a tenth nearer to rest, on a logarithmic scale. A domain that does not contain rest has no such band.
         """
@@ -54,7 +54,7 @@ class Domain:
         return Domain(*(bound**0.9 for bound in bounds))
 
     def deviation(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
-        """Return the greatest logarithm by which states pass a bound, shape (n,); within the domain minus the distance to the nearest one.
+        """Return the greatest logarithm by which states exceed a bound, shape (n,); inside, minus the distance to the nearest bound.
 
         The edge of the hull of test data, if there is one, is one of the bounds.
 

@@ -44,7 +44,7 @@ POOR = 0.9
 """R^2 of a mode below which a fit is called poor."""
 
 TERMS = terms_of(dictionary(POSITIVE[-1], NEGATIVE[-1]), INVARIANTS[1])
-"""Terms of an energy that stands for all those that physics allows: powers of stretches, of their inverses, and of the first invariant."""
+"""Terms of an energy that represents all physically admissible ones: powers of stretches, of their inverses, and of the first invariant."""
 
 REWEIGHTINGS = 12
 """Fits of a robust regression by iterative reweighting: the weights of outliers settle within a few."""
@@ -118,7 +118,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
 
 
 def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegressor] = ()) -> Examination:
-    """Return what is wrong with test data, or with a fit to them.
+    """Return remarks on errors in test data, or in a fit to them.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
     for mode in data.modes:
         rows = np.flatnonzero(data.mode == mode)
         off = (stress[rows] - data.nominal_stress[rows]) / max(np.abs(data.nominal_stress[rows]).max(), 1e-300)
-        place = int(np.argmax(np.abs(off)))  # argmax takes NaN for the greatest
+        place = int(np.argmax(np.abs(off)))  # argmax treats NaN as the greatest
         known = np.isfinite(off[place])
         found[mode] = {
             "difference": float(off[place]) if known else None,

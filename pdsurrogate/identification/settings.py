@@ -116,7 +116,7 @@ def examined(model: StressRegressor, data: TestData, others: Sequence[StressRegr
 
 
 class Identified(NamedTuple):
-    """A law identified from test data, as a fit of a surrogate takes it.
+    """Law identified from test data, for the fit of a surrogate.
 
     Attributes
     ----------

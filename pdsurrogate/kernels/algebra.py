@@ -62,7 +62,7 @@ def _components(d):
         "DIMENSION": d,
         "MATRIX": len(matrix),
         "SYMMETRIC": len(symmetric),
-        # Arrays of records: views with rows of a length that the compiler knows, one row, one column, and how to write a row.
+        # Arrays of records: views with rows of a compile-time length, access to one row or column, and writing of a row.
         "vector_rows": rows_of(d),
         "symmetric_rows": rows_of(len(symmetric)),
         "matrix_rows": rows_of(len(matrix)),

@@ -15,7 +15,7 @@ far that no stretch tensor exists get the exact force. FALL_BACK: they are count
 """
 
 COUNTED_ROW = 5
-"""Row of the geometry that says which pairs are counted, where a body has several materials or ranks; without that row all pairs are."""
+"""Row of the geometry that flags the counted pairs if a body has several materials or ranks; without it all pairs are counted."""
 
 plane = algebra_of(2)
 
@@ -34,7 +34,7 @@ def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, ex
     """Compute the dimensionless force on the first point of every pair; return the number of pairs outside the domain.
 
     A pair is evaluated once, since its averaged state is the same seen from either end. Pairs without force (normal_factor = 0: padding,
-    broken bonds, points without support) are given the undeformed state, so that they neither give NaN nor count.
+    broken bonds, points without support) are given the undeformed state, so that they neither produce NaN nor count.
 
     `records` (n, 4) holds (cos, sin, J, C33) of the points. `pairs` are the numbers of the first and second points and the geometry
     (n_blocks, 4 to 6, BLOCK) from `reference_state.pair_rows`, with `COUNTED_ROW`. `bond_force` and `exact` are addresses of block
@@ -106,7 +106,7 @@ def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, ex
                     else:
                         share = one if a > real(LEAST_NORMAL_STRETCH) else zero
                     if share < one:
-                        # A sum with a factor 0 would not do: outside its domain a model may give NaN.
+                        # A factor of 0 would not suffice: outside its domain a model may return NaN.
                         for row in range(3):
                             learnt = share * traction[row, k] if share > zero else zero
                             traction[row, k] = learnt + (one - share) * exact_traction[row, k]

@@ -59,7 +59,7 @@ def volume_derivatives(algebra):
 
 @Pass
 def displacement_records(chunk, chunks, displacements, gradients, source, gradient_parity, gradient_reflection, records):
-    """Write records (n + m, d + d d) of displacements and changes of the gradients; ghosts take the gradients from their sources."""
+    """Write records (n + m, d + d d) of displacements and changes of the gradients; ghosts copy the gradients of their sources."""
     total, dimension = displacements.shape
     n = total - source.shape[0]
     start, stop = share_of(n, chunk, chunks)

@@ -16,7 +16,7 @@ N_LIMITS = 7
 """Number of the limits of a domain."""
 
 BLEND = 0.1
-"""Relative width, in squared stretch, of the band inside an edge over which the exact energy takes over.
+"""Relative width, in squared stretch, of the band inside an edge in which the exact energy is blended in.
 
 The slope of the share is at most 1.9/BLEND: the blend changes the stress by 19 times the error of the learnt energy at the edge, which is
 less than the error of the stress of a fit whose energy and stress have been learnt together.

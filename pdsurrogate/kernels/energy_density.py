@@ -28,7 +28,7 @@ energy_density_signature = bond_force_signature
 
 @cache
 def analytic_energy_density(dtype):
-    """Return the block function of the exact energy of any law; it gives NaN where det F <= 0 or the law has no plane-stress state."""
+    """Return the block function of the exact energy of any law; its result is NaN where det F <= 0 or the law has no plane-stress state."""
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
         widest_vectors()

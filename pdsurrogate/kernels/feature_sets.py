@@ -1,4 +1,4 @@
-"""Feature sets of learnt bond forces: the features of a bond, and the traction that the two outputs stand for, elementwise.
+"""Feature sets of learnt bond forces: the features of a bond, and the traction that the two outputs represent, elementwise.
 
 NumPy evaluates the functions where regressors are trained and checked, and numba compiles them into the kernels. ``like`` gives constants
 the precision of the kernel.

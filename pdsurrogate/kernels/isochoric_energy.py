@@ -44,7 +44,7 @@ distances = entries("b, I1, I2", ["b[0] + b[1] * I1 + b[2] * I2", "b[3] + b[4] *
 def network_block(activation, invariants, of_invariants):
     """Build the block function of a network: ``W = sum of v a(w1 log(I1bar/3) + w2 log(I2bar/3) + b) - constant``.
 
-    It serves rows of either precision. Both features vanish at rest, and the constant makes W vanish there; the stress vanishes as for
+    It accepts rows of either precision. Both features vanish at rest, and the constant makes W vanish there; the stress vanishes as for
     every function of isochoric invariants.
     """
     add_units = unit_sums(activation)
@@ -102,7 +102,7 @@ def network_block(activation, invariants, of_invariants):
             low, high = distances(bounds, I1, I2)
             a, da = exact_share_at(low)
             b, db = exact_share_at(high)
-            # W + s (exact - W), s = 1 - (1 - a) (1 - b): what s changes is a function of the invariants like W.
+            # W + s (exact - W), s = 1 - (1 - a) (1 - b): the blended energy is a function of the invariants like W.
             rest = (1.0 - a) * (1.0 - b)
             da = da * (1.0 - b)
             db = db * (1.0 - a)

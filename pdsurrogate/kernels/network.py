@@ -23,13 +23,13 @@ SQUARE = GROUP * GROUP
 """Weights between a group of inputs and a group of units."""
 
 PAIR = 2
-"""Number of inputs that a single hidden layer takes without padding."""
+"""Number of inputs that a single hidden layer reads without padding."""
 
 PAIR_WEIGHTS = (PAIR + 2) * GROUP
 """Weights of a group of units with a pair of inputs and one output: biases, weights of both inputs, output weights."""
 
 MOST_HIDDEN = 3
-"""Greatest number of hidden layers, which `N_SIZES` holds the widths of."""
+"""Greatest number of hidden layers, whose widths `N_SIZES` provides for."""
 
 N_WEIGHTS, N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2, 3
 """Places in a network's sizes: length of its weights, rows of working memory, hidden layers, then the widths of inputs and hidden layers.

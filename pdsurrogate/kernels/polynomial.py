@@ -1,7 +1,7 @@
 """Polynomials in two features as bond-force block functions: sums of products of Chebyshev polynomials.
 
 The sum is unrolled over the terms that a polynomial has, so that features, polynomial and traction are one loop over bonds whose
-intermediate values stay in registers. Coefficients are arguments; one block function serves all polynomials with the same terms.
+intermediate values stay in registers. Coefficients are arguments; all polynomials with the same terms share one block function.
 """
 
 from functools import cache, reduce
@@ -34,7 +34,7 @@ def pack(centre, half_width, coefficients, at_rest, dtype):
     outer = coefficients.shape[2] - 1
     used = (coefficients != 0).any(axis=0)
     counts = tuple(int(np.flatnonzero(used[:, i])[-1]) + 1 if used[:, i].any() else 0 for i in range(outer + 1))
-    # For each i the coefficients of both outputs are stored side by side.
+    # For each i the coefficients of both outputs are stored next to each other.
     terms = [coefficients[:, :count, i].T.ravel() for i, count in enumerate(counts)]
     return counts, np.concatenate([centre, 1 / np.asarray(half_width), *terms, at_rest]).astype(dtype)
 

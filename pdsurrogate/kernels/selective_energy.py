@@ -130,7 +130,7 @@ def smooth(chunk, chunks, smoothing, values, out):
 def volume_energies(thread, chunk, chunks, volume_ratios, volumes, response, parameters, buffers, energies, slopes):
     """Compute U and its derivative at the points' volume ratios; `energies` receives the sum of volume times U over each block of points.
 
-    `response` gives (U, U') from the ratio in the first row of its states.
+    `response` returns (U, U') for the ratio in the first row of its states.
     """
     widest_vectors()
     n = volumes.shape[0]

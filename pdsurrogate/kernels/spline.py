@@ -1,8 +1,8 @@
 """Tensor-product cubic splines of two or three features as bond-force block functions.
 
 Knots are equidistant, so that one multiplication finds the cell of a state; the function and its first two derivatives are continuous.
-Beyond the box of the knots the spline has the value of the nearest place in the box, and a feature that is NaN is taken as the box's lower
-end.
+Beyond the box of the knots the spline has the value of the nearest place in the box, and the box's lower end
+replaces a feature that is NaN.
 """
 
 from functools import cache
@@ -99,7 +99,7 @@ def spline_block(features: FeatureSet, dtype):
             put_column(kept, k, shared)
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             t0, t1, t2 = (values[0] - low0) * scale0, (values[-2] - low1) * scale1, (values[-1] - low2) * scale2
-            # These comparisons take NaN to the lower end.
+            # These comparisons map NaN to the lower end.
             t0, t1, t2 = t0 if t0 > zero else zero, t1 if t1 > zero else zero, t2 if t2 > zero else zero
             t0, t1, t2 = min(t0, cells0), min(t1, cells1), min(t2, cells2)
             i0, i1, i2 = min(np.floor(t0), cells0 - one), min(np.floor(t1), cells1 - one), min(np.floor(t2), cells2 - one)

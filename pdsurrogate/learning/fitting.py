@@ -29,11 +29,11 @@ from .target import InputAwareTargetRegressor
 from .targets import Samples, Target, relative_errors
 
 TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
-"""Targets by the names that public functions take."""
+"""Targets by their names in public functions."""
 
 MEMBER_STATES = 5_000
-"""States in each set at which members of a committee, and fitted pipelines in a run, are compared with their laws: they give an RMS
-to a percent, which is enough to refuse a model."""
+"""States in each set at which members of a committee, and fitted pipelines in a run, are compared with their laws: their RMS
+is accurate to a percent, which suffices to reject a model."""
 
 
 def target_called(name: str) -> Target:

@@ -156,7 +156,7 @@ class FitSettings:
         hull: dict | None = None,
         progress: Callable[[str, int, int], None] = lambda stage, number, count: None,
     ) -> Trained:
-        """Return a pipeline fitted to a law with all that `store` takes.
+        """Return a pipeline fitted to a law, with the other arguments of `store`.
 
         Parameters
         ----------

@@ -139,7 +139,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
             mean = anchor  # the origin of the scaled features
         target = y * np.array([1.0, *spread])[: y.shape[1]]
         weight = np.ones((len(X), 1)) if self.size is None else 1 / np.asarray(self.size(X), dtype=float).reshape(len(X), 1)
-        # Residuals over the spread of what is fitted: one scale for the value, one for all derivatives.
+        # Residuals are divided by the spread of their targets: one scale for the value, one for all derivatives.
         spreads = (weight * target).std(axis=0)
         unit = spreads[0] if spreads[0] > 0 else 1.0
         weights = np.repeat(weight / unit, target.shape[1], axis=1)
@@ -204,7 +204,7 @@ def values_and_slopes(X, W, b, v, activation: str, columns: int) -> np.ndarray:
 class _Function:
     """v . a(W x + b) + constant and its gradient as a function of one vector of parameters, compared with weighted samples.
 
-    With an anchor it has no constant; its value at the origin is taken off, and so are the derivatives there by the features in ``flat``.
+    With an anchor it has no constant; its value at the origin is subtracted, and so are the derivatives there by the features in ``flat``.
     """
 
     def __init__(self, regressor, X, Y, weights):

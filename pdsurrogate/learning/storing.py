@@ -28,7 +28,7 @@ MOST_WORDS = 200
 
 @dataclass(frozen=True)
 class CardText:
-    """Text that a user gives for the card of an artefact, in addition to what is computed from the model.
+    """Text of a user for the card of an artefact, in addition to the entries computed from the model.
 
     Parameters
     ----------

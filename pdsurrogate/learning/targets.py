@@ -24,7 +24,7 @@ Range = tuple[float, float]
 """Least and greatest principal stretch."""
 
 REPORTED_STATES, REPORT_SEED = 20_000, 1_000_003
-"""States in each set of a report of errors, whose RMS they give to a percent, and their seed, which is none that samples are drawn with."""
+"""States in each set of a report of errors, enough for an RMS accurate to a percent, and their seed, which no training samples use."""
 
 ANCHOR = (0.0, 0.0)
 """Features of an energy at rest, where it is zero."""

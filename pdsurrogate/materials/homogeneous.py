@@ -16,7 +16,7 @@ from .plane_stress import invariants, newton, response, stretch_squares
 from .planes import PLANES, SHEETS
 
 STEP = 1e-7
-"""Relative difference that gives Newton's iteration its slope."""
+"""Relative difference from which Newton's iteration computes its slope."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> 
     free = np.isnan(lateral_stretch)
 
     def at(J3):
-        # Sides and thickness that nothing holds have one stretch, by symmetry.
+        # Free sides and thickness have the same stretch, by symmetry.
         lateral = np.where(free, np.sqrt(J3 / stretch), lateral_stretch)
         return response(law, stretch**2 + lateral**2, stretch * lateral, J3)
 

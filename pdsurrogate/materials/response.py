@@ -139,7 +139,7 @@ def _principal_block(coefficients, term, stretches, of_stretches, curvature, vol
         states = carray(states, (STATE_NUMBERS, BLOCK))
         result = carray(result, (n_rows, BLOCK))
         n_terms = np.int64(carray(parameters, (2,))[1])
-        # The law knows how many there are; it reads none after its last term.
+        # The law contains the number of terms and reads no parameters after the last one.
         parameters = carray(parameters, (MOST_PARAMETERS,))
         rows = block_rows(stack_rows(6, 1.0))
         for k in range(BLOCK):

@@ -28,7 +28,7 @@ SAMPLES = 5
 """Values of the parameter in each stage at which prescriptions are compared: amplitudes that agree at all of these are the same."""
 
 LEAST_SPREAD = 1e-6
-"""Singular value of the constraints on a rigid motion below which it is free: less than two points a thousandth of the body apart give."""
+"""Singular value of the constraints below which a rigid motion is free: two points a thousandth of the body apart yield more."""
 
 
 def conditions_of(
@@ -76,7 +76,7 @@ def conditions_of(
     held += [_points_of(one, names, regions, moving) for one in prescriptions if not any(one is other for other in reflected)]
     parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
     loading = Loading(body, parameter, rest, names, tuple(planes), tuple(held), loads)
-    # A plane does what its points would do: two prescriptions may not disagree on either.  Holds may move points next to a grip's plane.
+    # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
     _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
     _check_planes(loading, keys)
     if stretched:
@@ -233,7 +233,7 @@ def _constraints(loading: Loading) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _rigid_motions(arms: np.ndarray, components: np.ndarray) -> np.ndarray:
-    """Return what rigid motions do in components (k,) of places at arms (k, d): d along the axes, then one turn or three of them."""
+    """Return the rigid motions in components (k,) of places at arms (k, d): d translations along the axes, then one rotation or three."""
     count, dimension = arms.shape
     turns = [(0, 1)] if dimension == 2 else [(1, 2), (2, 0), (0, 1)]
     rows = np.zeros((count, dimension + len(turns)))

@@ -38,7 +38,7 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     Raises
     ------
     ValueError
-        If the energy, the horizon or the diameter is not positive, or no stretch up to the law's limit holds as much.
+        If the energy, the horizon or the diameter is not positive, or no stretch up to the law's limit stores as much energy.
 
     References
     ----------
@@ -63,7 +63,7 @@ def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> 
 
 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:
-    """Energy per undeformed area that a trouser tear takes at a force on its legs.
+    """Return the energy per undeformed area of a trouser tear at a given force on its legs.
 
     While the tear goes on by dc each leg, in simple tension lambda, grows longer by lambda dc under the force F, and 2 b h dc of unstrained
     material comes into the legs (Rivlin and Thomas 1953):
@@ -88,7 +88,7 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     Raises
     ------
     ValueError
-        If one of the numbers is not positive and finite, or the law holds no such stress.
+        If one of the numbers is not positive and finite, or the law cannot reach such a stress.
 
     References
     ----------

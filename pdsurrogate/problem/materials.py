@@ -1,4 +1,4 @@
-"""Materials of a scene: the force model of each, the points of the body that belong to it, and what to warn of."""
+"""Materials of a scene: force model and points of each, and warnings about their combination."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ MOST_CONTRAST = 30.0
 """Ratio of shear moduli beyond which a force that has no energy is warned of."""
 
 NOT_CONFINED = 2.0
-"""Bulk modulus of a soft material over the shear modulus of a stiff one beside it, beyond which plane strain warns of confined parts."""
+"""Bulk modulus of a soft material over the shear modulus of an adjacent stiff one, beyond which plane strain warns of confined parts."""
 
 AS_GOOD_AS_RIGID = 1e4
-"""Ratio of shear moduli beyond which a rigid region is recommended: a box of rubber between blocks 1,000 times as stiff comes to rest in
-1,800 evaluations, between blocks 80,000 times as stiff in none of 4,500, and with rigid blocks in 970."""
+"""Ratio of shear moduli beyond which a rigid region is recommended: a box of rubber between blocks 1,000 times as stiff converges in
+1,800 evaluations, between blocks 80,000 times as stiff not within 4,500, and with rigid blocks in 970."""
 
 
 def settings_of(scene: Scene) -> ForceSettings:
@@ -149,7 +149,7 @@ def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
 
 
 def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
-    """Return the force model of a part beside that of the rest; raise ValueError where it does not fit."""
+    """Return the force model of a part; raise ValueError if it cannot be combined with that of the rest."""
     if part.rigid:
         if rest.family != "bond energy":
             raise ValueError(f"a rigid region takes a force that has an energy, as bond-energy; {rest.name} has none")
@@ -171,7 +171,7 @@ def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
 def portions_of(
     scene: Scene, body: Body, models: Sequence[ForceModel], regions: BodyRegions
 ) -> tuple[list[Portion], dict[str, np.ndarray]]:
-    """Return the points of every material: of the rest, then of `materials` in order; one that is left no point has no portion.
+    """Return a portion for every material that has points: the rest first, then `materials` in order.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def portions_of(
     Raises
     ------
     ValueError
-        If a region has no point, or two materials take the same point; names them.
+        If a region has no point, or two materials contain the same point; the message names them.
     """
     of_points = np.zeros(len(body), dtype=np.int64)
     laws = [scene.law(), *(None if part.rigid else part.material.build() for part in scene.materials)]
@@ -211,6 +211,6 @@ def portions_of(
     rigid = {
         regions.label(part.region, f"materials.{number - 1}"): found[number] for number, part in enumerate(scene.materials, 1) if part.rigid
     }
-    # Of several ranks all have the same portions.
+    # All ranks have the same portions.
     kept = [number for number, law in enumerate(laws) if law is not None and body.share.any(len(found[number]) > 0)]
     return [Portion(laws[number], models[number], found[number]) for number in kept], rigid

@@ -20,7 +20,7 @@ from .regions import BodyRegions
 
 @dataclass(frozen=True)
 class Prescription:
-    """A motion prescribed for a region: a displacement and a turn, both times a factor that follows the loading parameter.
+    """Motion prescribed for a region: a displacement and a rotation, both times a factor that depends on the loading parameter.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Prescription:
     rotation : float or None
         Angle in degrees where the factor is 1.
     about, axis : ndarray, shape (d,), or None
-        Place that the region turns about, and in space the direction of the axis.
+        Centre of the rotation, and in three dimensions the direction of its axis.
     """
 
     key: str
@@ -58,7 +58,7 @@ class Prescription:
     axis: np.ndarray | None = None
 
     def shift(self, parameter: float) -> np.ndarray:
-        """Return the displacement of what does not turn, shape (d,)."""
+        """Return the translation, shape (d,)."""
         return self.displacement * self.factor(parameter)
 
     def turn(self, parameter: float) -> np.ndarray:
@@ -72,7 +72,7 @@ class Prescription:
         return sine * cross + (1 - cosine) * (cross @ cross)
 
     def reached(self, parameter: float) -> str:
-        """Return words for how far the prescription has come at a value of the parameter; empty where it moves nothing."""
+        """Return the progress of the prescription at a value of the parameter, in words; empty if it moves nothing."""
         factor = self.factor(parameter)
         found = [f"x{component} = {value * factor:.4g}" for component, value in enumerate(self.displacement, 1) if value]
         return ", ".join(found + ([f"rotation = {self.rotation * factor:.4g}"] if self.rotation else []))
@@ -135,8 +135,8 @@ def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) 
 def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], t: float) -> float:
     """Return the amplitude at t; raise InvalidState where it has no value.
 
-    Beyond its programme an amplitude need have no value, and a force with viscosity looks a little ahead: it goes on as it came, so that
-    what moves at the end of the programme has its velocity there.
+    An amplitude may have no value beyond its programme, but a force with viscosity evaluates it slightly later: the amplitude is then
+    continued at its last rate, so that parts that move at the end of the programme keep their velocity.
     """
     try:
         within = min(max(t, span[0]), span[1])
@@ -146,7 +146,7 @@ def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, fl
 
 
 def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
-    """Return the names under which results report forces of prescribed entries; raise ValueError where a name stands for two regions."""
+    """Return the names under which results report forces of prescribed entries; raise ValueError if two regions share a name."""
     labels, owners = [], {}
     for kind in ("prescribed", "loads"):
         for number, entry in enumerate(getattr(scene, kind)):

@@ -34,12 +34,12 @@ from .speeds import check_speeds
 
 @dataclass(frozen=True)
 class Problem:
-    """A scene compiled for a run on this rank.
+    """Scene compiled for a run on this rank.
 
     Attributes
     ----------
     scene : Scene
-        The scene, which results describe; what is below reads none.
+        Scene that the results describe; the solvers do not read it.
     models : sequence of ForceModel
         Of the rest of the body, then of the scene's `materials`; empty where no force is bound.
     settings : ForceSettings
@@ -138,7 +138,7 @@ class Problem:
         return force, loaded
 
     def reached(self, parameter: float) -> str:
-        """Return words for how far prescriptions and loads have come at a value of t; empty of stretches, which say it themselves."""
+        """Return the progress of prescriptions and loads at a value of t, in words; empty for stretches, which describe it themselves."""
         if self.loading.parameter == "stretch":
             return ""
         found = [f"{one.key} to {words}" for one in self.prescriptions if (words := one.reached(parameter))]
@@ -148,7 +148,7 @@ class Problem:
         return "; ".join(found)
 
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:
-        """Return the rigid regions; refuse what is prescribed for them if no rigid body can do it."""
+        """Return the rigid regions; raise an error if no rigid body can follow the motion prescribed for one."""
         self._check_rigid_are_bonded()
         regions = [RigidRegion(name, self.body, numbers, self.loading.free) for name, numbers in self.rigid.items()]
         for value in sorted({0.0, *(stage.to for stage in self.stages)}):

@@ -17,7 +17,7 @@ class Inertia:
     density, damping, safety : float
         See `pdsurrogate.scenes.StepDynamics`.
     viscosity : float or None
-        None where the scene gives none.
+        None if the scene does not set it.
     duration : float or None
         Duration of the stage.
     rate : float or None

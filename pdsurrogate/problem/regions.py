@@ -21,8 +21,8 @@ from ..scenes.regions import edge_names
 LAYER = 0.99
 """Distance in cells from an edge, or from the boundary, up to which points belong to it.
 
-The outermost points lie half a cell inside; along a boundary that cuts cells, so do those that a part of another cell was added to.  The
-second points lie one and a half cells inside."""
+The outermost points lie half a cell inside; so do points along a boundary whose cells include a part of another, cut cell. The points
+of the second row lie one and a half cells inside."""
 
 ROUNDING = 1e-9
 """Share of the extent of a body within which places count as lying on the boundary of a region."""
@@ -47,7 +47,7 @@ class Found(NamedTuple):
 
 
 class _Parts:
-    """Base of what a region consists of: points of the body, or facets of its boundary, each with a place."""
+    """Base class of the parts that form regions: points of the body, or facets of its boundary, each with a place."""
 
     places: np.ndarray
     groups: dict[str, np.ndarray]
@@ -153,7 +153,7 @@ class BodyRegions:
     facets, and a group of a mesh those of its cells, or of the cells that its lines are sides of.  A region of facets holds those whose
     middle is inside; an edge those that lie on it, the outline and the holes their own, and a group those of its cells or its lines.
 
-    Errors name a region by its name, or by the `key` of the entry that gives it in place.
+    Error messages identify a region by its name, or by the `key` of the entry that defines it in place.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class BodyRegions:
         Raises
         ------
         ValueError
-            If there are none; names the region and what is near it.
+            If there are none; the message names the region and the nearest parts.
         """
         return self._found(reference, key, self._points)
 
@@ -210,7 +210,7 @@ class BodyRegions:
         return whole_edge(self._scene, reference, self.body.faces)
 
     def is_place(self, reference: str | Region) -> bool:
-        """Return whether a region consists of what is nearest to a place."""
+        """Return whether a region is defined as the points nearest to a place."""
         region = self._unnamed(reference)
         return isinstance(region, Region) and region.near is not None
 
@@ -246,7 +246,7 @@ class BodyRegions:
         return numbers
 
     def _unnamed(self, reference: str | Region) -> str | Region:
-        """Return the region that a name of the scene stands for; names that every body has stay."""
+        """Return the region that the scene defines under a name; names that every body has are returned unchanged."""
         while isinstance(reference, str) and reference in self._scene.regions:
             reference = self._scene.regions[reference]
         return reference
@@ -275,7 +275,7 @@ class BodyRegions:
         return Found(distance <= self._tolerance, distance)
 
     def _nearby(self, reference: str | Region, parts: _Points | _Facets, distance: np.ndarray) -> str:
-        """Return words for what is near a region that nothing is in."""
+        """Return a description, for messages, of the parts near an empty region."""
         region = self._unnamed(reference)
         if isinstance(region, Region) and region.both is not None:
             counts = [f"{key} {self._resolved(member, parts).inside.sum()}" for key, member in region.members()]

@@ -93,7 +93,7 @@ class Rows:
 
 
 class Share:
-    """The points of a body that one rank works on: its own, and those of its halo. In one process all are its own.
+    """Points of a body that one rank works on: its own, and those of its halo. In a single process all points are its own.
 
     Points are numbered in the order of the whole body, points of the halo between its own, so that sums over bonds are taken in the same
     order on any number of ranks, to the same bits. Values summed over all bonds of a point are right on owned points, and are copied from
@@ -121,7 +121,7 @@ class Share:
     divided : bool
         True if several ranks have the body.
     leads : bool
-        True on the one rank that counts values known to all.
+        True on the one rank that counts values that all ranks have.
     numbers, owners, size, ranks
     """
 
@@ -209,7 +209,7 @@ class Share:
         self.fill(theirs)
         edges = np.unique(np.stack([label, theirs], axis=1), axis=0)
         _, piece = connected(sum(counts), *np.concatenate(self.everywhere(edges)).T)
-        # A piece of a share may be of the halo alone: those count that have points of somebody's own, in the order of the first of these.
+        # A piece of a share may consist of halo points only. Pieces with owned points count, in the order of the first such point.
         least = np.full(sum(counts), self.size)
         np.minimum.at(least, piece[label[self._own]], self.numbers[self._own])
         least = np.min(self.everywhere(least), axis=0)

@@ -1,4 +1,4 @@
-"""Results of simulations: what is measured on them and how they are stored."""
+"""Results of simulations: measured quantities, storage and figures."""
 
 from .result import Result, load_result
 

@@ -56,8 +56,8 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
     """Return the roughness of the lateral displacement along the loaded axis, which reveals zero-energy modes.
 
-    It is the root mean square of second differences between neighbouring points, over the greatest displacement.  A smooth field of
-    wavelength L gives about (2 pi cell/L)^2 / 2; a mode that changes sign from point to point, about 1.
+    It is the root mean square of second differences between neighbouring points, over the greatest displacement.  For a smooth
+    field of wavelength L it is about (2 pi cell/L)^2 / 2; for a mode that alternates from point to point, about 1.
     """
     order, line = _lines_along(body, axis)
     u, x = displacements[order, 1 - axis], body.points[order, axis]

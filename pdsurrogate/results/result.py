@@ -269,7 +269,7 @@ class Result:
         if cracks:
             broken = np.array([entry["broken_bonds"] for entry in self.summary["crack"]["tips"]])
             if broken[-1] > 0:
-                # Evenly over the growth of the crack, which takes a small part of the time.
+                # Frames are distributed evenly over the growth of the crack, which is a small part of the time.
                 chosen = np.array(moving)[np.searchsorted(broken, np.linspace(0.1, 1.0, most) * broken[-1])]
         return sorted(set(chosen.round().astype(int).tolist()))
 

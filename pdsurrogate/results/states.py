@@ -30,7 +30,7 @@ class Moment:
     stretch : float or None
         Distance of the grips over its undeformed value, in a scene with grips.
     time : float
-        Time that all dynamics have taken; 0 at a level before them.
+        Total time of all stages in dynamics so far; 0 at levels before them.
     t : float or None
         Loading parameter of a scene with steps.
     """
@@ -194,7 +194,7 @@ def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
     d, cells = body.dimension, body.cells
     F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]
     state = body.points, fields["displacement"][:, :d], F
-    # Only where bonds are cut or break can neighbours come apart.
+    # Neighbours can separate only where bonds are cut or break.
     if np.any(fields.get("damage", 0)) or body.separates is not None:
         cells = cells.torn(*state)
     return cells, cells.moved(*state)

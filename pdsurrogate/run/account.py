@@ -1,4 +1,4 @@
-"""Account of energy of a stage in dynamics: work of what holds and loads the body, and what motion, damping and breaking bonds take."""
+"""Energy account of a stage in dynamics: work of holders and loads, kinetic energy, and energy lost in damping and breaking bonds."""
 
 from __future__ import annotations
 
@@ -14,28 +14,29 @@ from ..solvers.motion import Motion
 from .run import Run
 
 STEPS_PER_ROW = 20
-"""Steps between rows of the history, which every output has as well.
+"""Steps between rows of the history; every output has a row as well.
 
-Work and damped energy are summed in every step by the trapezoidal rule; in the plane, with grips and a force that has no energy, over
-these rows, since no account can close.  The part of viscosity needs the forces at the positions.  They are evaluated in a row and, where
-the force has an energy, in every step from a bond's breaking until as many steps later, because they change fast there, and while what is
-held changes its velocity; in other steps they are followed (`ExplicitDynamics.elastic`)."""
+Work and damped energy are summed in every step by the trapezoidal rule; in the plane, with grips and a force that has no energy, they are
+summed over these rows, since the account cannot close. The viscous part needs the forces at the positions. They are evaluated in each row
+and, if the force has an energy, in every step for this number of steps after a bond breaks, because they then change fast, and while held
+parts change their velocity; in other steps they are followed (`ExplicitDynamics.elastic`)."""
 
 MOST_ENERGY = 1.5
-"""Share of the energy put in that motion and damping may take; more comes from an unstable step, or from a force that has no energy.
+"""Greatest share of the supplied energy in motion and damping; more indicates an unstable step, or a force that has no energy.
 
-The part above 1 is allowed of the most that had been put in at any time.  A force map has no energy of its own, so that the account of
-a body that is unloaded, and has given back nearly all it held, is off by a share of what it held, and not of what is left."""
+The part above 1 is relative to the greatest energy supplied so far. A force map has no energy, so that the account of a body that has
+been unloaded and has returned nearly all its energy has an error in proportion to the energy that it held, not to the rest."""
 
 GAP_WARNED, GAP_FAILED = 0.01, 0.05
-"""Gaps of the account over the energy put in: beyond the first a warning is given, beyond the second the run fails."""
+"""Gaps of the account relative to the supplied energy: beyond the first the run warns, beyond the second it fails."""
 
 MEND_GAP = "a smaller dynamics.safety or more dynamics.viscosity mends it"
-"""Advice where an account is off: within a shorter step forces are closer to linear, and viscosity takes motion as short as a bond."""
+"""Advice for an account that does not close: forces are closer to linear within a shorter step, and viscosity damps bond-long waves."""
 
 LEAST_UNEVENNESS = 0.01
-"""Departure of what is held from its present velocity, over its way within the viscosity, from which elastic forces are evaluated and not
-followed: the work of holders that viscosity takes would be off by as much."""
+"""Deviation of held parts from their velocity, relative to their way within the viscosity, beyond which elastic forces are evaluated anew.
+
+If they were followed, the work of holders that viscosity dissipates would have this relative error."""
 
 
 @dataclass
@@ -47,19 +48,19 @@ class Account:
     time : float
         Time since the stage began.
     initial_energy : float
-        Energy of motion and strain at the start.
+        Kinetic energy and strain energy at the start.
     work, damped_energy, released_energy : float
-        Work of all that holds and loads the body, and energy taken by the damping and released by breaking bonds since then.
+        Work of all holders and loads, energy dissipated by damping, and energy released by breaking bonds since then.
     power, damped_power : list of float
-        `Power` when it was last found.
+        `Power` as last computed.
     rate_time, damped_time : float
-        Times when these were found: at the last row of the history or in a step since.
+        Times at which these were computed: at the last row of the history or in a step since.
     row_time : float
         Time of the last row.
     most_put_in : float
         Greatest sum of initial energy and work at any row.
     gap, greatest_gap : float
-        Energy at the last row less that put in; and the greatest of these, of either sign.
+        Energy at the last row minus the supplied energy, and the value of greatest magnitude so far.
     on_planes, levers : list or None
         Reactions of planes at the positions, see `ExplicitDynamics.elastic`.
     last_break : int
@@ -95,7 +96,7 @@ class Bookkeeping:
     run : Run
     integrator : ExplicitDynamics
     motion : Motion
-        Loading parameter in time.
+        Loading parameter as a function of time.
     viscosity : float
         Retardation time of the stage.
     timed : bool
@@ -114,12 +115,12 @@ class Bookkeeping:
         self._run, self._integrator, self._motion, self._viscosity, self.account = run, integrator, motion, viscosity, Account()
         self.closes = run.force.has_energy
         self.every_step = timed or run.body.dimension == 3 or self.closes
-        # Below this an energy is rounding: a body at rest holds none, and any motion would be more than was put in.
+        # Smaller energies are rounding errors: a body at rest has none, and any motion would exceed the supplied energy.
         modulus = max(law.shear_modulus for law, _ in run.force.laws)
         self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
 
     def kinetic_energy(self) -> float:
-        """Return the kinetic energy at the positions, or of the half step before where work is summed over rows."""
+        """Return the kinetic energy at the positions, or that of the half step before if work is summed over rows."""
         integrator = self._integrator
         kinetic = integrator.kept_energy(integrator.velocities_around())[1] if self.every_step else integrator.kinetic_energy()
         if not np.isfinite(kinetic):
@@ -127,11 +128,11 @@ class Bookkeeping:
         return kinetic
 
     def reactions(self) -> Reactions:
-        """Return the reactions of all supports, by the forces that move the body."""
+        """Return the reactions of all supports, from the forces that move the body."""
         return self._run.loading.reactions(self._run.force, self._integrator.forces)
 
     def count_release(self) -> None:
-        """Count the energy that breaking bonds took from the motion in the last step."""
+        """Add the energy that breaking bonds removed in the last step."""
         if self.every_step:
             arriving, leaving = self._integrator.kept_energy(self._integrator.velocities_around())
             self.account.released_energy += arriving - leaving
@@ -150,7 +151,7 @@ class Bookkeeping:
         return viscosity > 0 and self._run.loading.unevenness(last, now, now + viscosity * motion.rate) > LEAST_UNEVENNESS
 
     def add_work(self, reactions: Reactions) -> None:
-        """Add the work of what holds and loads since the last time; the force is still the one that moves the body."""
+        """Add the work of holders and loads since the last call, while the force is still the one that moves the body."""
         run, account = self._run, self.account
         power = self._held_power = self._power_of_holders(reactions)
         self._held_reactions = reactions
@@ -158,7 +159,7 @@ class Bookkeeping:
             thickness, around = run.loaded.thickness(), self._integrator.velocities_around()
             loads = (run.body.share.total(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
             power = power.plus(Power(*loads))
-        # At the start, when the account is empty, no time has gone by.
+        # At the start the account is empty, and no time has passed.
         account.work += self._work_over(account.time - account.rate_time, Power(*account.power), power)
         account.power, account.rate_time = [*power], account.time
 
@@ -176,20 +177,21 @@ class Bookkeeping:
         return 0.5 * elapsed * (last.now + power.now)
 
     def add_damping(self, evaluate: bool) -> None:
-        """Add the energy that the damping took since the last time.
+        """Add the energy that damping dissipated since the last call.
 
-        The part of viscosity follows from the forces at the positions, which are evaluated there, and the force is left so, or followed.
+        The viscous part needs the forces at the positions, which are either evaluated, so that the force is last evaluated there, or
+        followed.
         """
         account, integrator = self.account, self._integrator
         if evaluate and self._viscosity > 0:
             integrator.find_elastic()
         power, elapsed, last = integrator.damped_power(), account.time - account.damped_time, Power(*account.damped_power)
         if self.every_step and self._viscosity > 0:
-            # Viscosity takes its part of the work of what holds the body as well.
+            # Viscosity dissipates a part of the work of the holders as well.
             elastic = self._power_of_holders(self._elastic_reactions(evaluate))
             power = power.plus(self._held_power).plus(elastic, -1.0)
         if self.closes and account.last_break == integrator.steps:
-            # Bonds that broke in this step have changed the power since the last one; before it stood as it was.
+            # Bonds that broke in this step changed the power since the last step; until then it was constant.
             quiet = max(0.0, elapsed - integrator.last_step)
             account.damped_energy += quiet * last.now
             elapsed -= quiet
@@ -210,14 +212,14 @@ class Bookkeeping:
         return found
 
     def columns(self, kinetic: float, strain: float, first: bool) -> dict[str, float]:
-        """Return the energies of a row of the history; raise Diverging where motion and damping take more than was put in."""
+        """Return the energies of a row of the history; raise Diverging if motion and damping exceed the supplied energy."""
         account = self.account
         account.row_time = account.time
         if first:
             account.initial_energy = kinetic + strain
         put_in = account.initial_energy + account.work
         account.most_put_in = max(account.most_put_in, put_in)
-        # Half as much again for what the trapezoidal rule and the points' own strain energy leave out.
+        # A factor 1.5 covers the errors of the trapezoidal rule and of the points' own strain energy.
         allowed = put_in + (MOST_ENERGY - 1) * account.most_put_in + self._rounding
         if not first and kinetic + account.damped_energy > allowed:
             taken = f"it and the damping have taken {kinetic + account.damped_energy:.3g} of the {put_in:.3g} that was put in"
@@ -242,7 +244,7 @@ class Bookkeeping:
         }
 
     def check(self) -> None:
-        """Raise Diverging where the account is off by so much that the motion is not that of the body."""
+        """Raise Diverging if the gap of the account is so large that the motion is wrong."""
         account = self.account
         if abs(account.gap) > GAP_FAILED * account.most_put_in + self._rounding:
             raise Diverging(f"time {account.time:.4g}: {self._words_for_gap(account.gap)}")

@@ -1,4 +1,4 @@
-"""Checkpoints of a run in its folder: when one is due, what it holds, and how a run takes it up."""
+"""Checkpoints of a run in its folder: their schedule, contents, writing and restoring."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ACCEPTED = "accepted_"
 class Checkpoints:
     """Checkpoints of a run; without a folder none is written.
 
-    Arrays are in the order of the whole body, so that any number of ranks can go on from them.
+    Arrays are in the order of the whole body, so that any number of ranks can continue from them.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Checkpoints:
     Attributes
     ----------
     resumable : bool
-        Whether there is one.
+        Whether the folder holds a checkpoint of the run.
     """
 
     def __init__(self, run: Run) -> None:
@@ -60,7 +60,7 @@ class Checkpoints:
         return {**run.contents.describe(), **sizes}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
-        """Write a checkpoint, with entries and arrays of whatever is under way."""
+        """Write a checkpoint, with entries and arrays of the present stage."""
         run = self.run
         if run.folder is None:
             return
@@ -77,14 +77,14 @@ class Checkpoints:
         if run.earlier is not None:
             held["earlier"] = run.earlier[1]
         whole = {key: self._rows_of(key).gather(array) for key, array in held.items()}
-        kept = Checkpoint(self.identity, {**common, **progress}, whole)  # on all ranks, which form its sums together
+        kept = Checkpoint(self.identity, {**common, **progress}, whole)  # evaluated on all ranks, which compute its sums together
         if run.ranks.rank == 0:
             kept.write(run.folder)
         ended = time.monotonic()
         self.resumable, self._due = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, CHECKPOINT_SHARE * (ended - began))
 
     def restore(self) -> Checkpoint:
-        """Read a checkpoint, and bring the run to where it was written, except for what moves a stage in dynamics."""
+        """Read a checkpoint and restore the run, except for the integrator of a stage in dynamics."""
         run, held = self.run, self._held()
         found = self._read(held)
         progress = found.progress
@@ -111,9 +111,9 @@ class Checkpoints:
         return {"positions": run.positions, **run.force.state_arrays(), **damage}
 
     def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
-        """Read a checkpoint on the first rank and return every rank's rows of it; the present arrays give the names of those required."""
+        """Read a checkpoint on the first rank and return every rank's rows of it; the names of the present arrays are required."""
         run, identity = self.run, self.identity
-        # In one process an array may have more rows than the body: `ba-nosb` has bonds of images too.
+        # In a single process an array may have more rows than the body: `ba-nosb` has bonds of images too.
         counts = {key: self._rows_of(key).total if self._share.divided else len(array) for key, array in held.items()}
         shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
         whole = together(run.ranks, lambda: None if run.ranks.rank else Checkpoint.read(run.folder, identity, shapes))

@@ -51,7 +51,7 @@ class Cracks:
             failed = self._bonds_of_failed_points()
             if share.any(len(failed) > 0):
                 # The evaluation was ahead by the viscosity.  What broke at these positions may have left a state that soon collapses, with
-                # huge forces: they cancel in the sum of both releases if both are found at the same positions.
+                # huge forces: they cancel in the sum of both releases if both are evaluated at the same positions.
                 run.force.place(run.positions)
                 self._break(failed)
             elif error is not None:
@@ -62,9 +62,9 @@ class Cracks:
     def _bonds_of_failed_points(self) -> np.ndarray:
         """Return the intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
 
-        The few bonds that are left at a crack front or on a fragment need not make a deformation gradient that means
-        anything: a point that they turn inside out, or press to a tenth of its area or volume, has lost its support, and they are broken.
-        A point with all its bonds is not affected; there det F <= 0 is an error.
+        The deformation gradient of the few bonds that remain at a crack front or on a fragment may be meaningless: if it turns a point
+        inside out, or compresses it to a tenth of its area or volume, the point has lost its support and its bonds are broken. For a
+        point with all its bonds det F <= 0 remains an error.
         """
         run = self._run
         bonds, n, mirror, share = run.body.bonds, len(run.body), run.body.ghosts.source, run.body.share
@@ -80,7 +80,7 @@ class Cracks:
         failed[n:] = failed[mirror]
         failing = failed[bonds.first] | failed[bonds.second]
         if share.any(len(crushed)):
-            # A bond whose own gradient has collapsed is broken where an end of it has lost others.
+            # A bond whose own gradient has collapsed is broken if one of its ends has lost other bonds.
             lost = np.zeros(len(run.body.all_points), dtype=bool)
             lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
             share.fill(lost[:n])
@@ -113,7 +113,7 @@ class Cracks:
         return {"time": run.state.elapsed + self._account.time, run.loading.parameter: run.state.parameter}
 
     def through(self) -> bool:
-        """Return whether the body has come apart between its supports."""
+        """Return whether the body has separated between its supports."""
         run, ends = self._run, self._run.loading.ends()
         _, piece = run.loading.pieces(~self._damage.broken)
         pieces = [np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points])))) for points in ends]
@@ -127,9 +127,9 @@ class Cracks:
         places, events = self._damage.take_recent()
         tips = crack_tips(places, run.body.horizon)
         if tips and not any(output["tips"] for output in crack["tips"]):
-            # Now with cracks that began a little later.
+            # The list now includes cracks that began slightly later.
             crack["start"]["tips"] = starts_of_cracks(places, events, run.body.horizon)
-        # The tip of the largest crack stays where it was while nothing breaks.
+        # The tip of the largest crack keeps its place while no bond breaks.
         last = crack["tips"][-1]["tip"] if crack["tips"] else None
         crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
 
@@ -143,7 +143,7 @@ def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
         Middles of the pairs, in the order in which they broke.
     horizon : float
     """
-    # The front of a group is where its latest bonds broke: the last tenth of it, in the order of breaking.
+    # The front of a group is the place of its latest broken bonds: the last tenth in the order of breaking.
     return [places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist() for members in _groups(places, horizon)]
 
 
@@ -161,8 +161,8 @@ def starts_of_cracks(places: np.ndarray, events: np.ndarray, horizon: float) -> 
     Returns
     -------
     list of list of float
-        The middle of a pair for each group: of those that broke first the nearest to their mean.  Groups stand in the order in which they
-        began, the largest first of those that began together.
+        Middle of one pair for each group: among the pairs that broke first, the one nearest to their mean. Groups are in the order in
+        which they began; of those that began together the largest is first.
     """
     found = []
     for members in _groups(places, horizon):

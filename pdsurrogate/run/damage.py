@@ -1,4 +1,4 @@
-"""Damage: bonds that break for good beyond a critical stretch (paper, Eqs. (29)-(31))."""
+"""Damage: bonds break irreversibly beyond a critical stretch (paper, Eqs. (29)-(31))."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Damage:
         self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)
 
     def overstretched(self, positions: np.ndarray) -> np.ndarray:
-        """Return the numbers of the intact pairs whose stretch exceeds the critical one, rising.
+        """Return the numbers of the intact pairs whose stretch exceeds the critical one, in ascending order.
 
         Parameters
         ----------
@@ -75,7 +75,7 @@ class Damage:
         self._limits[pairs] = np.inf
 
     def restore(self) -> None:
-        """Go on from the present `broken` and `recent`."""
+        """Continue from the present `broken` and `recent`."""
         self._limits[: len(self.broken)][self.broken] = np.inf
         self._events = int(self.body.share.greatest(float(self.recent.max(initial=0))))
 
@@ -129,8 +129,8 @@ def _cut_weights(body: Body) -> np.ndarray:
 def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
     """Return the greatest stretch of the bonds between points of a body at positions (n, d).
 
-    With the equilibrium of a precut body at the loading at which its crack is seen to start, this is the critical stretch that
-    makes it start there: the paper's calibration from a loading curve.
+    For the equilibrium of a precut body at the loading at which its crack starts in experiment, this is the critical stretch with which
+    the simulated crack starts there: the paper's calibration from a loading curve.
 
     Raises
     ------

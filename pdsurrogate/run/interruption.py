@@ -1,4 +1,4 @@
-"""Ctrl-C during a run, and the end of its time: it ends at the next place where its state is whole, and soon."""
+"""Interruption of a run by Ctrl-C or its time limit: the run ends soon, at its next consistent state."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import threading
 import time
 
 SECONDS_TO_HEAR = 1.0
-"""Time after an interrupt within which a run is to stop by itself; otherwise it ends where it is, with what was saved before."""
+"""Seconds after an interrupt within which a run should stop by itself; otherwise it is ended, with the results saved so far."""
 
 
 class Interrupted(RuntimeError):
@@ -27,10 +27,10 @@ class Interruption:
     Parameters
     ----------
     until : float
-        End of the time of the run, by `time.perf_counter`.
+        Time limit of the run, by `time.perf_counter`.
     insists : bool
-        Whether to end a run that does not react where it is: the set-up of a preconditioner, or compilation, may take minutes.  One of
-        several ranks would leave the others waiting.
+        Whether to end a run at once that does not react: the set-up of a preconditioner, or compilation, may last minutes. False with
+        several ranks, since the others would wait for the one that ended.
     """
 
     def __init__(self, until: float = math.inf, insists: bool = True) -> None:
@@ -39,12 +39,12 @@ class Interruption:
 
     @property
     def out_of_time(self) -> bool:
-        """Return whether the time of the run is over."""
+        """Return whether the time limit of the run has passed."""
         return time.perf_counter() >= self._until
 
     @property
     def asked(self) -> bool:
-        """Return whether the run is to stop; to be read only where its state is whole, since reading it acknowledges the signal."""
+        """Return whether the run should stop; read it only at a consistent state, since reading acknowledges the signal."""
         if self.told:
             self._hear()
         return self.told or self.out_of_time
@@ -75,7 +75,7 @@ class Interruption:
 
 
 def _insist() -> None:
-    """Interrupt the main thread, also where it waits; on Windows at its next step."""
+    """Interrupt the main thread, even while it waits; on Windows at its next instruction."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
     else:
@@ -83,4 +83,4 @@ def _insist() -> None:
 
 
 heard = threading.Event()
-"""Set once a run that was interrupted ends by itself, so that nobody else need end it."""
+"""Set once an interrupted run ends by itself, so that nothing else has to end it."""

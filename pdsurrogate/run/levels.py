@@ -35,35 +35,35 @@ from .run import Run
 logger = logging.getLogger(__name__)
 
 HARD = 2.0
-"""Evaluations of an increment, over the mean of those before it in its stage, beyond which the next one is not made longer."""
+"""Evaluations of an increment, relative to the mean of earlier ones in its stage, beyond which the next increment is not lengthened."""
 
 FARTHEST = 0.5
 """Greatest distance over the extent of the body by which loads may carry a point from the first guess of an increment.
 
-Where there is no equilibrium a solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest
-beyond is found with shorter increments too."""
+Without an equilibrium a solver moves that far within some ten evaluations, and then needs thousands to fail; equilibria beyond this
+distance are found with shorter increments too."""
 
 PATIENCE, LEAST_PATIENCE = 30, 2000
-"""Evaluations for all increments that follow one that failed, until one succeeds, over the mean of those that succeeded before; and at
-least.  Close below a greatest load the stiffness vanishes and solvers wander."""
+"""Evaluations allowed for all increments after a failed one until one succeeds: a multiple of the mean of earlier successful ones, and a
+minimum. Close below a limit load the stiffness vanishes and solvers make no progress."""
 
 MOST_WASTED = 5000
-"""Evaluations of all increments of a run that fail, beyond which the next failure ends it: good runs take tens to some hundreds."""
+"""Evaluations in failed increments of a run beyond which the next failure ends the run: good runs need tens to some hundreds."""
 
 FINE, COARSE = 1e-3, 1e-2
-"""Residuals of states on the way to an output, which only bring the next start near; the second of nearly incompressible bodies, whose
-preconditioner puts right what is left (a fifth fewer evaluations of bonded blocks)."""
+"""Tolerances of intermediate states, which only serve as starts of the next ones. The second is for nearly incompressible bodies, whose
+preconditioner corrects the remaining error (a fifth fewer evaluations of bonded blocks)."""
 
 PRECISION_NAMES = {"float32": "single", "float64": "double"}
 
 RESOLVED = 1000
-"""Least strain of the body's most strained bond, over that which rounding leaves: smaller ones would be off by more than 0.1 %."""
+"""Least strain of the body's most strained bond, relative to the rounding error of strains: smaller ones would have errors above 0.1 %."""
 
 FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
-"""Strain whose stress is what rounding of the forces leaves, by precision.  In single at a strain of 1e-4 forces were 0.03 % off."""
+"""Strain whose stress equals the rounding error of the forces, by precision. In single, forces at a strain of 1e-4 were 0.03 % off."""
 
 MOST_OFF = 1e-3
-"""Greatest sum of all loads and reactions of an equilibrium, over the forces that drive the body."""
+"""Greatest sum of all loads and reactions of an equilibrium, relative to the driving forces."""
 
 FAILURES = (NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable)
 """Failures that a shorter increment may avoid."""
@@ -75,7 +75,7 @@ def solver_of(run: Run) -> EquilibriumSolver:
     Raises
     ------
     SceneError
-        If it does not work with the run's force.
+        If the solver does not support the run's force.
     """
     spec = run.problem.solver
     solver = SOLVERS[spec.method]
@@ -87,10 +87,10 @@ def solver_of(run: Run) -> EquilibriumSolver:
 
 
 class Equilibria:
-    """One stage in equilibrium: its outputs, each from the last, and increments of the loading parameter on the way to them.
+    """Stage in equilibrium: its outputs in sequence, and increments of the loading parameter between them.
 
-    Where an increment finds no equilibrium, or not the one looked for, it is taken back and shortened.  A checkpoint on the way to an
-    output holds the increments, and what the solver has come to.
+    An increment that finds no equilibrium, or one that does not continue the last, is undone and shortened. A checkpoint between outputs
+    holds the increments and the state of the solver.
 
     Parameters
     ----------
@@ -104,16 +104,16 @@ class Equilibria:
         self._branch, self._course = Branch(run.loading, run.loaded, solver), run.loading.course
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
-        self._evaluations: list[int] = []  # of every increment of the stage that succeeded
+        self._evaluations: list[int] = []  # evaluations of every successful increment of the stage
         self._last_output = run.positions.copy(), run.state.parameter
         self._increments: Increments | None = None
-        self._accepted: _Accepted | None = None  # what the present increment starts from
-        self._iterate: np.ndarray | None = None  # what the solver of a run that is resumed had come to
+        self._accepted: _Accepted | None = None  # start of the present increment
+        self._iterate: np.ndarray | None = None  # state of the solver of a resumed run
 
     def go(self) -> bool:
-        """Go through the outputs that are left; return whether the end was reached.
+        """Compute the remaining outputs; return whether the end was reached.
 
-        Where a bond would break the stage ends, and the body is put back to the last output: what follows is not in equilibrium.
+        If a bond would break, the stage ends and the body returns to the last output, since what follows is not in equilibrium.
         """
         run, state = self.run, self.run.state
         while state.outputs < self.stage.outputs:
@@ -134,7 +134,7 @@ class Equilibria:
         return True
 
     def resume(self, checkpoint: Checkpoint) -> None:
-        """Bring the stage to where a checkpoint was written, at an output or on the way to one."""
+        """Restore the stage from a checkpoint that was written at an output or between two."""
         run, kept, arrays = self.run, checkpoint.progress["way"], checkpoint.arrays
         self.solver.gave_up = bool(checkpoint.progress["gave_up"])
         if kept is not None:
@@ -147,7 +147,7 @@ class Equilibria:
         run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
     def checkpoint(self, increments: Increments | None = None) -> None:
-        """Write a checkpoint at an output, or on the way to one."""
+        """Write a checkpoint at an output or between two."""
         kept, arrays = None, {}
         if increments is not None:
             kept = {"increments": increments.describe(), "evaluations": self._evaluations, "last_output": self._last_output[1]}
@@ -156,7 +156,7 @@ class Equilibria:
         self.run.checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
 
     def _go_to_output(self, increments: Increments) -> Equilibrium | None:
-        """Follow the equilibrium to the run's target; None where a bond would break on the way."""
+        """Follow the equilibrium to the run's target; return None if a bond would break on the way."""
         run, ran_away, patience = self.run, None, np.inf
         while not increments.finished:
             self._accepted, began = _Accepted(run, self.solver), run.force.evaluations
@@ -170,7 +170,7 @@ class Equilibria:
                 run.state.wasted += taken
                 patience = min(patience - taken, max(LEAST_PATIENCE, PATIENCE * np.mean(self._evaluations or 0)))
                 if isinstance(error, RanAway) and ran_away is None:
-                    ran_away = error  # with short increments from close below a greatest load solvers fail in other ways
+                    ran_away = error  # with short increments from just below a limit load solvers fail in other ways
                 spent = patience <= 0 or run.state.wasted >= min(MOST_WASTED, run.problem.solver.most_evaluations)
                 self._take_back(increments, error, ran_away or error, spent)
                 continue
@@ -185,7 +185,7 @@ class Equilibria:
         return equilibrium
 
     def _lengthen(self, increments: Increments, taken: int) -> None:
-        """Go on after an increment that took so many evaluations, with a longer one if it was easy."""
+        """Continue after an increment of `taken` evaluations, with a longer one if it was easy."""
         easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
         self._evaluations.append(taken)
         if increments.accept(easy):
@@ -193,7 +193,7 @@ class Equilibria:
             self.run.note(self.run.state.parameter, reason=again)
 
     def _follow(self, increments: Increments, patience: float) -> Equilibrium:
-        """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
+        """Bring the run to equilibrium at the end of the present increment, within `patience` evaluations."""
         run, state, target = self.run, self.run.state, increments.target
         guess = self._best(self._course.guesses(run.positions, state.parameter, target, run.earlier), target)
         tolerance = run.problem.solver.tolerance
@@ -226,12 +226,12 @@ class Equilibria:
         return guesses[0] if len(guesses) == 1 else min(guesses, key=residual)
 
     def _take_back(self, increments: Increments, error: Exception, cause: Exception, spent: bool) -> None:
-        """Go back to before an increment that failed with an error, and shorten it unless failures have spent all their evaluations.
+        """Undo an increment that failed with an error, and shorten it unless failures have used all their evaluations.
 
         Raises
         ------
         NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable
-            The cause of the failure, with how far the loading came, where the increment is not shortened.
+            If the increment is not shortened: the cause of the failure, with the progress of the loading.
         """
         run, state = self.run, self.run.state
         run.note(increments.target, failure=str(error))
@@ -249,10 +249,10 @@ class Equilibria:
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
 
     def _record_reached(self) -> None:
-        """Record the last equilibrium on the way to an output that is not reached, if it can be made as exact as an output."""
+        """Record the last equilibrium before an output that is not reached, if it converges to the tolerance of an output."""
         run = self.run
         target, run.target = run.target, run.state.parameter
-        # What a coarse tolerance let pass close below a greatest load need not be an equilibrium.
+        # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
             self._record(self._solve(run.target, run.problem.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
         run.target = target
@@ -260,7 +260,7 @@ class Equilibria:
     def _solve(
         self, target: float, tolerance: float, guess: np.ndarray, patience: float, increments: Increments | None = None
     ) -> Equilibrium:
-        """Return the equilibrium at a value of the parameter from where the run is, near a guess, within so many evaluations."""
+        """Return the equilibrium at a value of the parameter, from the present state near a guess, within `patience` evaluations."""
         run, began = self.run, self.run.force.evaluations
 
         def report(evaluations: int, residual: float) -> None:
@@ -283,8 +283,8 @@ class Equilibria:
     def _keep_or_stop(self, increments: Increments | None) -> None:
         """Write a checkpoint where one is due, or where none exists yet, and stop a run that received a signal.
 
-        A run that was interrupted goes on from its last output, to the same bits, where it has come to one and not long gone on since; one
-        whose time is over goes on from here.
+        An interrupted run continues from its last output, to the same bits, if it is recent; a run whose time limit has passed continues
+        from its present state.
         """
         run = self.run
         asked = run.interruption.asked
@@ -313,14 +313,14 @@ class Equilibria:
 
 
 class _Accepted:
-    """Copy of the equilibrium that an increment starts from, and returns to if it fails."""
+    """Copy of the equilibrium from which an increment starts and to which the run returns if it fails."""
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
         self.parameter, self.positions, self.gave_up = run.state.parameter, run.positions.copy(), solver.gave_up
         self.arrays = {key: array.copy() for key, array in run.force.state_arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
-        """Bring a run and its solver back to this equilibrium."""
+        """Restore a run and its solver to this equilibrium."""
         run.state.parameter, solver.gave_up = self.parameter, self.gave_up
         run.positions[:] = self.positions
         for key, array in run.force.state_arrays().items():
@@ -329,7 +329,7 @@ class _Accepted:
 
 
 def _check_resolved(run: Run, target: float) -> None:
-    """Raise `TooSmall` where the strains of an equilibrium are so small that rounding is more than a thousandth of them."""
+    """Raise `TooSmall` if the strains of an equilibrium are so small that rounding errors exceed a thousandth of them."""
     if not _is_driven(run, target):
         return
     moduli = [law.shear_modulus for law, _ in run.force.laws]
@@ -343,7 +343,7 @@ def _check_resolved(run: Run, target: float) -> None:
 
 
 def _is_driven(run: Run, parameter: float) -> bool:
-    """Return whether the body is strained at a value of the parameter: neither at rest nor, without loads, moved as a whole."""
+    """Return whether the body is strained at a value of the parameter: neither at rest nor, without loads, moved rigidly."""
     if run.loading.at_rest(parameter):
         return False
     loads = run.loaded.applied()

@@ -51,7 +51,7 @@ class _Mark(NamedTuple):
 def preview(scene: Scene) -> Figure:
     """Draw the undeformed body of a scene, its regions coloured and named, with arrows for displacements and loads.
 
-    A body in space is shown from outside.
+    A body in three dimensions is shown from outside.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def _colours(body: Body, marks: list[_Mark]) -> np.ndarray:
 
 
 def _in_the_plane(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
-    """Draw the cells of a sheet and what is marked on it."""
+    """Draw the cells of a sheet with its marked regions and arrows."""
     scene, body = problem.scene, problem.body
     polygons = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
@@ -161,7 +161,7 @@ def _in_the_plane(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
 
 
 def _in_space(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
-    """Draw a solid from outside and what is marked on it."""
+    """Draw a solid from outside with its marked regions and arrows."""
     scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")

@@ -28,7 +28,7 @@ def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
 
 
 def displacements_by_name(run: Run) -> dict[str, np.ndarray]:
-    """Return the mean displacement of everything that holds or loads the body, shape (d,), at its present positions."""
+    """Return the mean displacement of every holder and load, shape (d,), by name, at the present positions of the body."""
     found = dict(zip(run.loading.names, run.loading.displacements(run.state.parameter, run.positions), strict=True))
     return found if run.loads is None else run.loads.displacements(run.positions) | found
 

@@ -33,11 +33,11 @@ __all__ = ["Progress", "Run", "Silent"]
 MOST_GATHERED = 500_000
 """Points of a body on several ranks beyond which each rank writes its own piece of a state.
 
-To gather a state of so many takes the first rank 0.16 GB and 10 s of processor time, in which the others wait."""
+Gathering the state of so many points costs the first rank 0.16 GB and 10 s of processor time, while the others wait."""
 
 
 class Run:
-    """One simulation under way.
+    """Simulation in progress, with its body, force, loading and recorded results.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Run:
         The whole body; None on ranks other than the first.
     positions : ndarray, shape (n, d)
     state : State
-        Place in the programme and what has been recorded, as a checkpoint keeps it.
+        Position in the programme and recorded numbers, as stored in checkpoints.
     target : float
         Loading parameter of the output that is under way.
     velocities : ndarray, shape (n, d), or None
@@ -140,7 +140,7 @@ class Run:
             setattr(self.force, counter, getattr(old, counter))
 
     def break_again(self) -> None:
-        """Take the broken bonds out of a force that was bound, or whose states were read, after they broke."""
+        """Remove the broken bonds from a force that was bound, or whose states were read, after they broke."""
         if self.damage is not None and self.body.share.any(bool(self.damage.broken.any())):
             self.force.break_bonds(np.flatnonzero(self.damage.broken))
 

@@ -42,7 +42,7 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
 
 
 def together(ranks: Communicator, check: Callable[[], T]) -> T:
-    """Return what a check returns; raise on all ranks the error that it raises on the first that has one."""
+    """Return the result of a check; if it raises an error on a rank, raise that of the first such rank on all ranks."""
     if ranks.size == 1:
         return check()
     found = error = None
@@ -66,7 +66,7 @@ def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
 
 
 def compile_first(ranks: Communicator, model: ForceModel, problem: Problem) -> None:
-    """Let the first rank compile what the others then load: all would compile the same, on cores that one of them needs."""
+    """Compile the kernels on the first rank, so that the others load them and do not compete for its cores."""
     if ranks.rank == 0:
         dimension = problem.body.dimension
         cells = Cells.filling((0.0,) * dimension, (8.0 if dimension == 2 else 5.0,) * dimension, 1.0)

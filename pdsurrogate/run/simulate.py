@@ -1,4 +1,4 @@
-"""Run of a scene with a force model, from the checks of what was given to the result."""
+"""Simulation of a scene with a force model, from the checks of the arguments to the result."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ __all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "SinglePreci
 
 
 class SimulationFailed(RuntimeError):
-    """A run that did not reach its end; what it did reach is in `result`.
+    """Error for a run that stopped before its end; `result` holds the outputs that it reached.
 
     Examples
     --------
@@ -123,25 +123,24 @@ def simulate(
         A scene, or the name or file of one, see `pdsurrogate.load_scene`.
     force : str, path, ForceModel, fitted pipeline or object, optional
         A force model, the name of one ("analytic", "nosb"), an artefact: NAME, NAME@VERSION or a path; or a fitted
-        `pdsurrogate.surrogate_pipeline` or `pdsurrogate.surrogate_pipeline`, or a search over one, or an object with a
-        ``bond_force`` or an ``energy`` (`pdsurrogate.forces.OwnBondForce`), taken to describe the scene's material.
-        An artefact brings the material of its card into a built-in scene, see `pdsurrogate.artifacts.with_material`.  By default the one
-        for the scene, see `pdsurrogate.artifacts.default_force`.
+        `pdsurrogate.surrogate_pipeline`, or a search over one; or an object with a ``bond_force`` or an ``energy``
+        (`pdsurrogate.forces.OwnBondForce`), which is assumed to describe the scene's material.
+        A built-in scene adopts the material of an artefact's card, see `pdsurrogate.artifacts.with_material`.  By default
+        `pdsurrogate.artifacts.default_force` chooses the model for the scene.
     threads : int, optional
-        Threads of the kernels, by default as many as pay for the body, at most all that numba was started with.  The result does not
-        depend on it.
+        Number of threads of the kernels, at most the number that numba was started with; by default chosen by the size of the body.
+        The result does not depend on it.
     progress : Progress, optional
-        Where to report progress.
+        Object to which the run reports its progress.
     folder : str or path, optional
-        Folder for states, written the moment they are reached, checkpoints, tables and the summary, updated as the run goes on;
-        without it states stay in memory.
-        Results of the same run there, of this scene with this force, are replaced; what else there is needs `overwrite`.
+        Folder for states, checkpoints, tables and the summary, all written during the run; without a folder states stay in memory.
+        Results of the same run (this scene with this force) in the folder are replaced; to replace others, set `overwrite`.
     resume : bool
-        Go on from the checkpoint in `folder`, to the result that the run would have had without the interruption.
+        Continue from the checkpoint in `folder`; the result is that of an uninterrupted run.
     overwrite : bool
-        Remove what other runs left in `folder`, and what the same one left that was ended before its time.
+        Remove the results of other runs in `folder`, and the checkpoint of this run if it was interrupted.
     max_time : float, optional
-        Seconds after which the run ends at the next place where its state is whole, with a checkpoint if it has a folder.
+        Seconds after which the run ends at its next consistent state, with a checkpoint if it has a folder.
 
     Returns
     -------
@@ -258,7 +257,7 @@ def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) ->
 
 
 def _advice(run: Run, error: Exception) -> list[str]:
-    """Return what to change after an error; nothing where the message of a user's own force says what is wrong."""
+    """Return advice after an error; none if a user's own force raised it, since its message names the cause."""
     if isinstance(error, OwnForceFailed | OwnForceInvalid):
         return []
     moving = run.stages[run.state.stage].inertia is not None and run.state.steps > 0
@@ -268,7 +267,7 @@ def _advice(run: Run, error: Exception) -> list[str]:
 
 
 def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
-    """Return the force model that the `force` of `simulate` stands for, and the scene with the material that comes with it."""
+    """Return the scene, with the material of an artefact, and the force model for the `force` argument of `simulate`."""
     if force is None:
         return scene, artifacts.default_force(scene)
     if isinstance(force, str | Path):

@@ -67,12 +67,12 @@ def _take_double(run: Run, error: TooSmall) -> None:
 
 
 def _dynamics_after(run: Run) -> int:
-    """Return the number of the next stage in dynamics, which takes over where a bond would break in equilibrium.
+    """Return the number of the next stage in dynamics, which continues the run when a bond would break in equilibrium.
 
     Raises
     ------
     Unstable
-        If there is none.
+        If no stage in dynamics follows.
     """
     following = [number for number, stage in enumerate(run.stages) if number > run.state.stage and stage.inertia is not None]
     if not following:

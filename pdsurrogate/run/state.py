@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class State:
-    """Plain values of a run, beside its arrays.
+    """Numbers and text that describe the progress of a run, in addition to its arrays.
 
     Attributes
     ----------

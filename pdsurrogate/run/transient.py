@@ -1,4 +1,4 @@
-"""Stages in explicit dynamics: what is held goes on in time, rows and outputs follow, and cracks may start and run."""
+"""Stages in explicit dynamics: time stepping with moving holders, rows and outputs, and cracks that start and grow."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from .rows import component_columns, forces_by_name, moments_by_name, output_row
 from .run import Run
 
 MOST_STEPS = 1e9
-"""Greatest number of steps of a stage: more take weeks even on the smallest body, and are a slip in the units of the density or rate."""
+"""Maximum number of steps of a stage: more would run for weeks even on the smallest body, and indicate wrong units of density or rate."""
 
 CRACK_VISCOSITY = 0.7
-"""Retardation time of scenes with fracture that give none, in spacings over the speed of shear waves.
+"""Default retardation time of scenes with fracture, in spacings over the speed of shear waves.
 
-Material that snaps back from a crack moves in waves as short as a bond, and this time takes their energy within a few steps.  Strips torn
-by `bond-energy` close their accounts within 0.1 % with it; without it they gain half of the energy put in (`docs/guide/cracks.md`)."""
+Material that unloads behind a crack moves in waves as short as a bond, and this viscosity dissipates their energy within a few steps.
+Energy accounts of strips torn with `bond-energy` close within 0.1 % with it; without it they gain half of the supplied energy
+(`docs/guide/cracks.md`)."""
 
 
 INTEGRATOR = ("time_step", "last_step", "steps")
@@ -39,7 +40,7 @@ class Transient:
     Parameters
     ----------
     run : Run
-        With its positions as the stage before left them, or as a checkpoint did.
+        Run with the positions of the end of the last stage, or of a checkpoint.
     stage : Stage
     """
 
@@ -49,7 +50,7 @@ class Transient:
         masses, moved = self.spec.density * run.body.volumes, (run.positions, np.zeros_like(run.positions), run.loading.free)
         damped = {"damping": self.spec.damping, "viscosity": self.viscosity, "safety": self.spec.safety}
         self.integrator = ExplicitDynamics(run.force, self._hold, *moved, masses, **damped, loads=run.loads)
-        # A stage with a duration ends, and is recorded, exactly then.  One at a rate goes to the first step past an output.
+        # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
         self._timed = self.spec.duration is not None
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)
         self._cracks = None if run.damage is None else Cracks(run, self.integrator, self._books.account)
@@ -60,7 +61,7 @@ class Transient:
         return self._books.account
 
     def _viscosity(self) -> float:
-        """Return the retardation time of the stage: the scene's own, or by default the time that a crack needs."""
+        """Return the retardation time of the stage: that of the scene, or the default for cracks."""
         if self.spec.viscosity is not None or self.run.damage is None:
             return self.spec.viscosity or 0.0
         return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.problem.law.shear_modulus)
@@ -72,10 +73,10 @@ class Transient:
         return held if self.viscosity == 0 else held | {"elastic": integrator.elastic}
 
     def begin(self) -> None:
-        """Start with the velocities that the stage before left.
+        """Start with the velocities at the end of the last stage.
 
-        After equilibrium these are the velocities of a body that follows its conditions slowly, which then send no shock; after dynamics
-        they are its last ones, and conditions that change their velocity do send a shock.
+        After equilibrium these are the velocities of a body that follows its conditions quasi-statically, so that no shock is sent; after
+        dynamics they are its last velocities, and conditions that change their velocity do send a shock.
         """
         run, integrator, motion = self.run, self.integrator, self.motion
         velocities = run.loading.course.velocities(run.positions, motion) if run.velocities is None else run.velocities
@@ -92,7 +93,7 @@ class Transient:
         self._row(first=True)
 
     def resume(self, checkpoint: Checkpoint) -> None:
-        """Bring the dynamics to where a checkpoint was written."""
+        """Restore the dynamics from a checkpoint."""
         run, integrator, kept = self.run, self.integrator, checkpoint.progress["transient"]
         vars(self.account).update(kept["account"])
         for key in INTEGRATOR:
@@ -100,12 +101,12 @@ class Transient:
         integrator.frequency.fresh = False
         for key, array in self.arrays().items():
             array[:] = checkpoint.arrays[key]
-            run.body.share.clear(array)  # points of the halo are moved by their owners
+            run.body.share.clear(array)  # the owners of halo points move them
         self._limit_step()
         self._apply()
 
     def go(self) -> bool:
-        """Run to the end of the stage, or until the body has come apart."""
+        """Run to the end of the stage, or until the body has separated."""
         run, account, integrator, through = self.run, self.account, self.integrator, False
         while account.outputs < self.most_outputs and not through:
             try:
@@ -126,7 +127,7 @@ class Transient:
             if due:
                 through = self.output_at_row()
                 self._books.check()
-            # A checkpoint has the row and the output of its step, and not the row that an interruption adds.
+            # A checkpoint includes the row and the output of its step, but not the row that an interruption adds.
             asked, late = run.body.share.total((int(run.interruption.asked), int(run.checkpoints.late)))
             if not through and (due or asked or late):
                 self._checkpoint()
@@ -138,7 +139,7 @@ class Transient:
         return True
 
     def _time_due(self, outputs: int) -> float:
-        """Return the time of the output after so many, in a stage with a duration."""
+        """Return the time of the output after `outputs` others, in a stage with a duration."""
         return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
@@ -150,7 +151,7 @@ class Transient:
         return motion.at(self.account.time) >= due - 1e-12 * (motion.end - motion.begin)
 
     def save_last_state(self) -> None:
-        """Go back to before the step that failed, and record the state there unless it has been."""
+        """Undo the failed step, and record the state before it unless it has been recorded."""
         run, integrator = self.run, self.integrator
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
@@ -182,14 +183,14 @@ class Transient:
             self._books.count_release()
 
     def _limit_step(self) -> None:
-        """Bound the next step.
+        """Limit the length of the next step.
 
-        Where work is summed in every step, what is held moves up to the end of the stage and not for a part of a step.  No step passes two
-        outputs.
+        If work is summed in every step, the last step ends with the stage, so that holders do not move for only a part of it. No step
+        passes two outputs.
         """
         account, integrator = self.account, self.integrator
         if self._timed:
-            # Equal parts of what is left, so that no step before an output is much shorter than the others.
+            # The remaining time is divided equally, so that no step before an output is much shorter than the others.
             left = self._time_due(account.outputs + self._due()) - account.time
             integrator.longest = integrator.part_of(left) if left > 0 else integrator.last_step
         else:
@@ -197,20 +198,20 @@ class Transient:
             integrator.longest = min(left, apart) if self._books.every_step and left > 0 else apart
 
     def _parameter(self) -> float:
-        """Return the loading parameter now; at the end it is the stage's own, without the rounding of rate by time."""
+        """Return the present loading parameter; at the end of the stage it is the exact final value, without rounding."""
         ended = self._timed and self.account.time >= self.motion.duration
         return self.motion.end if ended else self.motion.at(self.account.time)
 
     def _apply(self) -> None:
-        """Move everything that is held to its present place, and bring the loads to their size."""
+        """Move all held parts to their present places, and set the loads to their present size."""
         self.run.loading.apply(self.run.state.parameter, self.run.force, self.run.positions)
 
     def _hold(self, positions: np.ndarray, ahead: float) -> None:
-        """Move everything that is held to its place a time `ahead` from now."""
+        """Move all held parts to their places at a time `ahead` from now."""
         self.run.loading.hold(self.run.state.parameter + ahead * self.motion.rate, self.run.force, positions)
 
     def _last_row(self) -> None:
-        """Add a row at the present state, unless there is one."""
+        """Add a row for the present state unless it has one."""
         if self.account.time > self.account.row_time:
             self._row()
 
@@ -236,7 +237,7 @@ class Transient:
         run.report("account", self.integrator.steps, kinetic, strain)
 
     def output_at_row(self) -> bool:
-        """Record the present state, with a row; return whether the body has come apart between its supports."""
+        """Record the present state, with a row; return whether the body has separated between its supports."""
         self._last_row()
         through = self._cracks is not None and self._cracks.through()
         self.output()

@@ -1,4 +1,4 @@
-"""Scenes: what is simulated, described by a user or built in."""
+"""Scenes: descriptions of simulations, written by a user or built in."""
 
 from .loading import Load, Prescribed, Probe, Step, StepDynamics
 from .model import Dynamics, Fracture, Grip, Hold, MaterialSpec, Part, Scene, SolverSpec, Units

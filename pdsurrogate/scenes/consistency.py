@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .model import Scene
 
 MOST_INCREMENTS = 100_000
-"""Greatest number of increments of a step; more take days on the smallest body."""
+"""Greatest number of increments of a step; more would run for days on the smallest body."""
 
 
 def check_consistency(scene: Scene) -> None:

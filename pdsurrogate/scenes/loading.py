@@ -17,19 +17,19 @@ class Prescribed(StrictModel):
     """Displacements of a region, component by component: a value times an amplitude; components that are not named are free.
 
     Points that are equally near to a place (``near``) move so in the mean.
-    A rotation prescribes all components; what x1, x2 and x3 say is added to it.
+    A rotation prescribes all components; the displacements x1, x2 and x3 are added to it.
 
     Attributes
     ----------
     region : str or Region
     x1, x2, x3 : float, optional
-        Displacement where the amplitude is 1; 0 holds the component.  Bodies in the plane have no x3.
+        Displacement at amplitude 1; 0 holds the component. Bodies in the plane have no x3.
     rotation : float, optional
         Angle in degrees by which the region is turned, counter-clockwise seen from where the axis points to.
     about : point, optional
         Place that a rotation is about.
     axis : point, optional
-        Direction of the axis of a rotation in space, of any length.
+        Direction of the axis of a rotation in three dimensions, of any length.
     amplitude : str or table
         How values follow the loading parameter t.
     name : str, optional
@@ -68,7 +68,7 @@ class Prescribed(StrictModel):
         return self.x1, self.x2, self.x3
 
     def misfit(self, dimension: int) -> tuple[str, str] | None:
-        """Return the key and what is wrong with it in two or three dimensions; None if nothing is."""
+        """Return the key that is invalid in the given dimension and the reason; None if all are valid."""
         if dimension == 2:
             for key in ("x3", "axis"):
                 if getattr(self, key) is not None:
@@ -164,7 +164,7 @@ class StepDynamics(DynamicsSettings):
     Attributes
     ----------
     duration : float
-        Time that the step takes; the loading parameter goes evenly from the last step's end to this one's.
+        Duration of the step; the loading parameter changes linearly from the last step's end to this one's.
 
     Examples
     --------
@@ -177,12 +177,12 @@ class StepDynamics(DynamicsSettings):
 
 
 class Step(StrictModel):
-    """A step of the programme: the loading parameter t goes from where it is to a value, in equilibrium or in dynamics.
+    """Step of the programme, which moves the loading parameter t from its present value to a given one, in equilibrium or in dynamics.
 
     Attributes
     ----------
     to : float
-        t at the end.  Where it is now, a step holds; less, it unloads.
+        t at the end of the step. With an unchanged value the step holds the body; with a smaller one it unloads it.
     outputs : int
         States recorded on the way, evenly, the last one at the end.
     largest_increment : float, optional

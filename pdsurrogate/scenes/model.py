@@ -29,7 +29,7 @@ Level = Annotated[Positive, Field(le=100)]
 """A stretch; rubber breaks below 10."""
 
 HORIZON_RATIOS = {2: 3.15, 3: 1.75}
-"""Horizons over the side of a cell where none is asked for, by dimension.  In space short ones are more accurate and cheaper: 26 bonds."""
+"""Default horizon over the side of a cell, by dimension. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
 
 RIGID = "rigid"
 """Material of a region that moves as one body, in the place of a law."""
@@ -178,7 +178,7 @@ class SolverSpec(StrictModel):
 
 
 class Fracture(StrictModel):
-    """When bonds break: beyond a critical stretch, given, or from a fracture energy (`pdsurrogate.critical_stretch_of`).
+    """Fracture of bonds beyond a critical stretch, set directly or through a fracture energy (`pdsurrogate.critical_stretch_of`).
 
     An energy is taken where the diameter of a crack tip is known for the force model, the plane and the horizon, and refused elsewhere.
     """
@@ -199,7 +199,7 @@ class Dynamics(DynamicsSettings):
     Attributes
     ----------
     stretch : float
-        Where the programme ends, unless the body comes apart before.
+        End of the programme, unless the body separates before.
     stretch_rate : float
         Change of the stretch per unit time.
     outputs : int
@@ -226,7 +226,7 @@ def _dimension_of(data: Mapping[str, Any]) -> int:
 
 
 class Units(StrictModel):
-    """Names of the units in which a scene is written; nothing is converted, and what has no name is called by none."""
+    """Names of the units of a scene. Values are not converted, and quantities without a named unit are shown without one."""
 
     length: UnitName | None = None
     stress: UnitName | None = None
@@ -357,7 +357,7 @@ class Scene(StrictModel):
 
     @property
     def stretched(self) -> bool:
-        """Return whether the loading is given by grips and stretches."""
+        """Return whether grips and stretches define the loading."""
         return bool(self.grips)
 
     @property

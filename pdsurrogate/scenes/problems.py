@@ -26,8 +26,8 @@ class SceneError(ValueError):
 
 
 CLOSE = 0.78
-"""How alike two words are, from 0 to 1, of which one may be the other with an error in it: elipse and ellipse are (0.92), cube and tube
-are not (0.75)."""
+"""Similarity of two words, from 0 to 1, above which one may be a misspelling of the other: elipse and ellipse are similar (0.92), cube and
+tube are not (0.75)."""
 
 
 def suggestion(word: str, known: Iterable[str], otherwise: str = "there are") -> str:
@@ -61,10 +61,10 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str
 
 
 def _line(problem: Any, problems: list, model: type[BaseModel] | None) -> str | None:
-    """Return the line for a problem; None where another one says it better."""
+    """Return the line for a problem; None if the line of another problem explains it better."""
     loc, kind, given, context = problem["loc"], problem["type"], problem.get("input"), problem.get("ctx", {})
     if kind in ("too_short", "too_long") and any(other["loc"] != loc == other["loc"][: len(loc)] for other in problems):
-        return None  # Pydantic counts the entries that are left when the wrong ones are taken out.
+        return None  # Pydantic counts the entries that remain without the invalid ones.
     if kind == "missing" and isinstance(loc[-1], int):
         if any(other["type"] == "missing" and other["loc"][:-1] == loc[:-1] and other["loc"] > loc for other in problems):
             return None  # The last one missing shows how many there should be.

@@ -12,7 +12,7 @@ from .strict_model import Direction, Point, Positive, SpaceDirection, SpacePoint
 
 Face = Literal["left", "right", "bottom", "top", "back", "front"]
 FACES: tuple[Face, ...] = get_args(Face)
-"""Faces of the bounding box of a body in space; the first four are the edges of one in the plane."""
+"""Faces of the bounding box of a body in three dimensions; the first four are the edges of a body in the plane."""
 
 
 EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate(FACES)}
@@ -67,12 +67,12 @@ class HalfSpace(StrictModel):
 
 
 class Region(StrictModel):
-    """Region of a body, given in exactly one way.
+    """Region of a body, defined in exactly one way.
 
     Attributes
     ----------
     edge : str
-        Edge of the bounding box, as the names left, right, bottom and top mean it; in space a face, back and front among them.
+        Edge of the bounding box: left, right, bottom or top; in three dimensions a face, which may also be back or front.
     box : pair of points
         Corners where all coordinates are least, and greatest; the boundary belongs to it.
     disc, half_plane
@@ -86,9 +86,9 @@ class Region(StrictModel):
     group : str
         Physical group of a mesh, by its name.
     both, either : list of regions
-        Written ``and``, ``or``: what is in all of them, or in one or more.
+        Intersection or union of regions, written ``and``, ``or``.
     other : region
-        Written ``not``: what is not in it.
+        Complement of a region, written ``not``.
 
     Examples
     --------
@@ -124,7 +124,7 @@ class Region(StrictModel):
         return self
 
     def misfit(self, dimension: int) -> str | None:
-        """Return what is wrong with the region in two or three dimensions, apart from numbers of components; None if nothing is."""
+        """Return why the region is invalid in the given dimension, apart from numbers of components; None if it is valid."""
         here, there = ("space", "the plane") if dimension == 3 else ("the plane", "space")
         for pair in (("disc", "ball"), ("half_plane", "half_space")):
             own, other = pair if dimension == 2 else pair[::-1]

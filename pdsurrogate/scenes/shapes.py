@@ -14,12 +14,12 @@ from .strict_model import Point, Positive, StrictModel
 
 
 class Shape(StrictModel):
-    """A closed shape.
+    """Closed shape.
 
     Attributes
     ----------
     dimension : int
-        2 in the plane, 3 in space.
+        Number of dimensions, 2 or 3.
     """
 
     dimension: ClassVar[int]
@@ -176,10 +176,10 @@ def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
 
 
 def _crossing(corners: np.ndarray) -> str | None:
-    """Return in words where the outline of a polygon crosses itself or runs around twice; None where it does not.
+    """Return, in words, the place where the outline of a polygon crosses itself or runs around twice; None if there is none.
 
-    Sides may touch, and run back along each other, as those do that lead to an opening and away from it: on either side of every piece
-    between two places where sides meet the outline winds around once, in one sense, or not at all.
+    Sides may touch, and may run back along each other, as the two sides that connect an opening do. The outline is valid if it winds once,
+    in one sense, or not at all around both sides of every piece between two places where sides meet.
     """
     extent = float(np.ptp(corners, axis=0).max())
     starts = corners[np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1) > 1e-9 * extent]

@@ -20,7 +20,7 @@ class Solid(Shape):
     @property
     @abstractmethod
     def convex(self) -> bool:
-        """Return whether the shape is known to be convex."""
+        """Return whether the shape is certainly convex."""
 
 
 class Straight(NamedTuple):

@@ -11,7 +11,7 @@ from .problems import SceneError, explain
 
 
 def _no_switch_or_text(value: Any) -> Any:
-    """Refuse what Pydantic would turn into a number: true into 1, and "1" too."""
+    """Reject values that Pydantic would convert into a number, such as true and "1"."""
     if isinstance(value, bool | str | bytes):
         raise ValueError("Input should be a valid number")
     return value
@@ -24,7 +24,7 @@ Point = tuple[Finite, Finite]
 """A place or a direction in the plane, for parts that lie in the plane alone."""
 
 SpacePoint = tuple[Finite, Finite, Finite]
-"""A place in three dimensions, for parts that belong to bodies in space."""
+"""Place in three dimensions."""
 
 
 def _not_zero(value: tuple[float, ...]) -> tuple[float, ...]:
@@ -42,7 +42,7 @@ class Components(tuple):
 
 
 Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3), AfterValidator(Components)]
-"""Components for parts that serve the plane and space alike; `vectors_in` finds them, and `Scene` checks their number."""
+"""Components for parts of two- or three-dimensional bodies; `vectors_in` finds them, and `Scene` checks their number."""
 
 
 class _PartType(type(BaseModel)):

@@ -1,4 +1,4 @@
-"""Solvers: they know forces by their protocol alone."""
+"""Solvers for equilibrium and dynamics, which use forces only through their protocol."""
 
 from .automatic import Automatic
 from .dynamics import ExplicitDynamics

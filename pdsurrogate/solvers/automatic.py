@@ -12,16 +12,16 @@ from .stepping import DynamicRelaxation
 
 
 class Automatic(EquilibriumSolver):
-    """The least energy of nearly incompressible bodies, the quasi-Newton method of others, dynamic relaxation where that fails.
+    """Choose energy minimisation for nearly incompressible bodies, else the quasi-Newton method, and dynamic relaxation if that fails.
 
-    The preconditioner of the former knows the bulk modulus, and its steps are long beside the shear that a change of volume leaves to be
-    put right: they are taken as the energy allows, where there is one.  Relaxation is taken from the outset for bodies whose factor would
-    outgrow memory.  Once the quicker method has failed on a body it is not tried there again: `gave_up` says so.
+    The preconditioner of the minimisation contains the bulk modulus, and its steps are long compared with the shear that corrects a change
+    of volume: the energy, if the force has one, limits them. Bodies whose factor would exceed memory are relaxed from the outset. A faster
+    method that has failed on a body is not tried there again, see `gave_up`.
     """
 
     name = "automatic"
 
-    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor takes some 3 kB a point.
+    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor needs some 3 kB per point.
     MOST_POINTS = 1_000_000
 
     # Most evaluations of relaxation, over the spacings in the body's extent, and at least.  It takes some tens for each of them where the

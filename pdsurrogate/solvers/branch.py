@@ -13,31 +13,31 @@ from .equilibrium import EquilibriumSolver, Unstable
 from .stability import NEGATIVE, least_curvature
 
 JUMP = 0.25
-"""Distance of the points from the extrapolation, over the growth of the body's extent.  Contraction across the load, stress about holes and
-cracks give some hundredths; a sheet that buckles several tenths to ten, and more the shorter the increment."""
+"""Greatest distance of the points from the extrapolation, over the growth of the body's extent. Contraction across the load and stresses at
+holes and cracks cause some hundredths; buckling of a sheet several tenths to ten, and more with shorter increments."""
 
 LEAST_JUMP = 0.1
 """Least distance, in spacings, that counts as a jump: a finer tolerance changes positions by less."""
 
 
 class Branch:
-    """Watches over the equilibria along a loading.
+    """Check of the equilibria along a loading.
 
-    Only bodies that are pushed are looked at closely: under tension the stress itself keeps a body from buckling.
+    Only compressed bodies are checked for stability: under tension the stress itself prevents buckling.
 
     Parameters
     ----------
     loading : Loading
     force : InternalForce
     solver : EquilibriumSolver
-        That finds them.
+        Solver that computes the equilibria.
     """
 
     def __init__(self, loading: Loading, force: InternalForce, solver: EquilibriumSolver) -> None:
         self._loading, self._force, self._solver, self._share = loading, force, solver, solver.share
 
     def check(self, before: float, after: float, guess: np.ndarray, positions: np.ndarray) -> None:
-        """Check an equilibrium in which the force was last evaluated; the next one is taken to follow it.
+        """Check an equilibrium in which the force was last evaluated; the next check assumes that its equilibrium follows this one.
 
         Parameters
         ----------
@@ -52,8 +52,8 @@ class Branch:
         InvalidState
             If a point lies beyond a plane of reflection.
         Unstable
-            If a body that is pushed jumped away from the extrapolation, where conditions tell how far it should have gone, or its energy is
-            not the least nearby.
+            If a compressed body jumped away from the extrapolation, provided that the conditions determine it, or its energy is not a local
+            minimum.
         """
         loading, force = self._loading, self._force
         loading.check_inside(after, force, positions)

@@ -1,4 +1,4 @@
-"""Conditions of a body: what is held, where it is at a value of the loading parameter, and what force that takes."""
+"""Conditions of a body: held points and planes, their positions at a value of the loading parameter, and the reaction forces."""
 
 from __future__ import annotations
 
@@ -126,14 +126,14 @@ def place_of(body: Body, point: int) -> str:
 
 
 def moment_of(levers: np.ndarray) -> np.ndarray:
-    """Return the moments, shape (k,) counter-clockwise in the plane and (k, 3) in space, of sums of f (x) y, shape (k, d, d)."""
+    """Return the moments of sums of f (x) y, shape (k, d, d): (k,) counter-clockwise in the plane, (k, 3) in three dimensions."""
     if levers.shape[-1] == 2:
         return levers[:, 1, 0] - levers[:, 0, 1]
     return np.stack([levers[:, 2, 1] - levers[:, 1, 2], levers[:, 0, 2] - levers[:, 2, 0], levers[:, 1, 0] - levers[:, 0, 1]], axis=1)
 
 
 class Loading:
-    """Conditions of a body: what is held, where it is at a value of the loading parameter, and the loads.
+    """Conditions of a body: held points and planes, their positions at a value of the loading parameter, and the loads.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class Loading:
     supports : Supports or None
         Supports at places between points; None where there are none.
     course : Pull or Paths
-        How the body follows what holds it; set once the conditions are known.
+        Paths on which the body follows the held parts; set once the conditions are known.
     parameter, rest, names, planes, held, loads
     """
 
@@ -237,7 +237,7 @@ class Loading:
             force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
 
     def unevenness(self, last: float, now: float, ahead: float) -> float:
-        """Return by what share of its way to a value `ahead` what is held departs from its velocity since the `last` value."""
+        """Return the deviation of held parts from their velocity since the `last` value, relative to their way to a value `ahead`."""
         if now == last:
             return 0.0
 
@@ -328,12 +328,12 @@ class Loading:
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
         """Return the moments of the holders' forces about the origin of the coordinates.
 
-        Those on planes follow from virtual work where the force has an energy; otherwise a bond that crosses a plane pulls at its middle.
+        Moments on planes follow from virtual work if the force has an energy; otherwise a bond that crosses a plane acts at its middle.
 
         Returns
         -------
         ndarray
-            In the plane counter-clockwise and per unit thickness, shape (holders,); in space vectors, shape (holders, 3).
+            Counter-clockwise moments per unit thickness in the plane, shape (holders,); vectors in three dimensions, shape (holders, 3).
         """
         positions, dimension = force.positions, self.body.dimension
         levers = np.zeros((len(self.names), dimension, dimension))
@@ -415,9 +415,9 @@ class Loading:
         return [np.unique(np.concatenate(parts)) for parts in found]
 
     def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
-        """Return the mean displacement of what each holder holds, shape (holders, d): of its points, or of its plane in the middle.
+        """Return the mean displacement of each holder, shape (holders, d): that of its points, or of the middle of its plane.
 
-        Components in which a plane is free to move are those of the points within a cell of it.
+        Components in which a plane is free to move are the means over the points within a cell of it.
         """
         n = len(self.names)
         # Displacement, place and number of the points of each holder.

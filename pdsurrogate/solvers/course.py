@@ -1,4 +1,4 @@
-"""Course of a body along its loading: first guesses and velocities from what is held, and the power of what holds it."""
+"""Course of a body along its loading: first guesses and velocities from the held parts, and the power of the holders."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ NO_STRESS = {"float32": 1e-5, "float64": 1e-10}
 """Compression over the shear modulus that rounding of the forces may show, by precision."""
 
 LARGEST_TURN = 10.0
-"""Degrees by which held parts turn at once in a first guess.  Points between them go along chords, which shrinks the body half way by 0.4 %
-for 10 degrees and by 13 % for 60; 2, 5 and 10 degrees take as many evaluations (twisted boxes and cylinders)."""
+"""Greatest turn of held parts in one portion of a first guess, in degrees. Points between them move along chords, which shrinks the body
+half way by 0.4 % for 10 degrees and by 13 % for 60; 2, 5 and 10 degrees need equally many evaluations (twisted boxes and cylinders)."""
 
 HALVINGS = 10
 """Greatest number of halvings of a step in the search for a first increment; a guess a thousand times too long is a slip in the scene."""
@@ -58,7 +58,7 @@ class Pull:
         self._lower_travel = travels[:, axis].min()  # the grip at the lower end moves down
 
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float | None:
-        """Return the greatest increment to plan: what the scene bounds it by."""
+        """Return the greatest increment to plan, which is the bound that the scene sets."""
         return asked
 
     def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
@@ -116,7 +116,7 @@ class Paths:
         turned: Callable[[float, float], float],
     ) -> None:
         self._loading, self.body, self._share = loading, loading.body, loading.body.share
-        # A hair more, so that increments of just that strain are taken.
+        # A slightly larger bound accepts increments of exactly that strain.
         self._springs, self._shear_modulus, self._largest_strain = springs, shear_modulus, largest_strain * (1 + 1e-6)
         self._turned = turned
 
@@ -178,7 +178,7 @@ class Paths:
         return (guess - positions) / (AHEAD * motion.duration)
 
     def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
-        """Return the power of all that holds the body at the end of a time step, in the plane per unit thickness.
+        """Return the power of all holders of the body at the end of a time step, per unit thickness in the plane.
 
         Displacements are those over the last step, or over the next one where there is none.
         """
@@ -230,7 +230,7 @@ class Paths:
         return Extension(self.body, self._springs, self._loading.free)
 
     def _followed(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
-        """Return the guess that follows held parts, in so many portions of the way that none turns far, so that points go round."""
+        """Return the guess that follows held parts, in enough portions of the way that none turns far and points move along arcs."""
         portions = max(1, math.ceil(self._turned(before, after) / LARGEST_TURN))
         for start, end in pairwise(np.linspace(before, after, portions + 1)):
             positions = self._extended(positions, self._loading.plane_motions(start), end)
@@ -242,10 +242,10 @@ class Paths:
         return self._share.greatest(greatest_bond_strain(self.body, before, after))
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:
-        """Return the positions, from a start with planes moved by (p, d, d + 1), in which everything held is in its place at t.
+        """Return the positions in which all held parts are in their place at t, from a start with planes moved by (p, d, d + 1).
 
-        The affine map nearest to the motion of the held parts comes first: it finds homogeneous deformations and turns of the whole body.
-        The rest of the held displacements then spreads as through a network of springs.
+        An affine map fitted to the motion of the held parts is applied first: it captures homogeneous deformations and rotations of the
+        whole body. The remaining held displacements are then interpolated as by a network of springs.
         """
         goal_planes = self._loading.plane_motions(t)
         self._share.fill(start)
@@ -288,7 +288,7 @@ class Paths:
     def _turns_left(self, planes: np.ndarray, goal_planes: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
         """Return the remainder of the planes' turns after an affine map of a given gradient, as in `Ghosts.shifts`; None if none turns.
 
-        Where one plane turns, the map turns the others by a part of that, which their remainder takes back.
+        If one plane turns, the map turns the others by a part of that, which their remainder cancels.
         """
         if all(plane.turn is None for plane in self._loading.planes):
             return None

@@ -15,18 +15,18 @@ from .loads import LoadedForce, Loads
 from .stability import FrequencyEstimate
 
 FREQUENCY_MARGIN = 1.03
-"""The power iteration comes to the highest frequency from below, within 2 % on sheets of up to 7,500 points."""
+"""Safety factor on the highest frequency, which the power iteration underestimates by up to 2 % on sheets of up to 7,500 points."""
 
 
 MOST_TRAVEL = 0.5
-"""Spacings that a point may move in a step.  At the speeds of waves it does not get as far; what snaps back from the last bonds of a crack
-would, past the bonds that should stop it."""
+"""Spacings that a point may move in a step. Waves move points by less; material that unloads behind the last bonds of a crack would move
+past the bonds that should stop it."""
 
 
 class VelocitiesAround(NamedTuple):
     """Velocities of the half step before, at the positions, and of the half step after, shape (n, 2) each.
 
-    Those before are without the impulse of bonds that broke on arrival.
+    The velocities before exclude the impulse of bonds that broke at the present positions.
     """
 
     before: np.ndarray
@@ -40,11 +40,11 @@ class Power(NamedTuple):
     Attributes
     ----------
     before, after : float
-        With the velocities of the half steps before and after: half a step of each is the part of these forces in the work over the steps
-        that end and begin here, by the trapezoidal rule.
+        Power with the velocities of the half steps before and after. By the trapezoidal rule, half a step of each is the part of these
+        forces in the work over the steps that end and begin here.
     now : float
-        With the velocities at the positions.  Those half a step before alone would overstate it where velocities change within a step, as
-        they do beside a crack.
+        Power with the velocities at the positions. The velocities half a step before would overestimate it where velocities change within
+        a step, as near a crack.
     """
 
     before: float = 0.0
@@ -57,19 +57,20 @@ class Power(NamedTuple):
 
 
 class ExplicitDynamics:
-    """M (a + c v) = f(y + tau v) by central differences, velocities at half steps; with tau = 0 the paper's scheme, here in real time.
+    """Integrator of M (a + c v) = f(y + tau v) by central differences, velocities at half steps; tau = 0 is the paper's scheme.
 
-    Forces at positions a retardation time tau ahead are those of a Kelvin-Voigt solid, f + tau df/dt, to first order in tau, at no further
-    evaluation.  They damp what is as short as the bonds, which damping proportional to mass hardly touches: material that snaps
-    back from a crack.  Loads are those of now: at y, and of their present size; but a pressure on the deformed thickness is on that ahead.
+    Forces at positions a retardation time tau ahead are those of a Kelvin-Voigt solid, f + tau df/dt, to first order in tau, without
+    further evaluations. They damp waves as short as the bonds, such as those of material that unloads behind a crack, on which damping
+    proportional to mass has little effect. Loads are evaluated at y with their present size; only a pressure on the deformed thickness
+    uses the thickness ahead.
 
     Parameters
     ----------
     force : InternalForce
     hold : callable
-        ``hold(positions, ahead)`` brings all that is held to where it is a time `ahead` from now.
+        ``hold(positions, ahead)`` moves all held parts to their positions at a time `ahead` from now.
     positions, velocities : ndarray, shape (n, 2)
-        Start; taken over, and changed in place.
+        Initial values, changed in place.
     free : ndarray, shape (n, 2)
         1 where a component may move by itself, 0 where it is held.
     mass : ndarray, shape (n,)
@@ -80,25 +81,25 @@ class ExplicitDynamics:
     safety : float
         Time step over the critical one, at most 1.
     loads : Loads, optional
-        Brought to their present size by whoever steps.
+        Loads, which the caller sets to their present size before each step.
 
     Attributes
     ----------
     forces : ndarray, shape (n, 2)
-        That move the body, with loads.
+        Forces that move the body, including loads.
     elastic : ndarray, shape (n, 2)
-        Internal forces at the positions, without what viscosity adds and without loads, where there is viscosity.  In every step they
-        follow the forces f ahead of the positions by f_e + tau df_e/dt = f, which is exact of linear forces; what is not linear in a
-        step fades within tau, and `find_elastic` evaluates them.
+        Internal forces at the positions without viscous part and without loads, if there is viscosity. In every step they follow the
+        forces f ahead of the positions by f_e + tau df_e/dt = f, which is exact for linear forces; the error of a nonlinear step decays
+        within tau, and `find_elastic` evaluates them exactly.
     time_step : float
-        The stable one.  Falls where the body stiffens, never rises.
+        Stable time step, which decreases where the body stiffens and never increases.
     last_step : float
-        The one last taken, shorter where a point would have moved too far.
+        Length of the last step, shorter where a point would have moved too far.
     longest : float
-        What the next one may be, set by whoever steps.
+        Greatest length of the next step, set by the caller.
     """
 
-    # The tangent changes over the time that a wave takes across many horizons; a look every so many steps costs 1 to 2 %.
+    # The tangent changes over the time in which a wave crosses many horizons; an estimate at this interval of steps costs 1 to 2 %.
     STEPS_BETWEEN_ESTIMATES = 500
 
     def __init__(
@@ -133,7 +134,7 @@ class ExplicitDynamics:
         Raises
         ------
         Diverging
-            If there is no time step.
+            If no stable time step exists.
         """
         self._estimate()
         self.last_step = self.time_step
@@ -144,7 +145,7 @@ class ExplicitDynamics:
         frequency = FREQUENCY_MARGIN * np.sqrt(self.frequency(self._loaded, self.positions))
         if not 0 < frequency < np.inf:
             raise Diverging(f"there is no time step: the highest frequency of the body is {frequency:.3g}")
-        # Damping ratio of the highest mode, which the viscosity makes less stable in an explicit scheme.
+        # Damping ratio of the highest mode: in an explicit scheme viscosity reduces its stability.
         ratio = 0.5 * self._viscosity * frequency
         self.time_step = min(self.time_step, self._safety * 2 / frequency * (np.sqrt(1 + ratio * ratio) - ratio))
 
@@ -161,32 +162,32 @@ class ExplicitDynamics:
 
     @property
     def followed(self) -> float:
-        """Share of the way to the forces ahead that the elastic forces go in a step, by implicit differences."""
+        """Fraction by which the elastic forces approach the forces ahead in a step, by implicit differences."""
         return self.last_step / (self.last_step + self._viscosity)
 
     def evaluate_at_rest(self) -> None:
-        """Evaluate the forces at the positions, without those that viscosity adds."""
+        """Evaluate the forces at the positions without viscous part."""
         self.force(self.positions, self.forces)
         self._add_loads()
 
     def find_elastic(self) -> None:
-        """Evaluate the internal forces at the positions, where viscosity hides them; leaves the force evaluated there."""
+        """Evaluate the elastic forces at the positions if there is viscosity; the force is then last evaluated there."""
         self._hold(self.positions, 0.0)
         self.force(self.positions, self.elastic)
 
     def _add_loads(self) -> None:
-        """Add the loads of now, at the positions."""
+        """Add the loads at their present size and at the positions."""
         if self._loads is not None:
             self._applied.fill(0.0)
             self._loads.forces(self.positions, self._loaded.thickness(), self._applied)
             self.forces += self._applied
 
     def centre(self) -> None:
-        """Take velocities that are those at the positions back by half a step, where the scheme has them."""
+        """Shift velocities at the positions back by half a step, to the times at which the scheme has them."""
         self.velocities += self._half_step_of(-self.forces)
 
     def part_of(self, span: float) -> float:
-        """Return the longest stable step of which a whole number makes a span of time."""
+        """Return the longest stable step that divides a span of time into a whole number of steps."""
         return span / max(1, math.ceil(span / self.time_step))
 
     def move(self) -> None:
@@ -207,8 +208,8 @@ class ExplicitDynamics:
     def kick(self, forces: np.ndarray) -> None:
         """Add half a step's impulse of forces that end at the present positions.
 
-        Velocities stand half a step back.  Bonds that break act up to now, but the forces of the next full step will be without them;
-        left out, their last half step would hand the body energy that nothing supplied.
+        Velocities are half a step behind the positions. Breaking bonds act up to now, but the forces of the next full step exclude them;
+        without the impulse of their last half step the body would gain energy.
         """
         kick = self._half_step_of(forces)
         self.velocities += kick
@@ -235,11 +236,11 @@ class ExplicitDynamics:
     def kept_energy(self, velocities: VelocitiesAround) -> tuple[float, float]:
         """Return the kinetic energies at the positions before and after them; each keeps its sum with the strain energy over steps.
 
-        The former is the energy of the half step before with the work up to now of the forces that end here; the latter that of the half
-        step after without the work from now on of the forces that begin here.  Under linear forces the change from the latter to the former
-        over a step is the work of the forces by the trapezoidal rule, which is that of an elastic energy.  The square of the velocity at
-        the positions exceeds them by h^2 f M^-1 f/8, much where bonds have just broken.  Both are v M v'/2 but where forces cease here or
-        the step changes: what they differ by the scheme itself takes.
+        The first is the energy of the half step before, plus the work up to now of the forces that end here; the second that of the half
+        step after, minus the work from now on of the forces that begin here. For linear forces the change from the second to the first
+        over a step is the work of the forces by the trapezoidal rule, which is that of an elastic energy. The kinetic energy from the
+        velocity at the positions exceeds both by h^2 f M^-1 f/8, which is large where bonds have just broken. Both equal v M v'/2, except
+        where forces vanish here or the step changes: the scheme itself dissipates their difference.
         """
         before, now, after = velocities
         arriving, leaving = (self._share.dot(side, now - 0.5 * side, self._mass) for side in (before, after))
@@ -256,11 +257,11 @@ class ExplicitDynamics:
         return 0.5 * (self.velocities + self._following_velocities(self.last_step))
 
     def elastic_with_loads(self) -> np.ndarray:
-        """Return the forces on every point at the positions, without those that viscosity adds, shape (n, d)."""
+        """Return the forces on every point at the positions, without viscous part, shape (n, d)."""
         return self.elastic if self._loads is None else self.elastic + self._applied
 
     def damped_power(self) -> Power:
-        """Return the power that damping and viscosity take, the latter by the elastic forces as they are known."""
+        """Return the power that damping and viscosity dissipate, the latter from the elastic forces as last evaluated or followed."""
         velocities = self.velocities_around()
         taking = self._damping * self._mass[:, None] * velocities.now
         power = self._damping * self._share.dot(velocities.now, velocities.now, self._mass)

@@ -18,32 +18,33 @@ from .preconditioner import Preconditioner, preconditioner_of
 from .supports import SupportedPreconditioner
 
 Report = Callable[[int, float], None]
-"""Called with the force evaluations so far and the residual."""
+"""Function that a solver calls with the number of force evaluations so far and the residual."""
 
 UNBALANCED = 5e-4
-"""Sum of the sizes of the forces that an equilibrium may leave on free points, over that of the loads or of what holds the body, the
-greater of them.  It bounds the error of every balance of forces, and of moments over the greatest lever."""
+"""Greatest sum of the magnitudes of the forces left on free points, relative to that of the loads or reactions, whichever is greater.
+
+It bounds the error of every balance of forces, and of moments over the greatest lever."""
 
 PER_TOLERANCE = 500
-"""Forces left over the drive of the body, over the tolerance, where that is stricter than `UNBALANCED`."""
+"""Permitted ratio of the forces left to the driving forces, over the tolerance, if this is stricter than `UNBALANCED`."""
 
 SINGLE = 1e-7
-"""Residual that forces in single precision can be brought to: their rounding leaves some 1e-8 of it at rest."""
+"""Least residual that forces in single precision can reach: at rest their rounding error is some 1e-8."""
 
 ROUNDED = 100
-"""Residual that rounding of the positions may leave, over the stress that its strain of a bond makes.  Below, a search goes on only as long
-as the forces left fall by a third within `IDLE` evaluations."""
+"""Residual that rounding of the positions may cause, over the stress of the strain that it causes in a bond. Below it, a search continues
+only while the forces left fall by a third within `IDLE` evaluations."""
 
 IDLE = 5
-"""Evaluations within which the forces left must fall by a third once rounding may have left them, see `ROUNDED`."""
+"""Evaluations within which the forces left must fall by a third once they may be rounding errors, see `ROUNDED`."""
 
 
 RIGID = 1000
-"""Strain of a body that is moved as a whole, over that of rounding."""
+"""Strain, over that of rounding, up to which a body counts as moved without deformation."""
 
 
 def no_report(evaluations: int, residual: float) -> None:
-    """Do nothing with a report."""
+    """Ignore a report."""
 
 
 class NotConverged(RuntimeError):
@@ -55,7 +56,7 @@ class Unbalanced(NotConverged):
 
 
 class Diverging(RuntimeError):
-    """The iteration blows up."""
+    """The iteration diverges."""
 
 
 class TooSmall(RuntimeError):
@@ -63,19 +64,19 @@ class TooSmall(RuntimeError):
 
 
 class Unstable(RuntimeError):
-    """An equilibrium that was found, but is not stable or not a continuation of the one before."""
+    """An equilibrium that is not stable, or not a continuation of the previous one."""
 
 
 class TooFar(RuntimeError):
-    """An increment whose first guess strains the body more than a solver could put right."""
+    """An increment whose first guess strains the body too much for a solver to converge."""
 
 
 class RanAway(RuntimeError):
-    """A body that loads carry far away within one increment, as they do beyond the greatest load that it bears."""
+    """A body that loads move far away within one increment, as happens beyond its limit load."""
 
 
 def note_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
-    """Return the words about modes without energy for a message about a failure; none if the force has no such modes."""
+    """Return the note on zero-energy modes for an error message; empty if the force has no such modes."""
     if not force.zero_energy_modes:
         return ""
     others = "force=bond-energy" if force.body.dimension == 3 else "force=analytic or force=bond-energy"
@@ -89,7 +90,7 @@ def strain_rounding(body: Body) -> float:
 
 
 def is_rigid(force: InternalForce) -> bool:
-    """Return whether the body has been moved as a whole, up to rounding, in the state last evaluated."""
+    """Return whether the body has moved without deformation, up to rounding, in the state last evaluated."""
     return strain_of(force) <= RIGID * strain_rounding(force.body)
 
 
@@ -108,11 +109,11 @@ class Equilibrium:
     residual : float
         Largest force density over the free components, in units of shear modulus / spacing.
     evaluations : int
-        Force evaluations it took.
+        Number of force evaluations.
     method : str
-        Name of the method that found it.
+        Name of the method that converged.
     drive : float
-        Sum of the sizes of all forces of the loads, or of all that hold the body, the greater of them; in the plane per unit thickness.
+        Driving forces: sum of the magnitudes of the loads or of the reactions, whichever is greater; per unit thickness in the plane.
     """
 
     residual: float
@@ -122,10 +123,10 @@ class Equilibrium:
 
 
 class EquilibriumSolver(ABC):
-    """A solver for equilibrium.
+    """Base class of the solvers for equilibrium.
 
-    Two conditions end the search: the residual is below the tolerance, and the forces left on the free points are small beside what drives
-    the body, or no more than rounding.
+    The search ends when two conditions hold: the residual is below the tolerance, and the forces left on the free points are small compared
+    with the driving forces, or no greater than rounding errors.
 
     Parameters
     ----------
@@ -133,9 +134,9 @@ class EquilibriumSolver(ABC):
         1 where a component may move, 0 where it is held.
     volumes : ndarray, shape (n,)
     tolerance : float
-        Of the residual, in units of shear modulus / spacing.
+        Tolerance of the residual, in units of shear modulus / spacing.
     most_evaluations : int
-        Per call of `solve`.
+        Maximum number of force evaluations in a call of `solve`.
     share : Share, optional
     """
 
@@ -143,7 +144,7 @@ class EquilibriumSolver(ABC):
     needs_energy = False
     """True for methods that need a force with an energy."""
     gave_up = False
-    """True once a quicker method has failed on this body: all that a solver remembers from one call to the next."""
+    """True once a faster method has failed on this body; a solver keeps no other state between calls."""
 
     def __init__(
         self,
@@ -173,24 +174,24 @@ class EquilibriumSolver(ABC):
         ----------
         force : InternalForce
         positions : ndarray, shape (n, 2)
-            A start; the equilibrium on return, and the last state reached if an error is raised.
+            Initial positions; the equilibrium on return, or the last state reached if an error is raised.
         tolerance : float, optional
-            Instead of the solver's own, for states on the way: there the forces left are not held against what drives the body.
+            Tolerance in place of the solver's own, for intermediate states: there the forces left are not compared with the driving forces.
         report : callable
             Called every few evaluations.
         least_drive : float
-            What drives the body counts for no less: of a body that comes back to rest, what drove it before.
+            Lower bound of the driving forces: for a body that returns to rest, the forces that drove it before.
 
         Raises
         ------
         NotConverged
-            After `most_evaluations`.
+            If the search has not ended after `most_evaluations`.
         Diverging, InvalidState
-            Where the start has no force, or the iteration leaves the states that have one even with small steps.
+            If the initial state has no force, or the iteration reaches states without one even with small steps.
         """
 
     def preconditioner(self, force: InternalForce) -> Preconditioner:
-        """Return the approximation of the tangent of the force, made on first use."""
+        """Return the approximation of the tangent of the force, built on first use."""
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free)
             supports = getattr(force, "supports", None)
@@ -201,13 +202,13 @@ class EquilibriumSolver(ABC):
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Return the largest force density in units of shear modulus / spacing, see `InternalForce.force_scale`."""
         unit, volumes = force.force_scale, self.volumes
-        if isinstance(unit, np.ndarray):  # several materials: every point by its own
+        if isinstance(unit, np.ndarray):  # with several materials every point has its own scale
             unit, volumes = 1.0, volumes * unit
         greatest = self.share.greatest(greatest_force_density[forces.shape[1]](forces, self.free, volumes))
         return greatest * force.body.spacing / unit
 
     def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:
-        """Write the forces on the free components to `out`, shape (n, d), 0 on held ones; those are kept for what drives the body."""
+        """Write the forces on free components to `out`, shape (n, d), 0 on held ones, whose forces are kept as driving forces."""
         force(positions, out)
         components = out.reshape(-1)
         self._on_held = components[self._held]
@@ -225,7 +226,7 @@ class EquilibriumSolver(ABC):
         Raises
         ------
         TooSmall
-            If the forces left would have to be smaller than single precision can tell.
+            If the forces left would have to be smaller than single precision resolves.
         """
         residual = self.residual(force, forces)
         if not residual <= tolerance or tolerance > self.tolerance:
@@ -249,16 +250,16 @@ class EquilibriumSolver(ABC):
 
     @property
     def at_rounding(self) -> bool:
-        """True once the forces left may be due to rounding."""
+        """Whether the forces left may be rounding errors."""
         return self._least_left < np.inf
 
     @property
     def share_left(self) -> float:
-        """Sum of the forces on the free points that may be left, over what drives the body."""
+        """Permitted sum of the forces on free points, relative to the driving forces."""
         return min(UNBALANCED, PER_TOLERANCE * self.tolerance)
 
     def _holding(self, force: InternalForce) -> float:
-        """Return the sum of the sizes of all forces on held components and across planes of reflection."""
+        """Return the sum of the magnitudes of all forces on held components and across planes of reflection."""
         crossing = self._crossing(force.body)
         across = np.abs(force.pair_forces(crossing)).sum() if len(crossing) else 0.0
         return self.share.total(float(np.abs(self._on_held).sum() + across))

@@ -85,7 +85,7 @@ def affine_extension(samples: Samples, spread_along: Callable[[np.ndarray], floa
 
 
 def _normal(directions: np.ndarray) -> np.ndarray:
-    """Return the normal to a direction in the plane (1, 2), or to two in space (2, 3), which turns with them."""
+    """Return the normal to one direction in the plane (1, 2), or to two in three dimensions (2, 3), which rotates with them."""
     return np.array([-directions[0, 1], directions[0, 0]]) if directions.shape[1] == 2 else np.cross(*directions)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 LEAST_SHARE = 1 / 64
-"""Least share of a planned increment: a solution that shorter ones do not find is taken not to exist."""
+"""Least share of a planned increment: a solution that increments of this share do not find is assumed not to exist."""
 
 
 class Increments:
@@ -32,7 +32,7 @@ class Increments:
         self._start, self._largest = start, largest
         self._count = max(1, int(np.ceil(abs(end - start) / largest - 1e-9)))
         self._planned = np.linspace(start, end, self._count + 1)
-        # In planned increments; a sum of powers of one half, so exact.
+        # The unit is the planned increment; sums of powers of one half are exact.
         self._done, self.share = done, share
 
     def describe(self) -> dict[str, float]:
@@ -62,7 +62,7 @@ class Increments:
         return float(abs(self._planned[-1] - self._planned[0]) * self.share / self._count)
 
     def accept(self, easy: bool = True) -> bool:
-        """Go on from the target; after an easy success with an increment twice as long where that is planned. Says whether it is longer."""
+        """Continue from the target, after an easy success with twice the increment if planned; return whether it is longer."""
         self._done += self.share
         longer = easy and self.share < 1 and (self._done / (2 * self.share)).is_integer()
         if longer:

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from .rigid import RigidRegion
 
 AT_REST = 1e-14
-"""Displacement over the extent of the body, or amplitude of a load, that counts as none: rounding leaves as much of a sine."""
+"""Displacement over the extent of the body, or amplitude of a load, that counts as zero: a sine has rounding errors of this size."""
 
 Amplitude = Callable[[float], float]
 
 
 @dataclass(frozen=True)
 class DeadLoad:
-    """A load whose forces keep their size and direction.
+    """Load whose forces keep their size and direction.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class DeadLoad:
 
 @dataclass(frozen=True)
 class Pressure:
-    """A pressure on some facets of the boundary.
+    """Pressure on some facets of the boundary.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Pressure:
     value : float
         Pressure where the amplitude is 1.
     deformed : bool
-        Whether it acts on the thickness that the sheet has in its deformed state.
+        Whether the pressure acts on the thickness of the deformed sheet.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Pressure:
 
 
 class _Facets:
-    """Facets that pressures act on; a facet that two pressures act on is here twice.
+    """Facets on which pressures act; a facet with two pressures occurs twice.
 
     A facet may depend on points of several shares, so that all shares evaluate all facets together.
 
@@ -86,7 +86,7 @@ class _Facets:
     share : Share
     surface : Surface
     pressures : dict of Pressure
-        By the number of the load.
+        Pressures by the number of the load.
 
     Attributes
     ----------
@@ -103,14 +103,14 @@ class _Facets:
         self._undeformed = np.repeat([not pressure.deformed for pressure in pressures.values()], counts)
         self.needs_thickness = not self._undeformed.all()
         corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
-        # Only the points that the facets depend on: the work of an evaluation is in proportion to the boundary.
+        # Only points that the facets depend on are used, so that the work of an evaluation is proportional to the boundary.
         self._points = np.unique(np.concatenate([rows.points() for rows in corners]))
         first, *others = (rows.of_points(self._points) for rows in corners)
         self._middle = Following.mean([first, *others])
         self._sides = [other - first for other in others]
         self._spread = self._middle.T
         self._pressures = np.zeros(len(facets))
-        # Enclosed volumes are measured about a place within the body, where least is lost to rounding.
+        # Enclosed volumes are measured about a place within the body, which minimises rounding errors.
         self._origin = surface.nodes.mean(axis=0)
         start = surface.nodes[surface.facets[facets]] - self._origin
         self._enclosed_at_rest = _enclosed(start.mean(axis=1), [start[:, end] - start[:, 0] for end in range(1, start.shape[1])])
@@ -193,7 +193,7 @@ class Loads:
     body : Body
     loads : sequence of DeadLoad or Pressure
     surface : callable
-        Returns the boundary of the body; called where there is a pressure.
+        Function that returns the boundary of the body; called only if there is a pressure.
 
     Attributes
     ----------
@@ -280,7 +280,7 @@ class Loads:
         Raises
         ------
         TypeError
-            If they have none.
+            If the loads have no potential.
         """
         if not self.conservative:
             raise TypeError(f"these loads have no potential: {self.no_potential_because}")
@@ -306,7 +306,7 @@ class Loads:
         return self._summed(positions, thickness, lambda places, forces: forces)
 
     def displacements(self, positions: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the mean displacement of what the loads act on, shape (d,), by name; loads of one name are averaged together.
+        """Return the mean displacement of the parts that loads act on, shape (d,), by name; loads of one name are averaged together.
 
         Points count in proportion to their part of a force, so that its work is force times displacement.  A pressure moves with the
         middles of its facets.
@@ -332,7 +332,7 @@ class Loads:
     def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the moment of the loads in a state about a place (d,), by name; loads of one name are summed.
 
-        It is a number, counter-clockwise, in the plane, and a vector of shape (3,) in space.
+        The moment is a counter-clockwise number in the plane and a vector of shape (3,) in three dimensions.
         """
         return self._summed(positions, thickness, lambda places, forces: _cross(places - about, forces))
 
@@ -355,11 +355,11 @@ class Loads:
 
 
 class LoadedForce:
-    """An internal force with loads, supports at places and rigid regions: the force of solvers where a body has any of them.
+    """Internal force with loads, supports at places and rigid regions, which solvers use for a body that has any of them.
 
-    All else that solvers use is the internal force's own. Positions that it is called with are brought, in place, to the nearest ones in
-    which regions are rigid. Forces on the points of a region are those of the same resultant that move it as one body, so that any solver
-    that divides them by volumes, or by `RigidStiffness`, takes steps in the motions of the region.
+    All other attributes are those of the internal force. A call moves its positions, in place, to the nearest ones in which regions are
+    rigid. Forces on the points of a region are replaced by forces of the same resultant that move it as one body, so that any solver that
+    divides them by volumes, or by `RigidStiffness`, steps in the rigid motions of the region.
 
     Parameters
     ----------
@@ -385,7 +385,7 @@ class LoadedForce:
         self.has_energy = internal.has_energy and self.no_energy_because is None
 
     def __getattr__(self, name: str):
-        if name == "internal":  # while an object is being copied
+        if name == "internal":  # the attribute is missing while an object is being copied
             raise AttributeError(name)
         return getattr(self.internal, name)
 
@@ -395,7 +395,7 @@ class LoadedForce:
         Raises
         ------
         InvalidState
-            Where the state has no force, or a region cannot follow what is prescribed.
+            If the state has no force, or a region cannot follow the prescribed displacements.
         OutsideDomain
             See `InternalForce`.
         """

@@ -12,7 +12,7 @@ from .quasi_newton import QuasiNewton
 class EnergyMinimiser(QuasiNewton):
     """L-BFGS from the preconditioner that suits the force, each step along a direction in which the energy falls.
 
-    A step is taken where the energy falls enough, or, where its change is lost in rounding, where the slope along the step says so.
+    A step is accepted if the energy falls enough or, if its change is lost in rounding, by a condition on the slope along the step.
 
     References
     ----------
@@ -23,7 +23,7 @@ class EnergyMinimiser(QuasiNewton):
     NO_STEP = "no step along the direction of descent brings the energy down"
     needs_energy = True
 
-    # Each step lowers the energy: there is no need to give up early.
+    # Each step lowers the energy, so the method need not give up early.
     PATIENCE = 2_000
     SUFFICIENT = 1e-4
     # Rounding of the energy by precision of the pass, in units of shear modulus times volume.

@@ -1,4 +1,4 @@
-"""A cycle of multigrid for Laplacians of scattered points, which costs a few products with the matrix whatever their number."""
+"""A cycle of multigrid for Laplacians of scattered points, which costs a few products with the matrix for any number of points."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def factor_of(matrix: sparse.sparray):
 class Multigrid:
     """Smoothed aggregation over boxes of points, coarser levels visited twice (a W cycle).
 
-    One cycle is a symmetric positive definite operator near the inverse of the matrix, a fixed one: what a preconditioner asks for.  It is
-    done in single precision.  Boxes divide the points evenly: a last layer of boxes that is one point thick lets errors stand beside it,
-    of which the energy tells little and the strain much.
+    One cycle is a fixed, symmetric positive definite operator near the inverse of the matrix, as a preconditioner must be. It uses single
+    precision. Boxes divide the points evenly: next to a last layer of boxes that is one point thick errors would remain that are small in
+    the energy and large in the strain.
 
     Parameters
     ----------
     matrix : sparse.csr_array, shape (n, n)
-        Symmetric and positive definite, with no positive entries beside the diagonal but those of images.
+        Symmetric and positive definite, without positive off-diagonal entries but those of images.
     points : ndarray, shape (n, d)
     spacing : float
         Mean distance of neighbouring points.
@@ -48,7 +48,7 @@ class Multigrid:
     """
 
     def __init__(self, matrix: sparse.csr_array, points: np.ndarray, spacing: float, free: np.ndarray, width: int = 1) -> None:
-        # In single precision whatever the units: powers of two, which change no digit.
+        # Powers of two scale the values into the range of single precision, in any units, without rounding.
         self._unit = power_of_two(matrix.diagonal().mean())
         matrix = matrix / self._unit
         # Rows of three are read as four.
@@ -106,11 +106,11 @@ class _Level:
     Attributes
     ----------
     right, found, rest, first : ndarray of float32, shape (n, held)
-        Right hand side, solution, what is left of the one or another solution on the way, and the solution of a first visit.
+        Right-hand side, solution, residual or intermediate solution, and the solution of a first visit.
     down, up : Chain or None
-        What is done before and after the next coarser level, to whose right hand side and from whose solution; None on the coarsest.
+        Passes before and after the next coarser level, to its right-hand side and from its solution; None on the coarsest.
     take_rest : Chain or None
-        Finds what the solution leaves of the right hand side.
+        Pass that computes the residual of the solution.
     """
 
     def __init__(self, count: int, held: int) -> None:
@@ -141,7 +141,7 @@ def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
     least = points.min(axis=0) - spacing / 2
     extent = points.max(axis=0) + spacing / 2 - least
     counts = np.maximum(1, np.rint(extent / (COARSENING * spacing))).astype(np.int64)
-    # Points between two boxes fall to the same side whatever their last digit.
+    # Points between two boxes are assigned to the same side, independent of rounding.
     cells = np.floor((points - least) / extent * counts + 1e-9).astype(np.int64)
     return np.ravel_multi_index(tuple(cells.T), tuple(counts))
 

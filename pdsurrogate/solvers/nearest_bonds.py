@@ -14,9 +14,9 @@ from ..ranks import Share
 from .multigrid import Multigrid, factor_of
 
 REACH = 1.3
-"""Length, in spacings, up to which bonds make the matrix: four bonds to a point on a grid, and those of points that lie off it.
+"""Greatest length, in spacings, of the bonds in the matrix: four bonds per point on a grid, and those of points off the grid.
 
-With the diagonals the factor has four times the entries and takes four times as long, for a tenth fewer steps.
+With the diagonals the factor has four times the entries and costs four times as much, for a tenth fewer steps.
 """
 
 ELONGATION = 6.0
@@ -32,10 +32,10 @@ MOST_FACTORISED = {2: 300_000, 3: 5_000}
 """Points up to which a Laplacian is factorised, by dimension. The factor fills up; beyond, a multigrid cycle replaces it."""
 
 RAISED = 4 / 3
-"""Factor of the Laplacian that stands for the tangent of a nearly incompressible body, over that of rubber at rest.
+"""Factor of the Laplacian that approximates the tangent of a nearly incompressible body, relative to that of rubber at rest.
 
 Stretch and pressure stiffen the tangent. Of 1, 1.25, 1.5 and 2 (bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu) the
-middle two take a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
+middle two need a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
 """
 
 
@@ -193,7 +193,7 @@ def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
 
 
 def by_components(operators: list[Callable[[np.ndarray], np.ndarray]], values: np.ndarray) -> np.ndarray:
-    """Return what one operator for each component makes of values (n, d); an operator for all components takes them at once."""
+    """Apply one operator to each component of values (n, d), or a common operator to all components at once."""
     if all(operator is operators[0] for operator in operators):
         return operators[0](values)
     return np.stack([operator(column) for operator, column in zip(operators, values.T, strict=True)], axis=1)
@@ -202,7 +202,7 @@ def by_components(operators: list[Callable[[np.ndarray], np.ndarray]], values: n
 def drifting_axes(body: Body, free: np.ndarray) -> np.ndarray:
     """Return the axes along which nothing holds a body.
 
-    A uniform force along them has no place in equilibrium, and is left out rather than divided by the shift.
+    No equilibrium exists under a uniform force along them, so it is removed rather than divided by the shift.
     """
     return np.flatnonzero(~body.share.any((body.ghosts.parity < 0).any(axis=0) | (free == 0).any(axis=0)))
 
@@ -267,7 +267,7 @@ class NearestBondLaplacian(Preconditioner):
 
 
 def _inverse(body: Body, matrix: sparse.sparray, free: np.ndarray, width: int) -> Callable[[np.ndarray], np.ndarray]:
-    """Return what solves with a Laplacian, for so many right hand sides at once."""
+    """Return an operator that solves with a Laplacian, for `width` right-hand sides at once."""
     if len(body) > MOST_FACTORISED[body.dimension]:
         return Multigrid(matrix.tocsr(), body.points, body.spacing, free > 0, width).cycle
     return factor_of(matrix).solve

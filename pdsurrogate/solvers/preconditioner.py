@@ -17,10 +17,10 @@ EXTENDED = 3e-4
 """Share of the forces of held components that a first guess may leave, in the norm of the energy."""
 
 NEARLY_SOLVED = 0.1
-"""Share of a change of volume that may be left, over mu/K: the energy of what is left is then small against that of the shear."""
+"""Permitted residual share of a change of volume, over mu/K: its energy is then small compared with that of the shear."""
 
 MOST_STEPS = 100
-"""Most steps of conjugate gradients for the pressures or a first guess; some tens are taken."""
+"""Maximum number of conjugate-gradient steps for the pressures or a first guess; some tens are usual."""
 
 EXPONENT_ERROR = 0.5
 """Greatest relative error of the polynomial that preconditions the system of the pressures."""
@@ -111,7 +111,7 @@ class IncompressibleStiffness(Preconditioner):
     Attributes
     ----------
     steps : int
-        Taken for the pressures so far; each costs about as much as two thirds of a force evaluation and a solution with A.
+        Conjugate-gradient steps for the pressures so far; each costs about two thirds of a force evaluation and a solution with A.
     """
 
     def __init__(self, force: InternalForce, laplacian: Preconditioner) -> None:
@@ -123,7 +123,7 @@ class IncompressibleStiffness(Preconditioner):
         self.steps = 0
 
     def update(self) -> None:
-        """Take the state that the force was last evaluated in."""
+        """Update the operator to the state in which the force was last evaluated."""
         self._dilatation.take()
 
     def solve(self, forces: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Equilibrium by a preconditioned quasi-Newton method, with dynamic relaxation to fall back on."""
+"""Equilibrium by a preconditioned quasi-Newton method, with dynamic relaxation as the fallback."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from .extension import strain_of_step
 
 
 class QuasiNewton(EquilibriumSolver):
-    """L-BFGS on the residual force, from the preconditioner that suits it.
+    """L-BFGS on the residual force, with the preconditioner of that force.
 
-    The force map is not the gradient of an energy, so there is no line search on one: steps are bounded by the stretch they cause and
-    shortened where the residual grows.  Where the tangent is far from symmetric, or has modes that the stiffness of
-    the nearest bonds does not (NOSB), it fails within a bounded number of evaluations, and says so.
+    The force map is not the gradient of an energy, so that no line search on one is possible: steps are bounded by the stretch that they
+    cause and shortened if the residual grows. If the tangent is far from symmetric, or has modes that the stiffness of the nearest bonds
+    lacks (NOSB), the method fails with an error within a bounded number of evaluations.
 
     References
     ----------
@@ -28,9 +28,9 @@ class QuasiNewton(EquilibriumSolver):
     NO_STEP = "no step along the quasi-Newton direction brings the residual down"
 
     MEMORY = 6
-    # Change of a bond's stretch in one step: beyond it the tangent has little to do with the next one.
+    # Greatest change of a bond's stretch in one step: beyond it the tangent differs too much from the next one.
     LARGEST_STRAIN = 0.25
-    # Growth of the residual's norm that is still let pass: on the way from a rough start it need not fall at every step.
+    # Accepted growth of the residual's norm: from a rough start it need not fall in every step.
     MOST_GROWTH = 2.0
     LEAST_STEP = 1e-4
     # Evaluations after which a method that suits has converged, as it does in 20 to 60, or comes on, as on slender bodies that bend: the
@@ -80,7 +80,7 @@ class QuasiNewton(EquilibriumSolver):
         step *= min(1.0, self.LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
 
     def _advance(self, force, positions, step, forces, trial):
-        """Take the longest part of a step that is accepted; returns the forces there, and scales `step` to what was taken."""
+        """Move by the longest accepted part of a step, scale `step` to it, and return the forces there."""
         accepts, following, share = self._criterion(force, step, forces), np.empty_like(forces), 1.0
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
@@ -99,7 +99,7 @@ class QuasiNewton(EquilibriumSolver):
         raise Diverging(self.NO_STEP)
 
     def _criterion(self, force, step, forces) -> Callable[[np.ndarray, float], tuple[bool, float]]:
-        """Return the rule that accepts forces after a share of a step, or says by which factor to shorten it."""
+        """Return the rule that accepts forces after a share of a step, or returns the factor by which to shorten it."""
         square = self.share.dot(forces, forces)
         return lambda following, share: (self.share.dot(following, following) <= self.MOST_GROWTH**2 * square, 0.5)
 

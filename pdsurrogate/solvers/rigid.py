@@ -16,10 +16,10 @@ from .multigrid import factor_of
 from .nearest_bonds import Preconditioner, Springs, held_matrix
 
 MOST_STEPS = 30
-"""Newton steps by which a region is brought to where its held components are; from the last state two or three are taken."""
+"""Maximum number of Newton steps that bring a region to the places of its held components; from the last state two or three suffice."""
 
 HELD = 1e-6
-"""Distance of held components from any place that the region can take as one body, over its size, that is refused."""
+"""Distance of held components from every rigid placement of the region, relative to its size, beyond which they are rejected."""
 
 INDEPENDENT = 1e-9
 """Singular value of the held components, over the greatest, below which a motion of the region is free."""
@@ -54,7 +54,7 @@ class RigidRegion:
 
     @property
     def n_motions(self) -> int:
-        """Translations and turns: 3 in the plane, 6 in space."""
+        """Number of rigid translations and rotations: 3 in the plane, 6 in three dimensions."""
         return 3 if self._arms.shape[1] == 2 else 6
 
     @property
@@ -63,12 +63,12 @@ class RigidRegion:
         return len(self._free_motions(self.motions(self._middle + self._arms)).T) == 0
 
     def snap(self, positions: np.ndarray) -> None:
-        """Bring the region to the nearest place that it can take as one body and in which held components are where they are given.
+        """Move the region to the nearest rigid placement in which held components have their given positions.
 
         Raises
         ------
         InvalidState
-            If there is none.
+            If no such placement exists.
         """
         given = positions[self.points]
         goals = given[self._held]
@@ -112,7 +112,7 @@ class RigidRegion:
     def describe(self, positions: np.ndarray, forces: np.ndarray) -> dict:
         """Return, for results, force and moment about the origin of forces (n, d) on the region, and its displacement and rotation.
 
-        The displacement is that of its middle; the rotation is in degrees, in space along the axis that it turns about.
+        The displacement is that of its middle; the rotation is in degrees, in three dimensions a vector along the axis.
         """
         placed, forces = positions[self.points], forces[self.points]
         middle = self._volumes @ placed / self._volumes.sum()
@@ -125,7 +125,7 @@ class RigidRegion:
         }
 
     def take(self, placed: np.ndarray) -> None:
-        """Take places (k, d), at which forces are then carried and displacements expanded."""
+        """Set the places (k, d) at which later calls carry forces and expand displacements."""
         self._motions = self.motions(placed)
         free = self._free_motions(self._motions)
         self.projector = free @ free.T
@@ -144,8 +144,8 @@ class RigidRegion:
     def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
         """Replace forces on the region's points at given positions, both (n, d), in place.
 
-        Those with the same resultant that accelerate all points as one body take their place. What held components bear of the resultant
-        is on these: the least forces that do.
+        The new forces have the same resultant and accelerate all points as a rigid body. The part of the resultant that held components
+        bear is on these components, as the least forces that balance it.
         """
         self.take(positions[self.points])
         resultant = self.resultant(forces[self.points])
@@ -205,14 +205,14 @@ def _nearest_turn(matrix: np.ndarray) -> np.ndarray:
 
 
 def _rotation_of(turn: np.ndarray) -> np.ndarray:
-    """Return the angle of a rotation in the plane; in space the vector along its axis of that length."""
+    """Return the angle of a rotation in the plane; in three dimensions the vector of that length along its axis."""
     if len(turn) == 2:
         return np.arctan2(turn[1, 0], turn[0, 0])
     return Rotation.from_matrix(turn).as_rotvec()
 
 
 def _turn_by(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation by an angle in the plane (1,), or by a vector along its axis in space (3,)."""
+    """Return the rotation by an angle in the plane (1,), or by a vector along its axis in three dimensions (3,)."""
     if len(vector) == 3:
         return Rotation.from_rotvec(vector).as_matrix()
     cosine, sine = np.cos(vector[0]), np.sin(vector[0])

@@ -26,16 +26,16 @@ from .nearest_bonds import (
 from .stability import random_vector
 
 SOLVED, EXACTLY = 0.05, 1e-6
-"""Shares of the forces that inner conjugate gradients leave, and those that stand for a factor.
+"""Shares of the forces that inner conjugate gradients leave: in general, and where they replace a factor.
 
-Restricted Schwarz alone, which exchanges less, was tried for few parts: a ring under pressure then takes 173 evaluations on two
-ranks and 273 on three, where one takes 76 and conjugate gradients 78 on two."""
+Restricted Schwarz alone, which exchanges less, was tried for few parts: a ring under pressure then needs 173 evaluations on two
+ranks and 273 on three, while one rank needs 76, and two with conjugate gradients 78."""
 
 MOST_STEPS = 200
 
 LEFT_BY_CHEBYSHEV = 0.2
-"""Share of any component of an error that Chebyshev's method may leave.  A cycle of multigrid, which takes the place of a factor in
-large bodies that are all there, leaves as much."""
+"""Share of any component of an error that Chebyshev's method may leave. A cycle of multigrid, which replaces a factor in large bodies
+on one rank, leaves as much."""
 
 LANCZOS_STEPS = 20
 """Steps after which the ends of a spectrum are known well enough for Chebyshev's method."""
@@ -63,7 +63,7 @@ class TwoLevels:
     Attributes
     ----------
     inside : ndarray, shape (n, d)
-        1 for what this part inverts the stiffness of, which `invert` is to be set to do.
+        1 for the rows whose stiffness this part inverts with `invert`, which the caller sets.
     invert : callable
 
     References
@@ -95,7 +95,7 @@ class TwoLevels:
     def balanced(self, values: np.ndarray) -> np.ndarray:
         """Return values less their mean along the axes in which nothing holds the body, with zeros on the halo; changed in place.
 
-        Of a body that drifts only balanced forces have an answer: others have conjugate gradients go on for ever.
+        For a body that can drift only balanced forces have a solution; with others conjugate gradients would not end.
         """
         remove_drift(values, self._drifting, self._share)
         self._share.clear(values)
@@ -123,7 +123,7 @@ class TwoLevels:
         if self._coarse is None:
             points, share, (n, d) = self._body.points, self._share, self._free.shape
             middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
-            # In one unit for all: each rank forms the motions of its neighbours as well.
+            # All ranks use the same unit, since each forms the motions of its neighbours as well.
             arms = (points - middle) / self._body.extent
             functions = np.column_stack([np.ones(n), arms])
             motions = np.zeros((d, d + 1, n, d))
@@ -204,7 +204,7 @@ class SchwarzLaplacian(Preconditioner):
 
     @cached_property
     def _ends(self) -> tuple[float, float, int]:
-        """Ends of the spectrum, and the steps that leave `LEFT_BY_CHEBYSHEV` of what is between them."""
+        """Ends of the spectrum, and the number of steps that reduce errors between them to `LEFT_BY_CHEBYSHEV`."""
         least, greatest = self._levels.spectrum()
         greatest *= MARGIN
         middle = (greatest + least) / (greatest - least)

@@ -61,17 +61,17 @@ def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
 
 
 PROBES = {"float64": 1e-6, "float32": 1e-3}
-"""Strain of the differences that give the tangent, by the precision of the pass.
+"""Strain of the difference quotients that approximate the tangent, by the precision of the pass.
 
-In double precision they are taken to one side: what the second derivative adds is the strain times K/mu.  In single precision rounding asks
-for a greater strain, and they are taken to both sides: their error is its square, and rounding a ten-thousandth.
+In double precision they are one-sided, with an error from the second derivative of the strain times K/mu. In single precision rounding
+requires a greater strain, and they are central: their error is the square of the strain, and that of rounding a ten-thousandth.
 """
 
 MOST_PRODUCTS = 25
-"""Steps of Lanczos' method; the preconditioned spectrum of a stable body is some tenths to a few, and what lies below is found in ten."""
+"""Maximum number of Lanczos steps; the preconditioned spectrum of a stable body is some tenths to a few, and ten find values below."""
 
 KNOWN = 1 / 3
-"""Bound of the error of the least Ritz value, over the value, with which a positive one is taken for the least curvature."""
+"""Relative error bound of the least Ritz value below which a positive one is accepted as the least curvature."""
 
 NEGATIVE = -0.01
 """Curvature, over that of the body at rest, that counts as negative."""

@@ -20,19 +20,19 @@ class SteppingSolver(EquilibriumSolver):
     # A residual beyond this many times its first value (or shear modulus / spacing) is not coming back.
     MOST_GROWTH = 1e3
     MOST_RESTARTS = 6
-    # In single precision a residual that has not fallen by a tenth for so many evaluations stands at what rounding leaves of it.
-    # On its way down it swings with the slowest mode, which takes some hundreds of evaluations.
+    # In single precision a residual that has not fallen by a tenth for so many evaluations has reached its rounding error.
+    # While it falls, the residual oscillates with the slowest mode, whose period is some hundreds of evaluations.
     PATIENCE = 3_000
 
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
-        # Anew for every call, so that a run that was resumed does what an uninterrupted one does.
+        # The state is new in every call, so that a resumed run repeats an uninterrupted one.
         self.frequency = FrequencyEstimate(self.volumes, self.free, self.share)
         for restart in range(self.MOST_RESTARTS):
             try:
                 return self._iterate(force, positions, tolerance or self.tolerance, 2.0**restart, began, report, least_drive)
             except (InvalidState, Diverging):
-                # The tangent may stiffen on the way beyond what the step allows: begin again, with more caution.
+                # The tangent may stiffen beyond the stability limit of the step: restart with a larger fictitious mass.
                 if restart == self.MOST_RESTARTS - 1:
                     raise
                 positions[:] = start
@@ -89,7 +89,7 @@ class DynamicRelaxation(SteppingSolver):
 
     name = "relaxation"
 
-    # By how much the fictitious mass exceeds the least stable one: room for the tangent to stiffen on the way.
+    # Ratio of the fictitious mass to the least stable one, with a margin for a tangent that stiffens on the way.
     MARGIN = 2.0
 
     def prepare(self, force, positions, caution):

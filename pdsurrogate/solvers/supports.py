@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SupportAtPlace:
-    """The points that are equally near to a place, one of which moves so that they all do in the mean what is prescribed.
+    """Support of the points equally near to a place, one of which moves so that their mean displacement is the prescribed one.
 
     Attributes
     ----------
     place : ndarray, shape (d,)
         Mean of their places at rest.
     count : int
-        How many they are.
+        Number of these points.
     others : ndarray of int, shape (count - 1,)
-        All but the held one; on several ranks those that are here.
+        All points but the held one; on several ranks only the local ones.
     """
 
     place: np.ndarray
@@ -58,7 +58,7 @@ class Supports:
         self.set(0.0)
 
     def set(self, parameter: float) -> None:
-        """Take what is prescribed at a value of the loading parameter."""
+        """Set the prescribed displacements at a value of the loading parameter."""
         self._goals = [part.displacement(parameter) for part in self._parts]
 
     def place(self, positions: np.ndarray) -> None:
@@ -81,7 +81,7 @@ class Supports:
 
     @cached_property
     def fields(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """By support and component: weights (n, d) of the mean, and how the body follows its held point, scaled to a mean of 1."""
+        """Weights (n, d) of the mean and response of the body to the held point, scaled to a mean of 1, by support and component."""
         found = []
         for part in self._parts:
             for component in part.components:
@@ -94,7 +94,7 @@ class Supports:
 
 
 class SupportedPreconditioner(Preconditioner):
-    """A preconditioner of a body that is held at points, for the same held at places: R M R^T, with R u = u less what moves a place.
+    """Preconditioner R M R^T of a body supported at places, from M of the same body held at points; R u removes motions of the places.
 
     Parameters
     ----------

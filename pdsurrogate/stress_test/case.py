@@ -158,7 +158,7 @@ class Subject:
     reference : str
         Name as on the command line.
     quick : bool
-        Whether to take fewer steps, for tests and a first look.
+        Whether to use fewer steps, for tests and a first look.
     plane : {"stress", "strain", "space"}
         Plane stress, plane strain, or three dimensions.
     """
@@ -256,7 +256,7 @@ class Subject:
         `where` precedes the reason of a failure; `unstable` is the verdict if the equilibrium is not stable.
         """
         try:
-            with warnings.catch_warnings(action="ignore"):  # what a run warns of shows in what is measured
+            with warnings.catch_warnings(action="ignore"):  # warnings of a run are ignored, since the measured values show their cause
                 return simulate(scene, force or self.model, **options)
         except SimulationInterrupted:
             raise KeyboardInterrupt from None

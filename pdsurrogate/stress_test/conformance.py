@@ -560,7 +560,7 @@ MOMENTS = {"angular_momentum": Departure("moments", 0.1)}
 """Departure of every force computed from averaged features of a bond's ends."""
 
 NO_REST = dict.fromkeys(("small_loads", "force_balance", "scale_of_units"), Departure("zero-energy modes", None))
-"""Departures of a force by which a clamped block under a load does not come to rest."""
+"""Departures of a force with which a clamped block under a load does not converge to equilibrium."""
 
 TABLE = (
     Row("analytic", MOMENTS),

@@ -17,7 +17,7 @@ from ..scenes.reading import read_description
 from ..scenes.strict_model import Finite, Positive, StrictModel, Whole
 
 MOST_RUNS = 100_000
-"""Greatest number of runs of a study; a larger grid is taken for a mistake."""
+"""Greatest number of runs of a study; a larger grid is treated as a mistake."""
 
 USUAL = ("uniform", "loguniform", "norm", "truncnorm", "lognorm", "triang", "randint")
 """Distributions listed in the error message for an unknown one."""
@@ -100,7 +100,7 @@ class Fit(StrictModel):
 
 
 class Study(StrictModel):
-    """Many runs of a scene, or many fits.
+    """Description of many runs of a scene, or of many fits.
 
     Attributes
     ----------

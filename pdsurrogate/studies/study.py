@@ -236,7 +236,7 @@ def study(
             # Runs that ended in the meantime are included.
             ended |= _outcomes(folder / RUNS, left)
             reached = result()
-            write_text(folder / TABLE, as_csv(reached.rows))  # a figure takes its time
+            write_text(folder / TABLE, as_csv(reached.rows))  # drawing a figure is slow
             raise StudyInterrupted(reached) from None
         _write(reached := result())
     return reached
