@@ -4,6 +4,8 @@ import ast
 import re
 import subprocess
 import sys
+import tomllib
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
@@ -37,6 +39,14 @@ def test_stub_declares_every_public_name_from_its_home():
     rooms = {name for name, home in declared.items() if home is None}
     assert rooms == vars(pds)["_ROOMS"]
     assert {name: home for name, home in declared.items() if home is not None} == vars(pds)["_HOMES"]
+
+
+def test_mypy_checks_the_modules_that_define_public_names():
+    every = [*pds.__all__, *(f"{room}.{name}" for room, names in vars(pds)["_IN_ROOMS"].items() for name in names.split())]
+    modules = {getattr(attrgetter(name)(pds), "__module__", "pdsurrogate.materials") for name in every}
+    root = SCRIPTS.parents[1]
+    listed = set(tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["mypy"]["files"])
+    assert not [module for module in modules if not {f"{(path := module.replace('.', '/'))}.py", f"{path}/__init__.py"} & listed]
 
 
 OPTIONS = {"mypy": ["--config-file=", "--follow-imports=silent", "--ignore-missing-imports"], "pyright": ["--pythonpath", sys.executable]}
