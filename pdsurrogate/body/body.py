@@ -17,7 +17,7 @@ from .ghosts import Ghosts, ReflectionPlane
 
 @dataclass(frozen=True)
 class WeightFunction:
-    """A weight function w(l) of the bond length, non-zero up to the horizon.
+    """Weight function w(l) of the bond length, non-zero up to the horizon.
 
     Attributes
     ----------
@@ -25,8 +25,8 @@ class WeightFunction:
     function : callable
         ``function(length, horizon)`` returns w.
     moments : tuple of float
-        kappa divided by the horizon to the power 4 in the plane and 5 in space. The shape tensor of a full horizon is kappa I, with kappa =
-        pi times the integral of w r^3 dr over the horizon, or 4 pi/3 times that of w r^4 dr.
+        kappa divided by the horizon to the power 4 in the plane and 5 in three dimensions. The shape tensor of a full horizon is kappa I,
+        with kappa = pi times the integral of w r^3 dr over the horizon, or 4 pi/3 times that of w r^4 dr.
     """
 
     name: str

@@ -73,7 +73,7 @@ class Surface:
         Reference positions.
     facets : ndarray of int, shape (f, d)
         In the plane, first and second node of each facet, with the body on the left: the outward normal times the length is (t2, -t1) for t
-        from the first to the second. In space the three nodes of each, counter-clockwise as seen from outside. Facets that meet share their
+        from the first to the second. In 3D the three nodes of each, counter-clockwise as seen from outside. Facets that meet share their
         nodes, so that the boundary consists of closed chains or surfaces.
     parts : ndarray of str, shape (f,)
         Name of the part of the boundary: left, right, bottom, top, back or front on that side of the bounding box, outline elsewhere on the

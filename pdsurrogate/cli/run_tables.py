@@ -113,7 +113,7 @@ def _force_columns(result: Result) -> dict[str, list[float]]:
     zero = LEAST_SHOWN * min(1.0, _greatest([value for level in levels for force in level["forces"].values() for value in force]))
     for name in dict.fromkeys(name for level in levels for name in level["forces"]):
         forces = np.array([level["forces"][name] for level in levels])
-        # About x3 alone in the plane, about all three axes in space.
+        # In the plane about x3 only, in three dimensions about all three axes.
         moments = np.array([np.atleast_1d(level["moments"][name]) for level in levels])
         in_space, sizes = moments.shape[1] == 3, np.abs(moments).max(axis=0)
         shown = np.flatnonzero(np.abs(forces).max(axis=0) >= max(zero, LEAST_SHARE * sizes.max() / extent))

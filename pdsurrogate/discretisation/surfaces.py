@@ -26,7 +26,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     """Return the boundary of the body of a scene.
 
     Straight sides have facets of about a cell, ending at corners; of a rectangle, on the boundaries of cells.  Circles and ellipses have
-    facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In space facets are triangles of about a cell, on
+    facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In 3D facets are triangles of about a cell, on
     spheres of half a cell, see `boundary_of_solids`.  A mesh has the sides of its cells, quadrilaterals as four triangles about their
     middle.
 

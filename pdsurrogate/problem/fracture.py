@@ -12,14 +12,14 @@ from ..scenes.tip_diameter import TIP_DIAMETER, tip_diameter
 
 
 def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
-    """Critical bond stretch at which a crack runs once its energy release rate reaches the fracture energy.
+    """Return the critical bond stretch with which a crack grows once its energy release rate reaches the fracture energy.
 
     At a blunted tip rubber fails in uniaxial tension, and the fracture energy is the energy density at failure times an effective diameter
     of the tip (Thomas 1955).  Here the horizon sets that diameter, d = `tip_diameter` delta:
 
         G = psi_uniaxial(lambda_c) d,
 
-    so the stretch falls with the horizon while the energy stays.
+    so that at constant fracture energy the critical stretch decreases as the horizon grows.
 
     Parameters
     ----------
@@ -28,8 +28,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
         Energy per unit area of crack in the undeformed state, in units of stress times length.
     horizon : float
     tip_diameter : float
-        Diameter in horizons; by default that of sheets whose bonds have forces and no energy.  By `bond-energy` in space it is 1.2 with a
-        horizon of 1.75 spacings, and 0.83 with one of 2.2.
+        Diameter in horizons; by default that of sheets whose bonds have forces and no energy. With `bond-energy` in three dimensions it is
+        1.2 for a horizon of 1.75 spacings, and 0.83 for one of 2.2.
 
     Returns
     -------
@@ -65,8 +65,8 @@ def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:
     """Return the energy per undeformed area of a trouser tear at a given force on its legs.
 
-    While the tear goes on by dc each leg, in simple tension lambda, grows longer by lambda dc under the force F, and 2 b h dc of unstrained
-    material comes into the legs (Rivlin and Thomas 1953):
+    While the tear advances by dc, each leg, in simple tension lambda, lengthens by lambda dc under the force F, and a volume 2 b h dc of
+    unstrained material enters the legs (Rivlin and Thomas 1953):
 
         T = 2 F lambda / h - w(lambda),   w = 2 b psi(lambda),
 

@@ -40,7 +40,7 @@ class Checkpoints:
     Attributes
     ----------
     resumable : bool
-        Whether the folder holds a checkpoint of the run.
+        Whether the run has written or restored a checkpoint, from which it can resume.
     """
 
     def __init__(self, run: Run) -> None:

@@ -50,7 +50,7 @@ class Cracks:
                 error = invalid
             failed = self._bonds_of_failed_points()
             if share.any(len(failed) > 0):
-                # The evaluation was ahead by the viscosity.  What broke at these positions may have left a state that soon collapses, with
+                # The evaluation was ahead by the viscosity. Bonds broken at these positions may have left a state that soon collapses, with
                 # huge forces: they cancel in the sum of both releases if both are evaluated at the same positions.
                 run.force.place(run.positions)
                 self._break(failed)

@@ -64,7 +64,7 @@ def preview(scene: Scene) -> Figure:
     Raises
     ------
     SceneError
-        If the body cannot be built, a region is empty, or a run would refuse how the body is held and loaded.
+        If the body cannot be built, a region is empty, or the supports and loads of the body are invalid for a run.
 
     Examples
     --------

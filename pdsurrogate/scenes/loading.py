@@ -14,9 +14,9 @@ LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
 
 class Prescribed(StrictModel):
-    """Displacements of a region, component by component: a value times an amplitude; components that are not named are free.
+    """Prescribed displacements of a region: for each component a value times an amplitude; components without a value are free.
 
-    Points that are equally near to a place (``near``) move so in the mean.
+    For points equally near to a place (``near``) their mean displacement is prescribed.
     A rotation prescribes all components; the displacements x1, x2 and x3 are added to it.
 
     Attributes
@@ -27,13 +27,13 @@ class Prescribed(StrictModel):
     rotation : float, optional
         Angle in degrees by which the region is turned, counter-clockwise seen from where the axis points to.
     about : point, optional
-        Place that a rotation is about.
+        Centre of a rotation.
     axis : point, optional
         Direction of the axis of a rotation in three dimensions, of any length.
     amplitude : str or table
-        How values follow the loading parameter t.
+        Dependence of the values on the loading parameter t.
     name : str, optional
-        Under which its force is reported; by default the name of the region.
+        Name under which results report the force; by default the name of the region.
 
     Examples
     --------

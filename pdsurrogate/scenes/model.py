@@ -256,13 +256,14 @@ class Units(StrictModel):
 class Scene(StrictModel):
     """Complete description of a simulation: body, material, loading, solver and output.
 
-    Lengths and stresses are in the scene's own units throughout.  The loading is given in one of two ways.  The short one is two opposite
-    `grips` and `stretches`, the levels of the loading programme in the order given: the distance of the two grips over its undeformed
-    value.  The general one is `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins
-    at 0.  Of a body that `spacing` does not divide the nearest cells are taken that fill it; the horizon is `horizon_ratio` times the
-    smaller side of a cell, by default 3.15 in the plane and 1.75 in space.  A mesh has its own spacing, the side of a square or cube as
-    large as its cells are, and needs none.  The plane is one of stress where none is given, and space of
-    a body in space; places, directions and forces have as many components as the body has dimensions.
+    Lengths and stresses are in the scene's own units throughout. A scene defines its loading in one of two ways: either with two opposite
+    `grips` and `stretches`, the levels of the loading programme in order, each the distance of the grips over its undeformed value; or
+    with `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins at 0.
+
+    If `spacing` does not divide the body, its cells have the nearest sides that fill it. The horizon is `horizon_ratio` times the smaller
+    side of a cell, by default 3.15 in the plane and 1.75 in three dimensions. A mesh has its own spacing, the side of a square or cube as
+    large as its cells. By default `plane` is "stress" for a body in the plane, and "space" for a body in three dimensions. Places,
+    directions and forces have as many components as the body has dimensions.
 
     Examples
     --------

@@ -16,7 +16,7 @@ TIP_DIAMETERS = (
 )
 """Diameters that were measured: the family of the force models, the plane, horizons in spacings from and to, and the diameter in horizons.
 
-In space that at 2.2 is from trouser tears at a spacing of 2/3 mm, 0.82 and 0.84; tears at another spacing, and with another critical
+In 3D that at 2.2 is from trouser tears at a spacing of 2/3 mm, 0.82 and 0.84; tears at another spacing, and with another critical
 stretch, are predictions.  That at 1.75 is the mean of 1.29 and 1.13, of tears at two spacings (`docs/validation/cracks-in-space.md`).  In a
 sheet by `bond-energy` 1.15 gives 8 to 23 % too little, so it is not among them.  See `pdsurrogate.critical_stretch_of`."""
 

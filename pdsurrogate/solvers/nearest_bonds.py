@@ -1,4 +1,4 @@
-"""Stiffness of the nearest bonds of a body: the matrix that preconditioners and first guesses are made of, and its inverse."""
+"""Stiffness of the nearest bonds of a body, for preconditioners and first guesses: its matrix and the inverse."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ SHEAR_SHARE = 1 / 3
 """Stiffness of a spring across its bond over that along it; the true tangent has both."""
 
 SHIFT = 1e-6
-"""Share of the mean diagonal added to it, so that bodies free to drift have a factor too."""
+"""Share of the mean diagonal that is added to the diagonal, so that the matrices of bodies that can drift have a factor too."""
 
 MOST_FACTORISED = {2: 300_000, 3: 5_000}
-"""Points up to which a Laplacian is factorised, by dimension. The factor fills up; beyond, a multigrid cycle replaces it."""
+"""Greatest number of points for which a Laplacian is factorised, by dimension. A multigrid cycle replaces larger factors, which fill in."""
 
 RAISED = 4 / 3
 """Factor of the Laplacian that approximates the tangent of a nearly incompressible body, relative to that of rubber at rest.
@@ -40,10 +40,10 @@ middle two need a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
 
 
 class Preconditioner(ABC):
-    """An approximation of the tangent that is cheap to solve with."""
+    """Approximation of the tangent whose linear systems are cheap to solve."""
 
-    def update(self) -> None:  # noqa: B027 - most are the same in all states
-        """Adapt to the state in which the force was last evaluated."""
+    def update(self) -> None:  # noqa: B027 - most preconditioners are the same in all states
+        """Adapt the preconditioner to the state in which the force was last evaluated."""
 
     @abstractmethod
     def solve(self, forces: np.ndarray) -> np.ndarray:
@@ -51,7 +51,7 @@ class Preconditioner(ABC):
 
 
 class NearestBonds:
-    """Nearest bonds of a body, with stiffnesses so raised that these bonds have the second moment of all bonds.
+    """Nearest bonds of a body, with stiffnesses scaled so that these bonds have the second moment of all bonds.
 
     Parameters
     ----------
@@ -64,11 +64,11 @@ class NearestBonds:
     Attributes
     ----------
     first, second : ndarray of int, shape (k,)
-        Ends; `second` may be a ghost.
+        Ends of the bonds; `second` may be a ghost.
     within : ndarray of bool, shape (k,)
         Whether `second` is a point.
     sources : ndarray of int, shape (k,)
-        Point that `second` is or is an image of.
+        Point at `second`, or the point of which `second` is an image.
     stiffness : ndarray, shape (k,)
     along : ndarray, shape (k, d)
         Unit vectors from `first` to `second`.
@@ -81,7 +81,7 @@ class NearestBonds:
         volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         if isinstance(shear_moduli, np.ndarray):
             ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
-            # Two springs in series; the sum of inverses, since the product of two moduli may be out of range.
+            # Two springs in series, computed with inverses, since the product of two moduli may overflow.
             shear_moduli = 2 / (1 / ends[bonds.first] + 1 / ends[bonds.second])
         stiffness = factor * shear_moduli * body.weigh(length) * volumes / body.kappa
         near = length <= REACH * body.spacing
@@ -100,7 +100,7 @@ class NearestBonds:
         return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[self.second]
 
     def entries(self, values: np.ndarray, parity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rows, columns and values of the stiffness of springs of given values (k,); a ghost's force is not among the unknowns."""
+        """Return rows, columns and values of the stiffness of springs of given values (k,); forces on ghosts are not included."""
         first, second, within = self.first, self.second, self.within
         rows = np.concatenate([first, first, second[within], second[within]])
         columns = np.concatenate([first, self.sources, second[within], first[within]])
@@ -137,9 +137,9 @@ class Springs:
         return self.bonds.on_points(np.einsum("bij,bj->bi", self.blocks, changes))
 
     def matrix(self, rigid: np.ndarray | None = None) -> sparse.csc_array:
-        """Return the stiffness with no component held, shape (d n, d n), the components of a point together.
+        """Return the stiffness without held components, shape (d n, d n), with the components of a point in sequence.
 
-        Between points (n,) that are `rigid` there are no springs.
+        Springs between two points flagged in `rigid`, shape (n,), are omitted.
         """
         bonds, blocks, (n, d) = self.bonds, self.blocks, self.bonds.body.points.shape
         if rigid is not None:
@@ -157,9 +157,9 @@ class Springs:
 
 
 class Laplacian:
-    """Vector Laplacian of the nearest bonds times the shear modulus, `RAISED`; components do not act on each other.
+    """Vector Laplacian of the nearest bonds, times the shear modulus and `RAISED`, without coupling of components.
 
-    It is the tangent of an incompressible neo-Hookean body in every state, apart from that of the pressures.
+    Apart from the contribution of the pressures it is the tangent of an incompressible neo-Hookean body in every state.
 
     Attributes
     ----------
@@ -175,7 +175,7 @@ class Laplacian:
         return self.bonds.on_points(self.bonds.stiffness[:, None] * (moved[self.bonds.second] - moved[self.bonds.first]))
 
     def matrices(self) -> list[sparse.csr_array]:
-        """Return the matrix of each component, shape (n, n); one object serves components that ghosts continue with equal parity."""
+        """Return the matrix of each component, shape (n, n); components that ghosts continue with equal parity share one object."""
         bonds, n, made = self.bonds, len(self.bonds.body), {}
         keys = [column.tobytes() for column in bonds.body.ghosts.parity.T]
         for key, parity in zip(keys, bonds.parity().T, strict=True):
@@ -187,7 +187,7 @@ class Laplacian:
 
 
 def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
-    """Return a stiffness with the rows of held components, where `free` is 0, made those of the identity, and `SHIFT` added."""
+    """Return a stiffness with identity rows for held components, where `free` is 0, and with `SHIFT` added."""
     keep, mean = sparse.diags_array(free), matrix.diagonal().mean()
     return keep @ matrix @ keep + sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
 
@@ -200,7 +200,7 @@ def by_components(operators: list[Callable[[np.ndarray], np.ndarray]], values: n
 
 
 def drifting_axes(body: Body, free: np.ndarray) -> np.ndarray:
-    """Return the axes along which nothing holds a body.
+    """Return the axes along which a body is not held.
 
     No equilibrium exists under a uniform force along them, so it is removed rather than divided by the shift.
     """
@@ -214,10 +214,10 @@ def remove_drift(values: np.ndarray, axes: np.ndarray, share: Share) -> None:
 
 
 class NearestBondStiffness(Preconditioner):
-    """The factorised stiffness of `Springs`.
+    """Factorised stiffness of `Springs`.
 
-    Its low modes are those of the true tangent within a factor that does not grow with the number of points, and its factor takes seconds
-    for 10^5 points.
+    Its low modes agree with those of the true tangent within a factor that does not grow with the number of points, and its factorisation
+    needs seconds for 10^5 points.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ class NearestBondStiffness(Preconditioner):
     shear_moduli : float or ndarray, shape (n,)
         Shear modulus of all points, or around each.
     free : ndarray, shape (n, d)
-        1 where a component may move; held ones get the identity.
+        1 where a component may move, 0 where it is held.
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
@@ -240,7 +240,7 @@ class NearestBondStiffness(Preconditioner):
 
 
 class NearestBondLaplacian(Preconditioner):
-    """Inverse of `Laplacian`, each component by itself: a factor, or a cycle of multigrid for large bodies.
+    """Inverse of `Laplacian`, component by component: a factor, or a multigrid cycle for large bodies.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from .rigid import RigidStiffness
 from .schwarz import EXACTLY, SchwarzLaplacian, SchwarzStiffness
 
 EXTENDED = 3e-4
-"""Share of the forces of held components that a first guess may leave, in the norm of the energy."""
+"""Permitted residual of a first guess, relative to the forces of held components, in the energy norm."""
 
 NEARLY_SOLVED = 0.1
 """Permitted residual share of a change of volume, over mu/K: its energy is then small compared with that of the shear."""
@@ -27,7 +27,7 @@ EXPONENT_ERROR = 0.5
 
 
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
-    """Return the preconditioner that suits the tangent of a force in which components (n, d) are free."""
+    """Return the preconditioner for the tangent of a force, with the given free components (n, d)."""
     body, moduli = force.body, force.stiffness_moduli
     if getattr(force, "rigid", ()):
         return RigidStiffness(force, free)
@@ -75,7 +75,7 @@ class Extension:
         planes : ndarray, shape (planes, d)
             Displacements of the planes.
         turns : ndarray, shape (planes, d, d), optional
-            Turns of planes, see `pdsurrogate.body.Ghosts.shifts`.
+            Rotations of planes, see `pdsurrogate.body.Ghosts.shifts`.
         """
         ghosts, held, share = self._body.ghosts, held.copy(), self._body.share
         share.fill(held)
@@ -95,16 +95,16 @@ class Extension:
 
 
 class IncompressibleStiffness(Preconditioner):
-    """An approximation of the tangent of a nearly incompressible body, A + D^T C D, that is solved for displacements (theory (58), (59)).
+    """Approximation A + D^T C D of the tangent of a nearly incompressible body, whose systems are solved (theory (58), (59)).
 
-    A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C their stiffness against
-    it.  D is not approximated: a remainder of a change of volume costs K.  With pressures p for the unknowns the system has the size
+    A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C the stiffness against
+    it. D is exact, since an error in the change of volume is multiplied by K. In the pressures p as unknowns the system has the magnitude
     of the bulk compliance and not of K, (C^-1 + D A^-1 D^T) p = D A^-1 f, and a few steps of conjugate gradients solve it.
 
     Parameters
     ----------
     force : InternalForce
-        Nearly incompressible.
+        Force with a linearised dilatation.
     laplacian : Preconditioner
         Exact or approximate inverse of A: a fixed operator, symmetric and positive definite.
 

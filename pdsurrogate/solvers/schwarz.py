@@ -38,7 +38,7 @@ LEFT_BY_CHEBYSHEV = 0.2
 on one rank, leaves as much."""
 
 LANCZOS_STEPS = 20
-"""Steps after which the ends of a spectrum are known well enough for Chebyshev's method."""
+"""Number of Lanczos steps that determine the ends of a spectrum accurately enough for Chebyshev's method."""
 
 MARGIN = 1.1
 """Factor of the greatest Ritz value: Chebyshev's method magnifies components beyond the end of its interval."""
@@ -47,8 +47,8 @@ MARGIN = 1.1
 class TwoLevels:
     """Schwarz' method on two levels: the parts, and the affine motions of each.
 
-    A part inverts the stiffness of its own points and of those in its halo that have all their nearest bonds here; the others are held.
-    Its answer is added to those of its neighbours, and to the best of the motions that are affine in every part.
+    A part inverts the stiffness of its own points and of those halo points that have all their nearest bonds on this rank; other points
+    are held. Its solution is added to those of its neighbours, and to the best combination of motions that are affine in every part.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class TwoLevels:
         A part.
     shear_moduli : float or ndarray, shape (n,)
     multiply : callable
-        The stiffness times displacements (n, d) that are right on all points here, right on the points that are owned.
+        Product of the stiffness and displacements (n, d); with valid displacements on all local points it is valid on the owned points.
     free : ndarray, shape (n, d)
         Zero on the halo.
 
@@ -93,7 +93,7 @@ class TwoLevels:
         self._coarse: tuple[np.ndarray, np.ndarray] | None = None
 
     def balanced(self, values: np.ndarray) -> np.ndarray:
-        """Return values less their mean along the axes in which nothing holds the body, with zeros on the halo; changed in place.
+        """Subtract, in place, the mean of values along the axes in which the body is not held, set the halo to zero, and return the values.
 
         For a body that can drift only balanced forces have a solution; with others conjugate gradients would not end.
         """
@@ -102,7 +102,7 @@ class TwoLevels:
         return values
 
     def applied(self, displacements: np.ndarray) -> np.ndarray:
-        """Return the stiffness times displacements, whose halo is filled first."""
+        """Fill the halo of displacements, and return their product with the stiffness."""
         self._share.fill(displacements)
         return self._multiply(displacements) * self._free
 
@@ -183,7 +183,7 @@ class SchwarzStiffness(Preconditioner):
 class SchwarzLaplacian(Preconditioner):
     """Approximate inverse of `Laplacian` for a body in parts, by some steps of Chebyshev's method.
 
-    Unlike conjugate gradients these are the same operator for all forces, symmetric and positive definite, and need no sums over all ranks.
+    Unlike conjugate gradients they form one symmetric positive definite operator for all forces, and need no sums over all ranks.
 
     Parameters
     ----------

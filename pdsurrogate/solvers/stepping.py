@@ -15,9 +15,9 @@ from .stability import FrequencyEstimate
 
 
 class SteppingSolver(EquilibriumSolver):
-    """A solver that steps towards equilibrium, one force evaluation a step."""
+    """Base class of solvers that step towards equilibrium, with one force evaluation per step."""
 
-    # A residual beyond this many times its first value (or shear modulus / spacing) is not coming back.
+    # The iteration diverges if the residual exceeds this multiple of its first value (or of shear modulus / spacing).
     MOST_GROWTH = 1e3
     MOST_RESTARTS = 6
     # In single precision a residual that has not fallen by a tenth for so many evaluations has reached its rounding error.
@@ -40,7 +40,7 @@ class SteppingSolver(EquilibriumSolver):
 
     @abstractmethod
     def prepare(self, force: InternalForce, positions: np.ndarray, caution: float) -> Callable[[np.ndarray], None]:
-        """Set up for a start; returns a function that steps `positions`, given the forces there.
+        """Prepare a search, and return a function that steps `positions`, given the forces there.
 
         `caution` multiplies the squared frequency for which the step must be stable.
         """
@@ -77,7 +77,7 @@ class SteppingSolver(EquilibriumSolver):
 
 
 class DynamicRelaxation(SteppingSolver):
-    """Adaptive dynamic relaxation: fictitious masses for a unit time step, damping critical for the mode that moves.
+    """Adaptive dynamic relaxation: fictitious masses for a unit time step, and critical damping of the dominant mode.
 
     The frequency of that mode is the Rayleigh quotient of the velocity.
 
@@ -108,14 +108,14 @@ class DynamicRelaxation(SteppingSolver):
 
 
 class DampedExplicit(SteppingSolver):
-    """Damped explicit stepping, the paper's: one fixed time step and one fixed damping rate.
+    """Damped explicit stepping of the paper, with one fixed time step and one fixed damping rate.
 
-    Time is in units in which the density is one, which changes no equilibrium.
+    Time is in units in which the density is one, which does not affect the equilibrium.
     """
 
     name = "explicit"
 
-    # Squared time step in units of the critical one at the start, whose tangent may be half as stiff as a later one.
+    # Squared time step relative to the critical one at the start, where the tangent may be half as stiff as later.
     SAFETY = 0.4
 
     def prepare(self, force, positions, caution):
