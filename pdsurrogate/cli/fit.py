@@ -12,6 +12,7 @@ from typer import Argument, Option
 
 from ..artifacts import load_card, load_surrogate, new_artifact, next_version, own_folder
 from ..identification import figure, load_test_data
+from ..identification.regressor import N_TERMS
 from ..identification.settings import IdentificationSettings, Identified, identified, simulate_tests
 from ..learning import store
 from ..learning.fitting import TooInexact
@@ -32,10 +33,10 @@ def fit(
     name: Annotated[str, Argument(help="Name of the new artefact.")],
     *,
     version: Annotated[str | None, Option(help="Its version; by default the next one: versions never change once written.")] = None,
-    law: Annotated[str, Option(help="Material law.")] = "neo-hookean",
+    law: Annotated[str | None, Option(help="Material law; neo-hookean by default.")] = None,
     change: SetLaw = None,
     data: Annotated[Path | None, Option(metavar="CSV", help=f"Identify the law's parameters first. {DATA_HELP}")] = None,
-    terms: Terms = 3,
+    terms: Terms = None,
     free: Annotated[bool, Option("--free", help="No law: with --data, the energy that fits best among those that physics allows.")] = False,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
@@ -61,7 +62,11 @@ def fit(
         new_artifact(folder, name, next_version(folder, name) if version is None else version)
     settings = FitSettings(energy, features, degree, units, activation, samples, least, greatest, iterations, folds, seed)
     check_folder(folder)
-    identification = IdentificationSettings(terms, bulk_modulus, bulk_ratio)
+    if free and law is not None:
+        raise ValueError("--free finds an energy without a law, --law names one: choose one")
+    if terms is not None and (data is None or law != "ogden"):
+        raise ValueError("--terms is of --law ogden with test data, which --data gives; of a law's own parameters by --set")
+    law, identification = law or "neo-hookean", IdentificationSettings(terms or N_TERMS, bulk_modulus, bulk_ratio)
     if data is None:
         if identification.bulk or force_fit:
             raise ValueError("--bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")

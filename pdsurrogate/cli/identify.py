@@ -10,6 +10,7 @@ from typer import Argument, Option
 
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data
+from ..identification.regressor import N_TERMS
 from ..identification.settings import IdentificationSettings
 from ..identification.settings import identify as identify_laws
 from ..results import figures
@@ -28,7 +29,7 @@ DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nomin
 
 BulkModulus = Annotated[float | None, Option(help="Bulk modulus of the law, in the unit of the stresses: such tests do not tell it.")]
 BulkRatio = Annotated[float | None, Option(help="Bulk modulus over shear modulus instead; 1000 by default.")]
-Terms = Annotated[int, Option(help="Terms of Ogden's law.", min=1, max=4)]
+Terms = Annotated[int | None, Option(help=f"Terms of Ogden's law; {N_TERMS} by default.", min=1, max=4)]
 
 
 @command
@@ -36,7 +37,7 @@ def identify(
     data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
     *,
     law: Annotated[list[str] | None, Option(help="Law; may be repeated; all laws by default.")] = None,
-    terms: Terms = 3,
+    terms: Terms = None,
     stretch: Annotated[float | None, Option("--up-to", help="Leave out rows beyond this stretch.")] = None,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
@@ -46,8 +47,11 @@ def identify(
     as_json: AsJson = False,
 ) -> None:
     """Find a law's parameters from test data."""
-    settings, laws, rows = IdentificationSettings(terms, bulk_modulus, bulk_ratio), law or fitted_laws(), load_test_data(data)
-    asked = {"laws": laws, "terms": terms, "up_to": stretch, **settings.bulk}
+    laws, rows = law or fitted_laws(), load_test_data(data)
+    if terms is not None and "ogden" not in laws:
+        raise ValueError(f"--terms is of the law ogden, which --law {', '.join(laws)} leaves out")
+    settings = IdentificationSettings(terms or N_TERMS, bulk_modulus, bulk_ratio)
+    asked = {"laws": laws, "terms": settings.n_terms, "up_to": stretch, **settings.bulk}
     asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
     check_folder(folder, "identify.json", asked, overwrite)
     if stretch is not None:

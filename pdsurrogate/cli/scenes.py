@@ -24,10 +24,12 @@ def scenes(
     name: Annotated[str | None, Argument(metavar="[SCENE]", help="Scene to show: a name, or the path of a scene file.")] = None,
     plot: Annotated[bool, Option("--plot", help="Plot the scene with its regions, grips, loads and probes, without running it.")] = False,
     change: SetScene = None,
-    pictures: Annotated[Path, Option("--out", metavar="DIR", help="Folder for the picture.")] = Path(),
+    pictures: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the picture; this one by default.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """List the built-in scenes, or show (and plot) one of them."""
+    if pictures is not None and not plot:
+        raise ValueError("--out is the folder of the picture that --plot draws: give --plot as well")
     if name is None:
         if plot or change:
             raise ValueError(f"{'--plot' if plot else '--set'} needs the scene that is meant: pdsurrogate scenes NAME")
@@ -47,6 +49,7 @@ def scenes(
         from ..results import figures
         from ..run.preview import preview
 
+        pictures = pictures or Path()
         path = pictures / f"{scene.name}-scene.png"
         check_folder(pictures)
         figure = preview(scene)

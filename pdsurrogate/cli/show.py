@@ -30,16 +30,19 @@ def show(
         list[str] | None,
         Option(metavar="FIELD", help="Field to draw, such as von_mises or stress_22; may be repeated; default: chosen."),
     ] = None,
-    level: Annotated[int, Option(help="Number of the output, from 0; -1 is the last one.")] = -1,
-    pictures: Annotated[Path, Option("--out", metavar="DIR", help="Folder for the pictures.")] = Path(),
+    level: Annotated[int | None, Option(help="Number of the output, from 0; -1 is the last one, the default.")] = None,
+    pictures: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the pictures; this one by default.")] = None,
     html: Annotated[Path | None, Option(metavar="FILE", help="One page of HTML with all of it in the place of pictures.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."""
     with bad_input(OSError):
+        if html is not None and (pictures is not None or level is not None):
+            raise ValueError("--html writes one page with all outputs to a file of its own: leave out --out and --level")
         if html is not None and html.is_file() and MARK not in html.read_bytes()[:MARK_WITHIN]:
             raise ValueError(f"--html {html} is no page of a result and would be replaced; give another name")
         result = load_result(folder)
+    pictures, level = pictures or Path(), -1 if level is None else level
     check_folder(pictures if html is None else html.parent)
     if as_json:
         print_json({"fields": result.field_names() if result.states else [], "history": result.history})

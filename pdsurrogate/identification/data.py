@@ -73,7 +73,10 @@ class TestData:
         return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))
 
     def of(self, *modes: str) -> TestData:
-        """Return the rows of the given modes."""
+        """Return the rows of the given modes; raise ValueError for a mode of which there are none."""
+        unknown = sorted(set(modes) - set(self.mode.tolist()))
+        if unknown:
+            raise ValueError(f"{self.name}: no rows of {', '.join(unknown)}; there are {', '.join(sorted(set(self.mode.tolist())))}")
         return self._taken(np.isin(self.mode, modes))
 
     def up_to(self, stretch: float) -> TestData:

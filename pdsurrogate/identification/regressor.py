@@ -19,6 +19,9 @@ from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, inc
 STARTS = 5
 """Number of candidates of the search, the best ones, that are refined."""
 
+N_TERMS = 3
+"""Number of terms of Ogden's law by default, as many as Ogden (1972) took for Treloar's rubber."""
+
 
 @dataclass(frozen=True)
 class Unknowns:
@@ -100,7 +103,7 @@ class LawRegressor(StressRegressor):
     }
 
     law: str = "neo-hookean"
-    n_terms: int = 3
+    n_terms: int = N_TERMS
     greatest_exponent: float = 12.0
     bulk_ratio: float = BULK_RATIO
     bulk_modulus: float | None = None

@@ -16,7 +16,7 @@ from .committee import committee
 from .data import TestData
 from .energy import EnergyRegressor
 from .examination import examine
-from .regressor import LawRegressor, fitted_laws
+from .regressor import N_TERMS, LawRegressor, fitted_laws
 from .reporting import differences, held_out_modes, report
 from .stress_regressor import StressRegressor, free_sides
 
@@ -41,7 +41,7 @@ class IdentificationSettings:
         If both are given, or one is not positive.
     """
 
-    n_terms: int = 3
+    n_terms: int = N_TERMS
     bulk_modulus: float | None = None
     bulk_ratio: float | None = None
 

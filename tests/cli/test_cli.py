@@ -279,6 +279,10 @@ def test_bad_identifications_exit_with_2(tmp_path):
         (["identify", "kawabata", "--law", "gent", "--hold-out"], "nothing held out"),
         (["fit", "x", "--data", "treloar", "--law", "gent", "--set", "chain_limit=3"], "choose one"),
         (["fit", "x", "--degree", "high"], "degree must be whole numbers"),
+        (["fit", "x", "--data", "treloar", "--free", "--law", "gent"], "choose one"),
+        (["fit", "x", "--terms", "2"], "--terms"),
+        (["identify", "treloar", "--law", "gent", "--terms", "2"], "--terms"),
+        (["scenes", "uniaxial", "--out", tmp_path], "--plot"),
     ):
         done = invoke(*arguments)
         assert done.exit_code == 2, done.output

@@ -206,6 +206,8 @@ def test_modes_are_held_out(treloar):
     assert list(only[0]["held_out"]) == ["equibiaxial", "pure-shear"]
     with pytest.raises(ValueError, match="nothing held out"):
         held_out_modes([pds.identification.LawRegressor()], treloar.of("uniaxial"), ["uniaxial"])
+    with pytest.raises(ValueError, match=r"no rows of pure_shear; there are .*pure-shear"):
+        treloar.of("pure_shear")
 
 
 def test_report_and_figure(treloar):

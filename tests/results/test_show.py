@@ -62,6 +62,7 @@ def test_a_state_in_space_is_drawn_from_its_files(tmp_path):
         (["show", "{folder}", "--field", "stress"], "say which, as stress_22"),
         (["show", "{folder}", "--level", "7"], "level 7: the result has no such state; there are 0 to 1"),
         (["show", "{folder}", "--html", "x.html", "--field", "wizardry"], "the state has no 'wizardry'"),
+        (["show", "{folder}", "--html", "x.html", "--level", "0"], "leave out --out and --level"),
         (["scenes", "uniaxal"], "unknown scene 'uniaxal'"),
         (["scenes", "--plot"], "--plot needs the scene that is meant"),
         (["scenes", "uniaxial", "--plot", "--set", "spacing=5"], "larger than the body"),
