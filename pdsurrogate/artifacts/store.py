@@ -151,7 +151,7 @@ def find_artifact(reference: str | Path) -> Path:
 
 
 def parted(reference: str | Path) -> tuple[str | Path, str | None]:
-    """Return an artefact's reference, and the member of its committee that ``#3`` or ``#all`` behind it names; None without either."""
+    """Split ``NAME#3`` or ``NAME#all`` into NAME and ``3`` or ``all``, which is None without # or for an existing path."""
     found = WHICH_MEMBER.fullmatch(str(reference))
     if found is None or Path(reference).exists():
         return reference, None

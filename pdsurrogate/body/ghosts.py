@@ -168,10 +168,10 @@ class Ghosts:
         return feet
 
     def gradient_shifts(self, turns: np.ndarray) -> np.ndarray | None:
-        """Return the term that planes turned by (planes, d, d) add to the gradients of `fill_gradients`, by columns, shape (m, d d).
+        """Return what the turns Q - I of the planes, shape (planes, d, d), add to the ghosts' gradients, by columns, shape (m, d d).
 
-        Along a clamped plane the body stretches and turns with the plane, and so does the image; None where the gradient of an image is its
-        source's.
+        Along a clamped plane the body stretches and turns with the plane, and so does the image. None if `share_along` is 1: a ghost then
+        has the gradient of its source, however its plane turns.
         """
         if self.share_along == 1:
             return None

@@ -43,7 +43,7 @@ class Following:
         return Following(tuple(rows[:, points].tocsr() for rows in self.rows))
 
     def points(self) -> np.ndarray:
-        """Return the numbers of the points that any place follows."""
+        """Return the numbers of the points whose motion moves any of the places."""
         return np.unique(np.concatenate([rows.indices for rows in self.rows]))
 
     @property
@@ -94,7 +94,7 @@ class Surface:
     follow: np.ndarray | None = None
 
     def of_share(self, share: Share) -> Surface:
-        """Return the surface with the columns of N that belong to a part of the body."""
+        """Return the surface with an interpolation from the points of a share alone."""
         own = Following(tuple(share.own_columns(rows) for rows in self.interpolation.rows))
         return replace(self, interpolation=own, follow=self.followed())
 

@@ -50,7 +50,7 @@ class Commands(TyperGroup):
         return name, command, rest
 
     def invoke(self, ctx):
-        """Run the command that is called."""
+        """Run a command; with ``--json`` its errors are printed as JSON too."""
         settings.as_json, settings.printed = "--json" in (*getattr(ctx, "_protected_args", ()), *ctx.args), False
         try:
             return super().invoke(ctx)

@@ -107,7 +107,7 @@ def _print_outputs(result: Result) -> None:
 
 
 def _force_columns(result: Result) -> dict[str, list[float]]:
-    """Return the forces on each region by heading; moments of those that have next to no force, as parts that are turned."""
+    """Return the non-negligible forces and moments of each region by heading; in the plane the moment only if there is no force."""
     units, levels, columns = result.scene.units, result.levels, {}
     extent = float(np.ptp(result.body.points, axis=0).max())
     zero = LEAST_SHOWN * min(1.0, _greatest([value for level in levels for force in level["forces"].values() for value in force]))

@@ -201,7 +201,7 @@ def _integral(values, low: float, high: float) -> float:
 
 
 def _chords(cells: np.ndarray, axis: int, position: float) -> np.ndarray:
-    """Return the length that each convex polygon cuts off a line on which a coordinate has the given value."""
+    """Return the length of the chord of each convex polygon that the line of a given coordinate crosses."""
     following = np.roll(cells, -1, axis=1)
     spans = (cells[..., axis] > position) != (following[..., axis] > position)
     with np.errstate(divide="ignore", invalid="ignore"):

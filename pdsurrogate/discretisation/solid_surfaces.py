@@ -77,7 +77,7 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
 
 
 def _axes_of(body: Solid) -> tuple[int, ...]:
-    """Return the axes that a body is a prism along; of a sphere any one, which it is not."""
+    """Return the axes that may be the axis of a prism; x3 for a sphere."""
     return (2, 0, 1) if isinstance(body, Box) else (body.straight.along,) if isinstance(body, Prism) else (2,)
 
 
@@ -108,7 +108,7 @@ def _faces_of_part(body: Solid) -> tuple[int, ...]:
 
 
 def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> int | None:
-    """Return the first hole with a closed boundary of its own that does not lie in the body, apart from all other holes.
+    """Return the number of the first hole whose own closed boundary leaves the body or meets another hole; None if none does.
 
     The rims of holes that the surface cuts lie on the flat faces of the body.
     """

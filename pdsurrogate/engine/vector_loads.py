@@ -294,7 +294,7 @@ def sum_matrix_products(dimension):
             return [*loaded[:2], _shuffle(builder, loaded[2], loaded[2], [1, 2, 3, 3])]
 
         def spread(position):
-            """Return the components of a vector, repeated to multiply the columns."""
+            """Return each component of a vector, repeated to scale a column."""
             if dimension == 2:
                 factor = _as_real(builder, *_record(builder, vectors, position, 2), _DOUBLE)
                 return [_shuffle(builder, factor, factor, [0, 0, 1, 1])]

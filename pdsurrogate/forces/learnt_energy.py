@@ -45,7 +45,7 @@ ARRAYS = ("hidden_weights", "hidden_biases", "output_weights")
 
 
 def energy_shape(law: Law) -> dict[str, float]:
-    """Return the dimensionless parameters of the plane-stress energy of a law: with C33 condensed out, the bulk modulus is one."""
+    """Return the dimensionless parameters of the plane-stress energy of a law, K/mu included, since C33 is condensed out."""
     return {**law.shape, "bulk_modulus/shear_modulus": law.bulk_modulus / law.shear_modulus}
 
 

@@ -72,7 +72,7 @@ class Smoothing:
         return dilatation.smooth_and_add.bind(self._matrix(values.dtype), values, factor, others, out, chunks=chunks)
 
     def _matrix(self, dtype) -> tuple[np.ndarray, ...]:
-        """Return the arrays of the weights; those in single precision are half as long to read."""
+        """Return the weights as CSR arrays and diagonal, in single precision if asked for."""
         if dtype == np.float64:
             return self._pointers, self._columns, self._weights, self._own
         if self._single is None:

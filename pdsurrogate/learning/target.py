@@ -45,7 +45,7 @@ class NamedFunction:
 
 
 def named(columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> Callable[[Callable], NamedFunction]:
-    """Return a decorator that makes a `NamedFunction`."""
+    """Return a decorator that makes a `NamedFunction` with these names of its columns and targets."""
     return lambda function: NamedFunction(function, columns, targets)
 
 

@@ -48,7 +48,7 @@ def _response(rows: int, result: Callable, isochoric: bool) -> Response:
 
 
 def _stress(state, found):
-    """Return the rows of `response`: q needs the stress across the plane, here the residual J3 dPsi/dJ3, which vanishes in plane stress."""
+    """Return the rows of `response` from those of plane stress at C33 = 1: q gains J3 dPsi/dJ3, which is zero in plane stress."""
     p, q, across, _, energy = found
     return p, q + across, state[2] / state[1] - 1, 1 / state[1], energy
 

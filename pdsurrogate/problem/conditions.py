@@ -108,7 +108,7 @@ def _reflected(scene: Scene, prescriptions: list[Prescription], regions: BodyReg
 
 
 def _plane_of(name: str, holding: list[Prescription], names: tuple[str, ...], dimension: int) -> HeldPlane:
-    """Return the plane that some prescriptions of its edge hold."""
+    """Return the reflection plane that the prescriptions of an edge move, as a `HeldPlane`."""
     by_component = {component: one for one in holding for component in one.components}
     holders = tuple(names.index(by_component[axis].holder) if axis in by_component else None for axis in range(dimension))
     components = tuple(sorted(by_component))

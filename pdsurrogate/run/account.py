@@ -199,7 +199,7 @@ class Bookkeeping:
         account.damped_power, account.damped_time = [*power], account.time
 
     def _elastic_reactions(self, evaluated: bool) -> Reactions:
-        """Return the forces of all holders without viscosity: of the force `evaluated` at the positions, or followed as `elastic` is."""
+        """Return the reactions without viscosity: exact if just `evaluated`, else relaxed as `ExplicitDynamics.elastic` is."""
         account, loading, on_points = self.account, self._run.loading, self._integrator.elastic_with_loads()
         if evaluated:
             found = loading.reactions(self._run.force, on_points)

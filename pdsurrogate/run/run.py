@@ -165,7 +165,7 @@ class Run:
         return self.ranks.to_all(self.body.share.gather(self.force.portion_of[: len(self.body)]))
 
     def report(self, event: str, *details) -> None:
-        """Report an event to the progress, and write the record in the folder if it is due."""
+        """Pass an event to the progress; rewrite history and summary in the folder if they are due."""
         getattr(self.progress, event)(*details)
         if self.record_of_folder is not None:
             self.record_of_folder.keep_if_due()

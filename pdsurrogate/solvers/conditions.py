@@ -85,7 +85,7 @@ class HeldPlane:
     turn: Callable[[float], np.ndarray] | None = None
 
     def motion(self, parameter: float) -> np.ndarray:
-        """Return turn and displacement as columns of one array, shape (d, d + 1); see `displaced`."""
+        """Return [Q - I, displacement] at a value of the parameter, Q the rotation, shape (d, d + 1); see `displaced`."""
         displacement = self.displacement(parameter)
         motion = np.zeros((len(displacement), len(displacement) + 1))
         motion[:, -1] = displacement

@@ -24,7 +24,7 @@ past the bonds that should stop it."""
 
 
 class VelocitiesAround(NamedTuple):
-    """Velocities of the half step before, at the positions, and of the half step after, shape (n, 2) each.
+    """Velocities of the half step before, at the positions, and of the half step after, shape (n, d) each.
 
     The velocities before exclude the impulse of bonds that broke at the present positions.
     """
@@ -69,9 +69,9 @@ class ExplicitDynamics:
     force : InternalForce
     hold : callable
         ``hold(positions, ahead)`` moves all held parts to their positions at a time `ahead` from now.
-    positions, velocities : ndarray, shape (n, 2)
+    positions, velocities : ndarray, shape (n, d)
         Initial values, changed in place.
-    free : ndarray, shape (n, 2)
+    free : ndarray, shape (n, d)
         1 where a component may move by itself, 0 where it is held.
     mass : ndarray, shape (n,)
     damping : float
@@ -85,9 +85,9 @@ class ExplicitDynamics:
 
     Attributes
     ----------
-    forces : ndarray, shape (n, 2)
+    forces : ndarray, shape (n, d)
         Forces that move the body, including loads.
-    elastic : ndarray, shape (n, 2)
+    elastic : ndarray, shape (n, d)
         Internal forces at the positions without viscous part and without loads, if there is viscosity. In every step they follow the
         forces f ahead of the positions by f_e + tau df_e/dt = f, which is exact for linear forces; the error of a nonlinear step decays
         within tau, and `find_elastic` evaluates them exactly.

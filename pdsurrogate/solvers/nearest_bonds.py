@@ -137,7 +137,7 @@ class Springs:
         return self.bonds.on_points(np.einsum("bij,bj->bi", self.blocks, changes))
 
     def matrix(self, rigid: np.ndarray | None = None) -> sparse.csc_array:
-        """Return the stiffness without held components, shape (d n, d n), with the components of a point in sequence.
+        """Return the stiffness as if no component were held, shape (d n, d n), with the components of a point in sequence.
 
         Springs between two points flagged in `rigid`, shape (n,), are omitted.
         """

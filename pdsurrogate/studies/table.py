@@ -97,7 +97,7 @@ def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str
 
 
 def _leaves(place: Any, steps: list[str], before: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield the numbers, words and flags at a place, each with its key."""
+    """Yield every number, word and flag below the keys `steps` of a nested table, with its keys; ``*`` matches any key."""
     entries = dict(place) if isinstance(place, dict) else dict(enumerate(place)) if isinstance(place, list) else None
     if entries is not None:
         for key, inner in entries.items():
