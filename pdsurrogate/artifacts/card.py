@@ -195,7 +195,7 @@ class Card(_Part):
     digest: Annotated[str, Field(pattern=SHA256)] | None = None
 
     def found_digest(self) -> str:
-        """Return the SHA-256 of the parts `DIGESTED`, which include the digests of the weights."""
+        """Return the SHA-256 computed anew from the card's entries `DIGESTED` and its ``training.identification``."""
         content = json.loads(self.to_json())
         parts = {name: content[name] for name in DIGESTED if name in content}
         parts["identification"] = content["training"].get("identification")
@@ -289,7 +289,7 @@ def check_plain(content: Mapping[str, Any]) -> None:
 
 
 def law_described(material: Material) -> Law:
-    """Return the law that a material names, with the parameters that were trained with.
+    """Return the law that a material names, with the parameters for which the model was trained.
 
     Raises
     ------

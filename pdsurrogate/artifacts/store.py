@@ -350,7 +350,7 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Lea
 
 
 def law_of(card: Card) -> Law:
-    """Return the law that a card names, with the parameters that were trained with; raise ArtifactError if the law is unknown."""
+    """Return the law that a card names, with the parameters for which the model was trained; raise ArtifactError if the law is unknown."""
     try:
         return law_described(card.material)
     except ValueError as error:

@@ -253,7 +253,7 @@ def empty_rows(rows: sparse.csr_array) -> np.ndarray:
 
 
 def _filled(rows: sparse.csr_array, others: sparse.csr_array, numbers: np.ndarray) -> sparse.csr_array:
-    """Return the rows, with the empty ones of the given numbers replaced by the others."""
+    """Return `rows` with ``others[k]`` added to row ``numbers[k]``, which must be empty in `rows`."""
     if not len(numbers):
         return rows
     into = sparse.csr_array((np.ones(len(numbers)), (numbers, np.arange(len(numbers)))), shape=(rows.shape[0], len(numbers)))

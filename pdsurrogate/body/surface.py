@@ -53,7 +53,7 @@ class Following:
 
     @classmethod
     def mean(cls, several: Sequence[Following]) -> Following:
-        """Return the map to the middle of several places."""
+        """Return the map from the motion of the points to the mean motion of several places, given the map of each."""
         return cls(
             tuple((sum(others, first) / (1 + len(others))).tocsr() for first, *others in zip(*(one.rows for one in several), strict=True))
         )

@@ -291,7 +291,7 @@ def material_at(scene: Scene, places: np.ndarray) -> np.ndarray:
 
 
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
-    """Return which points within the outline remain without the holes; raise SceneError if a hole or the body contains no point."""
+    """Return which points within the outline remain without the holes; raise ValueError if a hole or the body contains no point."""
     kept = within.copy()
     for number, hole in enumerate(scene.holes):
         inside = hole.contains(points)

@@ -110,7 +110,7 @@ def _as_real(builder, value, scalar):
 
 
 def _vector(builder, values):
-    """Return a vector of the given reals."""
+    """Return an LLVM vector whose lanes are the given LLVM values, known only at run time."""
     vector = ir.Constant(ir.VectorType(values[0].type, len(values)), ir.Undefined)
     for k, value in enumerate(values):
         vector = builder.insert_element(vector, value, _lane(k))
@@ -294,7 +294,7 @@ def sum_matrix_products(dimension):
             return [*loaded[:2], _shuffle(builder, loaded[2], loaded[2], [1, 2, 3, 3])]
 
         def spread(position):
-            """Return each component of a vector, repeated to scale a column."""
+            """Return vector number `position` as factors of matrix columns: each component is repeated for every row."""
             if dimension == 2:
                 factor = _as_real(builder, *_record(builder, vectors, position, 2), _DOUBLE)
                 return [_shuffle(builder, factor, factor, [0, 0, 1, 1])]

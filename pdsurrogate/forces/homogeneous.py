@@ -39,7 +39,7 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
     Returns
     -------
     stresses : ndarray, shape (n,)
-        P11, in the unit of the shear modulus; NaN where the model has no such state.
+        P11, in the same unit as the shear modulus; NaN where the model has no such state.
     beyond : ndarray, shape (n,)
         Distance of each state beyond the model's domain (`Domain.deviation`).
 

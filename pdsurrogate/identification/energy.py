@@ -315,7 +315,7 @@ def _warn_of_few_modes(X: np.ndarray) -> None:
 
 
 def _second_of(first: float, lateral) -> float:
-    """Return the second logarithm of `ordered_logs` for the first one in a mode with the function `lateral`."""
+    """Return the second of the `ordered_logs` of the state with stretches exp(first) and lateral(exp(first)), see `MODES`."""
     return float(ordered_logs(np.array([[np.exp(first), lateral(np.exp(first))]]))[0, 1])
 
 

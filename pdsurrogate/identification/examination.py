@@ -246,7 +246,10 @@ def _explained(data: TestData, most: float) -> list[_Change]:
 
 
 def _changes(data: TestData):
-    """Yield changes that may mend the data: mode, changed data, mask of the rows with an unknown shift or None, and message or None."""
+    """Yield possible corrections of faulty data: another stress measure, another unit, or a constant offset of the stress.
+
+    Each is the mode, the corrected data, a mask of the rows whose offset is still to be fitted or None, and a message or None.
+    """
     stress, first = data.nominal_stress, data.stretches[:, 0]
     for mode in data.modes:
         rows = data.mode == mode
@@ -268,7 +271,7 @@ def _changes(data: TestData):
 
 
 def _columns(data: TestData) -> np.ndarray:
-    """Return the stresses of `TERMS` at constant volume."""
+    """Return the design matrix of a linear fit: the nominal stress of each energy term of `TERMS` with unit weight, at constant volume."""
     return columns_of(isochoric(data.stretches, np.ones(len(data))), data.stretches[:, 0], TERMS)
 
 

@@ -49,7 +49,7 @@ def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray, shape (n,)
-        Stress in the unit of the shear modulus of the law.
+        Stress in the same unit as the shear modulus of the law.
     """
     return states(law, stretches)[0]
 

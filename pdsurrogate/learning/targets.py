@@ -124,7 +124,7 @@ class Target(ABC):
         """Return samples whose greatest principal strain lies in a bin; `random_state` is a seed or a generator."""
 
     def carried_by(self, model) -> bool:
-        """Return whether a pipeline, fitted or unfitted, predicts this target."""
+        """Return whether a pipeline, fitted or not, was made for this target: its transformation reads the columns of this target."""
         return isinstance(model, InputAwareTargetRegressor) and columns_read(model.func)[0] == self.columns
 
     @abstractmethod

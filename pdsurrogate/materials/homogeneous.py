@@ -30,7 +30,7 @@ class HomogeneousState:
     volume_ratio : float
         J3.
     nominal_stress, lateral_stress : float
-        P11 and P22, in the unit of the shear modulus.
+        P11 and P22, in the same unit as the shear modulus.
     energy_density : float
         Per undeformed volume, same unit.
     """
@@ -116,7 +116,7 @@ def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> 
     Returns
     -------
     nominal_stress, volume_ratio : ndarray, shape (n,)
-        P11, in the unit of the shear modulus, and J3; NaN where the law has no state, past its limit.
+        P11, in the same unit as the shear modulus, and J3; NaN where the law has no state, past its limit.
 
     Examples
     --------

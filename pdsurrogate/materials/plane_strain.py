@@ -85,7 +85,7 @@ def volume_ratio(law: Law, trace, area_ratio):
 
 
 def first_piola_stress(law: Law, F):
-    """Return the in-plane first Piola-Kirchhoff stress P, shape (..., 2, 2), in the unit of the shear modulus."""
+    """Return the in-plane first Piola-Kirchhoff stress P, shape (..., 2, 2), in the same unit as the shear modulus."""
     check_consistency(law)
     trace, J = plane_stress.invariants(F)
     p, q, *_ = response(law, trace, J, J)
@@ -93,7 +93,7 @@ def first_piola_stress(law: Law, F):
 
 
 def energy_density(law: Law, F):
-    """Return the strain energy density, shape (...), in the unit of the shear modulus."""
+    """Return the strain energy density, shape (...), in the same unit as the shear modulus."""
     check_consistency(law)
     trace, J = plane_stress.invariants(F)
     return law.shear_modulus * response(law, trace, J, J)[4]
@@ -106,7 +106,7 @@ def energy_at(law: Law, F, volume_ratio):
 
 
 def stress_and_energy(law: Law, F, volume_ratio, bulk_stress, isochoric=None):
-    """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points, in the unit of the shear modulus.
+    """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points, in the same unit as the shear modulus.
 
     U is evaluated at `volume_ratio` (n,): det F, or the smoothed ratio of a selective energy. `bulk_stress` (n,) is U' in units of mu at
     that ratio, or as the bonds use it (theory (51)). `isochoric` replaces the law's own `isochoric_response`.

@@ -118,7 +118,10 @@ Psi.
 
 
 def volumetric_block(law: Law) -> CFunc:
-    """Return the block function of J3 U' and its derivative, in the rows that the full response has for the residual and its slope."""
+    """Return the compiled function that evaluates J3 U' and its derivative by J3 for a block of states.
+
+    It writes them to the rows in which the full response has the residual of P33 = 0 and its derivative.
+    """
     return block_function_of(_volumetric_block, STRESS_RESPONSE, law.volumetric)
 
 
@@ -198,7 +201,7 @@ def thickness_stretch_squared(law: Law, trace, area_ratio):
 
 
 def first_piola_stress(law: Law, F):
-    """Return the in-plane first Piola-Kirchhoff stress P (paper, Eq. (8)), shape (..., 2, 2), in the unit of the shear modulus."""
+    """Return the in-plane first Piola-Kirchhoff stress P (paper, Eq. (8)), shape (..., 2, 2), in the same unit as the shear modulus."""
     trace, J = invariants(F)
     p, q, *_ = response(law, trace, J, volume_ratio(law, trace, J))
     return law.shear_modulus * in_plane_stress(F, p, q)
@@ -214,7 +217,7 @@ def in_plane_stress(F, p, q):
 
 
 def energy_density(law: Law, F):
-    """Return the strain energy density of the plane-stress state, shape (...), in the unit of the shear modulus."""
+    """Return the strain energy density of the plane-stress state, shape (...), in the same unit as the shear modulus."""
     trace, J = invariants(F)
     return law.shear_modulus * response(law, trace, J, volume_ratio(law, trace, J))[4]
 
@@ -225,7 +228,7 @@ def energy_at(law: Law, F, volume_ratio):
 
 
 def stress_and_energy(law: Law, F, volume_ratio, bulk_stress=None):
-    """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points at their J3, in the unit of mu.
+    """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points at their J3, dimensional.
 
     `bulk_stress` is unused: under plane stress J3 determines the stress.
     """

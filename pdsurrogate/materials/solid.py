@@ -132,7 +132,7 @@ def why_no_energy(law: Law, F) -> str | None:
 
 
 def first_piola_stress(law: Law, F):
-    """Return the first Piola-Kirchhoff stress P, shape (..., 3, 3), in the unit of the shear modulus."""
+    """Return the first Piola-Kirchhoff stress P, shape (..., 3, 3), a stress in the same unit as ``law.shear_modulus``."""
     check_consistency(law)
     F = np.asarray(F, dtype=float)
     p, q, r = (value[..., None, None] for value in response(law, *invariants(F))[:3])
@@ -140,7 +140,7 @@ def first_piola_stress(law: Law, F):
 
 
 def energy_density(law: Law, F):
-    """Return the strain energy density, shape (...), in the unit of the shear modulus."""
+    """Return the strain energy per undeformed volume, shape (...), in the same unit as ``law.shear_modulus``."""
     check_consistency(law)
     return law.shear_modulus * response(law, *invariants(F))[3]
 

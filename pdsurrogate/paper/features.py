@@ -53,7 +53,7 @@ def _arctangent(y, x):
 
 
 def shared(a, b, J, C33):
-    """Return lambda_b and its inverse."""
+    """Return the values that `inputs`, `traction` and `outputs` have in common: the bond stretch lambda_b and its inverse."""
     stretch = np.sqrt(a * a + b * b)
     return stretch, like(a, 1.0) / stretch
 

@@ -36,7 +36,7 @@ class Inertia:
 
     @property
     def pace(self) -> str:
-        """Return the key that sets the rate of the stage, within its own."""
+        """Return the name of the key, within the scene's table `key`, that sets how fast the stage runs."""
         return "stretch_rate" if self.duration is None else "duration"
 
     def motion(self, begin: float, end: float) -> Motion:

@@ -97,7 +97,7 @@ class _Points(_Parts):
         return Found(distance < reach, distance)
 
     def listed(self, region: Region) -> Found:
-        """Return the points that a region lists, or is the nearest of."""
+        """Return the points whose numbers a region lists, or those nearest to its place `near`: several if equally near."""
         share = self.body.share
         if region.near is not None:
             distance = np.linalg.norm(self.places - np.array(region.near), axis=1)

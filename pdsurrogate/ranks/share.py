@@ -255,6 +255,9 @@ class Share:
 
 
 def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
-    """Return the number of pieces into which bonds connect n points, and the piece of every point, shape (n,)."""
+    """Return the number of connected components of n points joined by the given bonds, and the component of every point, shape (n,).
+
+    Only the bonds given here count: ranks do not communicate, unlike in `Share.pieces`.
+    """
     graph = sparse.coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(n, n))
     return connected_components(graph, directed=False)

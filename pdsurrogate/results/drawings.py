@@ -65,7 +65,7 @@ def energies_figure(result: Result) -> Figure | None:
 
 
 def save_drawings(result: Result, folder: Path) -> None:
-    """Write the pictures of a result that its folder holds."""
+    """Draw the pictures of a result and write them to its folder."""
     name = result.scene.name
     moves = not result.scene.stretched or result.scene.dynamics is not None
     if moves:

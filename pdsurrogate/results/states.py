@@ -69,7 +69,7 @@ class StatesInMemory(list):
 
 
 class Moments:
-    """Moments alone, on ranks other than the first, which has the fields."""
+    """Record of when states were reached (`Moment`), without their fields: for all ranks but the first, which has the fields."""
 
     def __init__(self, moments: list[Moment] | None = None) -> None:
         self.moments = list(moments or [])

@@ -120,7 +120,7 @@ class Bookkeeping:
         self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
 
     def kinetic_energy(self) -> float:
-        """Return the kinetic energy at the positions, or that of the half step before if work is summed over rows."""
+        """Return the kinetic energy at the time of the positions if `every_step`, else that of the last half step."""
         integrator = self._integrator
         kinetic = integrator.kept_energy(integrator.velocities_around())[1] if self.every_step else integrator.kinetic_energy()
         if not np.isfinite(kinetic):

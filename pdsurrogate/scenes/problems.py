@@ -61,7 +61,7 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str
 
 
 def _line(problem: Any, problems: list, model: type[BaseModel] | None) -> str | None:
-    """Return the line for a problem; None if the line of another problem explains it better."""
+    """Return the line of a message for one of Pydantic's errors; None if another error in the list explains it better."""
     loc, kind, given, context = problem["loc"], problem["type"], problem.get("input"), problem.get("ctx", {})
     if kind in ("too_short", "too_long") and any(other["loc"] != loc == other["loc"][: len(loc)] for other in problems):
         return None  # Pydantic counts the entries that remain without the invalid ones.

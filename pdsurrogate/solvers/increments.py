@@ -62,7 +62,10 @@ class Increments:
         return float(abs(self._planned[-1] - self._planned[0]) * self.share / self._count)
 
     def accept(self, easy: bool = True) -> bool:
-        """Continue from the target, after an easy success with twice the increment if planned; return whether it is longer."""
+        """Count the increment as done; double it if it was easy, had been halved, and the way done is a multiple of the double.
+
+        Return whether it was doubled.
+        """
         self._done += self.share
         longer = easy and self.share < 1 and (self._done / (2 * self.share)).is_integer()
         if longer:

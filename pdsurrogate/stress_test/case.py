@@ -145,7 +145,7 @@ class Case:
 
 
 def case(title: str, asked: str, **options) -> Callable[[Callable[..., Outcome]], Case]:
-    """Return a decorator that makes a `Case` of a function."""
+    """Return a decorator that makes a `Case` of a function, which must still be listed in `CASES`."""
     return lambda function: Case(title, asked, function, **options)
 
 

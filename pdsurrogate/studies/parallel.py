@@ -128,9 +128,10 @@ class Workers:
 
     @contextmanager
     def _backend(self, folder: Path) -> Iterator[tuple[int | None, dict[str, Any], type[Exception]]]:
-        """Yield the process that workers end with, the backend of joblib, and the exception that signals the end of a worker's process.
+        """Yield the process id of the study, options of `joblib.parallel_config`, and the exception raised when a worker is killed.
 
-        Raise SceneError unless the workers of a Dask scheduler see the study's folder.
+        Local workers end when the process of that id ends; it is None with Dask. Raise SceneError unless the workers of a Dask scheduler
+        see the study's folder.
         """
         if self.scheduler is None:
             yield os.getpid(), {"backend": "loky", "n_jobs": self.jobs, "inner_max_num_threads": self.threads}, TerminatedWorkerError
