@@ -139,15 +139,18 @@ class Share:
 
     def fill(self, *fields: np.ndarray) -> None:
         """Copy the rows of the halo from their owners; a field has a row for every point, and may have more for images."""
-        self._halo.fill(*fields)
+        if self.divided:
+            self._halo.fill(*fields)
 
     def fold(self, field: np.ndarray) -> None:
         """Add the rows of the halo to those of their owners and set them to zero, the transpose of `fill`."""
-        self._halo.fold(field)
+        if self.divided:
+            self._halo.fold(field)
 
     def clear(self, field: np.ndarray) -> None:
         """Set the rows of the halo to zero."""
-        field[self._halo.rows] = 0
+        if self.divided:
+            field[self._halo.rows] = 0
 
     def agree(self, error: Exception | None) -> None:
         """Raise, on every rank, an error that any rank has found; `error` is the one found on this rank."""
