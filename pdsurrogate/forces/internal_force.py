@@ -19,8 +19,8 @@ from .term import Binding, Release
 if TYPE_CHECKING:
     from scipy.sparse.linalg import LinearOperator
 
-    from .dilatation import LinearisedDilatation
     from .protocol import Portion
+    from .volume_energy import LinearisedDilatation
 
 
 class InternalForce:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -117,17 +117,14 @@ class MaterialPoints:
     @property
     def steps(self) -> list[Step]:
         """Steps that find the states from the gradients; they count the points without a state."""
-        return self._passes if self.whole else [self._take_ratios, *self._passes, self._keep_ratios]
+        if self.whole:
+            return self._passes
+        take = partial(np.take, self.kept_ratios, self.numbers, out=self.volume_ratios, mode="clip")
+        return [take, *self._passes, partial(self.kept_ratios.put, self.numbers, self.volume_ratios)]
 
     @cached_property
     def _find(self) -> Steps:
         return Steps(self._kinematics.body.share, *self.steps)
-
-    def _take_ratios(self) -> None:
-        np.take(self.kept_ratios, self.numbers, out=self.volume_ratios)
-
-    def _keep_ratios(self) -> None:
-        self.kept_ratios[self.numbers] = self.volume_ratios
 
     def _pass_of_law(self) -> BoundPass:
         """Bind the pass that finds volume ratios and records by the law."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
@@ -13,13 +11,12 @@ from ..kernels.domain import BLEND
 from ..materials import PLANES, Law, plane_stress
 from ..materials.stretches import principal_stretches
 from .bond_shares import BondShares
-from .dilatation import LinearisedDilatation
 from .errors import InvalidState, at_point
 from .kinematics import matrices, symmetric
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
 from .term import Binding, Term, whole_volume
-from .volume_energy import VolumeEnergy
+from .volume_energy import LinearisedDilatation, VolumeEnergy
 
 
 class PairEnergy(Term):
@@ -52,29 +49,26 @@ class PairEnergy(Term):
         owners = None if whole else binding.portion_of[self.kinematics.owners()]
         own_bonds = [None if whole else owners == number for number in range(len(models))]
         weights = [self._see(number, own) for number, own in enumerate(own_bonds)]
-        each, self.volume = list(zip(models, self.materials, weights, strict=True)), None
+        each, self.volume, steps = list(zip(models, self.materials, weights, strict=True)), None, []
         if self.selective:
-            volumes = [np.ones(len(points.first)) for points in self.materials]
-            all_volumes = volumes[0] if whole else np.concatenate(volumes)
-            starts = np.cumsum([0, *map(len, volumes)])
-            volumes = (all_volumes[start:end] for start, end in pairwise(starts))
-            further = zip(volumes, own_bonds, strict=True)
+            sizes = [len(points.first) for points in self.materials]
+            all_volumes = np.ones(sum(sizes))
+            further = zip(np.split(all_volumes, np.cumsum(sizes)[:-1]), own_bonds, strict=True)
             self._parts = [SelectivePairs(binding, self.shares, *one, *more) for one, more in zip(each, further, strict=True)]
             self.volume = VolumeEnergy(binding, self.shares, self._parts, all_volumes)
+            steps = self.volume.steps
         else:
             self._parts = [PairEnergies(binding, self.shares, *one) for one in each]
-        steps = self.volume.steps if self.selective else []
-        self._find = Steps(body.share, *steps, *(part.find for part in self._parts))
         for model, points in zip(models, self.materials, strict=True):
             self.watch(model, points, "energy", "energy")
-        if whole:
-            (part,), further = self._parts, []
-            self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
-        else:
-            self._forces, self._moments = (aligned_rows((len(bonds.first), size), binding.precision) for size in (d, d * d))
-            total = len(body.all_points)
-            self._seen_forces, self._seen_moments, further = np.zeros((total, d)), np.zeros((total, d * d)), [self._on_jumps]
+        (part, *_), collect, further = self._parts, [], []
+        self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
+        if not whole:
+            sizes, total, collect, further = (d, d * d), len(body.all_points), [self._collect], [self._on_jumps]
+            self._forces, self._moments = (aligned_rows((len(bonds.first), size), binding.precision) for size in sizes)
+            self._seen_forces, self._seen_moments = (np.zeros((total, size)) for size in sizes)
             self._unit = 1.0
+        self._find = Steps(body.share, *steps, *(part.find for part in self._parts), *collect)
         self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
         self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, *further)
         self.has_tangent = whole and binding.precision == "float64" and not self.selective
@@ -112,8 +106,6 @@ class PairEnergy(Term):
         outside, _, invalid = zip(*(part.counts() for part in self._parts), strict=True)
         if not any(invalid):
             self._energy = sum(part.unit * part.energy() for part in self._parts)
-        if not self.binding.whole:
-            self._collect()
         without_force = self._to_points(out)
         if not self.binding.whole:
             out += self._beside
@@ -251,7 +243,7 @@ class PairEnergy(Term):
         return stress, energy
 
     def linearised_dilatation(self) -> LinearisedDilatation:
-        return self.volume.linearised()
+        return LinearisedDilatation(self.volume)
 
     def tangent(self, positions: np.ndarray) -> LinearOperator:
         if not self.has_tangent:

@@ -20,7 +20,7 @@ class Steps:
     """Steps of an evaluation, run in order; passes that follow each other run as one `Chain`."""
 
     def __init__(self, share: Share, *steps: Step) -> None:
-        self._calls: list[Callable[[], list[int] | None]] = []
+        self._calls: list[Callable[[], object]] = []
         taken = [step for step in steps if share.divided or not isinstance(step, np.ndarray)]
         for are_passes, group in groupby(taken, lambda step: isinstance(step, BoundPass)):
             others = (partial(share.fill, step) if isinstance(step, np.ndarray) else step for step in group)
@@ -30,5 +30,7 @@ class Steps:
         """Run all steps; return the counts of the passes in their order."""
         counts = []
         for call in self._calls:
-            counts += call() or ()
+            found = call()
+            if isinstance(call, Chain):
+                counts += found
         return counts

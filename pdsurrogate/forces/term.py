@@ -22,8 +22,8 @@ from .steps import Step, Steps
 if TYPE_CHECKING:
     from scipy.sparse.linalg import LinearOperator
 
-    from .dilatation import LinearisedDilatation
     from .protocol import ForceModel, Portion
+    from .volume_energy import LinearisedDilatation
 
 
 @dataclass(frozen=True)
