@@ -108,8 +108,7 @@ class Kinematics:
     def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
         """Remove pairs from the horizons of their ends; return all pairs with an end, or an image of an end, whose horizon has changed."""
         bonds, n = self.body.bonds, len(self.body)
-        entries, starts = self.pair_entries
-        self.weighted_bonds[np.concatenate([entries[starts[pairs]], entries[starts[pairs + 1] - 1]])] = 0.0
+        self.weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.bonds_of_pairs])] = 0.0
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
         self._find_shapes(touched)
@@ -117,20 +116,34 @@ class Kinematics:
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True
         self.body.ghosts.fill(reached)
-        own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self._outer_pairs
+        own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self.outer_pairs
         beside = self.body.share.beside_halo(bonds.first, bonds.second)  # other ranks may have broken pairs that this rank does not have
         return np.unique(np.concatenate([own, outer[reached[bonds.second[outer]]], beside]))
 
     @cached_property
-    def pair_entries(self) -> tuple[np.ndarray, np.ndarray]:
-        """Entries of the neighbour lists by pair, and the first entry of every pair: it has two, and one if an end is an image."""
-        bonds = self.body.bonds
-        return np.argsort(bonds.pair_of, kind="stable"), pointers_to(bonds.pair_of, len(bonds.first)).astype(np.int64)
+    def bonds_of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directed bonds of every pair from its first point and from its second; if that is an image, the former twice."""
+        pair_of = self.body.bonds.pair_of
+        order, pointers = np.argsort(pair_of, kind="stable"), pointers_to(pair_of, len(self.body.bonds.first)).astype(np.int64)
+        return order[pointers[:-1]], order[pointers[1:] - 1]
 
     @cached_property
-    def _outer_pairs(self) -> np.ndarray:
+    def outer_pairs(self) -> np.ndarray:
         """Numbers of the pairs with an image."""
-        return np.flatnonzero(self.body.bonds.second >= len(self.body)).astype(np.uint32)
+        return np.flatnonzero(self.body.bonds.second >= len(self.body))
+
+    @cached_property
+    def mirrored_pairs(self) -> np.ndarray:
+        """Numbers of the pairs of k and the image of i for the `outer_pairs` of i and the image of k under the same reflections."""
+        bonds, ghosts, outer, n = self.body.bonds, self.body.ghosts, self.outer_pairs, len(self.body)
+        if not len(ghosts):
+            return outer
+        first, ghost, total = bonds.first[outer].astype(np.int64), bonds.second[outer].astype(np.int64) - n, n + len(ghosts)
+        number = np.full((int(ghosts.image.max()) + 1, n), -1)
+        number[ghosts.image, ghosts.source] = np.arange(len(ghosts))
+        keys, wanted = first * total + n + ghost, ghosts.source[ghost] * total + n + number[ghosts.image[ghost], first]
+        order = np.argsort(keys)
+        return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 
     def gradient_weights(self, weighted_bonds: np.ndarray | None = None, inverse_shape: np.ndarray | None = None) -> np.ndarray:
         """Return K^-1 w x V_j of every directed bond, shape (n_bonds, d), for the body's own shapes and bonds or for given ones."""

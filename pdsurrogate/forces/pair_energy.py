@@ -143,11 +143,9 @@ class PairEnergy(Term):
         body.ghosts.fill_changes(stresses)
         stresses = matrices(stresses)
         forces = self._forces[pairs].astype(float)
-        outer = np.flatnonzero(second >= n)
-        if len(outer):
-            numbers, mirrored = self.shares.mirrored_pairs
-            partners = mirrored[np.searchsorted(numbers, np.arange(len(bonds.first))[pairs][outer])]
-            forces[outer] -= body.ghosts.parity[second[outer] - n] * self._forces[partners]
+        outer, numbers = np.flatnonzero(second >= n), np.arange(len(bonds.first))[pairs]
+        partners = self.kinematics.mirrored_pairs[np.searchsorted(self.kinematics.outer_pairs, numbers[outer])]
+        forces[outer] -= body.ghosts.parity[second[outer] - n] * self._forces[partners]
         vectors = body.all_points[second] - body.all_points[first]
         forces += self.shares.strength[pairs, None] * np.einsum("bij,bj->bi", stresses[first] + stresses[second], vectors)
         forces *= self._unit
@@ -167,9 +165,8 @@ class PairEnergy(Term):
         pulls = np.einsum("bij,bj->bi", moments[places], changes)
         pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
         changed = np.stack([np.bincount(bonds.pair_of[numbers], pull, len(bonds.first)) for pull in pulls.T], axis=1)
-        if len(body.ghosts):
-            outer, mirrored = self.shares.mirrored_pairs
-            changed[outer] -= body.ghosts.parity[bonds.second[outer] - len(body)] * changed[mirrored]
+        outer = self.kinematics.outer_pairs
+        changed[outer] -= body.ghosts.parity[bonds.second[outer] - len(body)] * changed[self.kinematics.mirrored_pairs]
         return changed
 
     def forces_beside_pairs(self) -> np.ndarray | None:
