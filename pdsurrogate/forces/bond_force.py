@@ -1,12 +1,10 @@
 """Force models that map quantities of a bond to its force, including the exact one, and the force term that evaluates them."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import cast
+from typing import Self, cast
 
 import numpy as np
 
@@ -54,9 +52,9 @@ class BondStates:
         total, difference = np.sqrt(trace + 2 * self.J), np.sqrt(np.maximum(trace - 2 * self.J, 0))
         return np.stack([total + difference, total - difference], axis=1) / 2
 
-    def chosen(self, which) -> BondStates:
+    def chosen(self, which) -> Self:
         """Return the states of some of the bonds."""
-        return BondStates(*(getattr(self, part.name)[which] for part in fields(self)))
+        return type(self)(*(getattr(self, part.name)[which] for part in fields(self)))
 
     def quantities(self) -> tuple[np.ndarray, ...]:
         """Return the arguments of `ForceSurrogate.bond_force`."""
@@ -89,7 +87,7 @@ class PairForces:
         Shear modulus of the material.
     """
 
-    def __init__(self, binding: Binding, model: ForceSurrogate, points: MaterialPoints, strength: np.ndarray, correction: str) -> None:
+    def __init__(self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str) -> None:
         law, kinematics, precision, plane = points.law, binding.kinematics, binding.precision, binding.settings.plane
         body, threads, blocks = kinematics.body, kinematics.chunks.threads, len(points.first) // BLOCK
         self.model, self.points, self.unit, self._kinematics = model, points, law.shear_modulus, kinematics

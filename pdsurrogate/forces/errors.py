@@ -1,7 +1,5 @@
 """Errors and warnings of force evaluations, and the part of their messages that names a point."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..body import Body

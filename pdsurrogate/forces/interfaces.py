@@ -1,7 +1,5 @@
 """Jumps of the deformation gradient at interfaces between materials, and the body as either material sees it."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree

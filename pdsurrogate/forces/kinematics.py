@@ -1,10 +1,7 @@
 """Positions, horizons and deformation gradients of the points of a body and of their mirror images."""
 
-from __future__ import annotations
-
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +12,6 @@ from ..engine.threads import chunks_of
 from ..kernels.ghosts import place_points
 from ..kernels.gradient import deformation_gradients
 from ..kernels.reference_state import shape_rows
-
-if TYPE_CHECKING:
-    from .interfaces import Interfaces
-    from .material_points import MaterialPoints
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
 """Share of the gradient along a clamped plane that images beyond it copy from their sources where volumes are constrained.
@@ -78,8 +71,7 @@ class Kinematics:
 
         self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
         self.changes, self._formed = 0, False
-        self.interfaces: Interfaces | None = None
-        self.seen: list[MaterialPoints] = []
+        self.interfaces, self.seen = None, []
         self._plane_displacements = np.zeros((len(body.planes), d))
         self._plane_turns: np.ndarray | None = None
         self._gradient_shifts: np.ndarray | None = None

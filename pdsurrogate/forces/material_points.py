@@ -1,7 +1,5 @@
 """Points of one material and the continued points of others, with their states by its law."""
 
-from __future__ import annotations
-
 from functools import cached_property, partial
 
 import numpy as np

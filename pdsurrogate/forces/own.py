@@ -1,7 +1,5 @@
 """Bond forces and energies that users write in Python, evaluated block by block in NumPy and therefore slower than compiled models."""
 
-from __future__ import annotations
-
 import ctypes
 import warnings
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 

@@ -1,7 +1,5 @@
 """Passes and other steps of an evaluation, run in order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from itertools import groupby
