@@ -113,7 +113,7 @@ class BondAssociatedStress(Term):
         J = np.where(self._inverse_shapes[:, 0] == 0, 1.0, np.linalg.det(F))
         bond = int(np.where(np.isfinite(J), J, -np.inf).argmin())
         x1, x2 = body.all_points[self._targets[bond]]
-        owner = int(np.concatenate([np.arange(len(body)), body.ghosts.source])[owners[bond]])
+        owner = int(self.kinematics.sources[owners[bond]])
         if not np.isfinite(J[bond]):
             reason = "a position is not finite"
         elif J[bond] <= 0:

@@ -127,8 +127,7 @@ class InternalForce:
         stiffness = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
         greatest = moduli[:n].copy()
         np.maximum.at(greatest, owners, around)
-        body.share.fill(stiffness)
-        body.share.fill(greatest)
+        body.share.fill(stiffness, greatest)
         return stiffness, greatest
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:

@@ -87,13 +87,17 @@ class Kinematics:
         """Return the first point of every directed bond, shape (n_bonds,)."""
         return np.repeat(np.arange(len(self.body)), np.diff(self.body.bonds.pointers).astype(np.int64))
 
+    @cached_property
+    def sources(self) -> np.ndarray:
+        """Numbers of the points behind all points and images, shape (n + m,)."""
+        return np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
+
     def _find_shapes(self, rows: np.ndarray) -> None:
         """Compute the shape tensors of the given points, then of all images."""
         body, bonds = self.body, self.body.bonds
         bonds_of_rows = rows, bonds.pointers, bonds.neighbours, body.all_points, self.weighted_bonds
         shape_rows[body.dimension](*bonds_of_rows, self.inverse_shape, self.supported)
-        body.share.fill(self.inverse_shape[: len(body)])
-        body.share.fill(self.supported[: len(body)])
+        body.share.fill(self.inverse_shape, self.supported)
         body.ghosts.fill_shapes(self.inverse_shape)
         body.ghosts.fill(self.supported)
 
@@ -181,7 +185,7 @@ class Kinematics:
         """Correct the gradients at interfaces, copy them to halo and ghosts, and update the points of single materials."""
         if self.interfaces is not None:
             self.interfaces.correct(self.positions, self.gradients)
-        self.body.share.fill(self.gradients[: len(self.body)])
+        self.body.share.fill(self.gradients)
         if len(self.body.ghosts):
             self.gradient_ghosts.fill_gradients(self.gradients)
         if self._gradient_shifts is not None:

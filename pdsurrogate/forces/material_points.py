@@ -160,11 +160,10 @@ class MaterialPoints:
         """Return a message that names a point without a state by the law, and the reason."""
         body = self._kinematics.body
         numbers = np.arange(len(body.all_points))[self.numbers]
-        owners = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])
 
         def at(place: int, what: str) -> str:
             image = "" if numbers[place] < len(body) else "its image beyond the grip: "
-            return at_point(body, int(owners[numbers[place]]), image + what)
+            return at_point(body, int(self._kinematics.sources[numbers[place]]), image + what)
 
         # Images are checked too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
         F = matrices(self.gradients)
