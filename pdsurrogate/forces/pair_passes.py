@@ -84,19 +84,12 @@ class PairEnergies(Pairs):
         compiled, threads, self._outside = model.compiled(precision), kinematics.chunks.threads, binding.outside
         guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(binding.outside, bond_energy.COUNTED) if domain else UNGUARDED
         self._counts = np.zeros((kinematics.chunks.number, 3), dtype=np.int64)
+        limits = (domain or EVERYWHERE).limits(precision)
+        energy = compiled.address, analytic_energy_density(precision).address, compiled.constants(points), guard, limits
         buffers = aligned_rows((threads, bond_energy.BUFFER_ROWS, BLOCK), precision), aligned_rows((threads, 4, BLOCK))
-        self.find = bond_energy.pair_energies.bind(
-            *self.places,
-            self.pairs,
-            compiled.address,
-            analytic_energy_density(precision).address,
-            (compiled.sizes, compiled.weights, points.response.address, points.parameters),
-            guard,
-            (domain or EVERYWHERE).limits(precision),
-            (*buffers, compiled.memory(threads, precision), kinematics.scratch),
-            (self._counts, self._energies, self.forces, self.moments),
-            chunks=kinematics.chunks,
-        )
+        memory = *buffers, compiled.memory(threads, precision), kinematics.scratch
+        results = self._counts, self._energies, self.forces, self.moments
+        self.find = bond_energy.pair_energies.bind(*self.places, self.pairs, *energy, memory, results, chunks=kinematics.chunks)
 
     def counts(self) -> tuple[int, int, int]:
         """Return the numbers of pairs outside the model's domain, of those with det F_ij below `COLLAPSED`, and of those inside out."""

@@ -15,6 +15,7 @@ from ..kernels.bond_state import LEAST_NORMAL_STRETCH
 from ..materials import Law
 from ..materials.law import checked_law
 from .internal_force import InternalForce
+from .material_points import MaterialPoints
 from .settings import ForceSettings
 from .term import Term
 
@@ -137,6 +138,10 @@ class CompiledBondForce:
     work_rows: int
     needs_length: bool = False
     asks_law: bool = False
+
+    def constants(self, points: MaterialPoints) -> tuple[np.ndarray, np.ndarray, int, np.ndarray]:
+        """Return the constants of this function and of the law of some points, an argument of passes."""
+        return self.sizes, self.weights, points.response.address, points.parameters
 
     def memory(self, threads: int, dtype) -> np.ndarray:
         """Return working memory for every thread."""
