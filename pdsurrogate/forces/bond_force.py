@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Self, cast
 
 import numpy as np
@@ -24,7 +24,7 @@ from .kinematics import matrices
 from .material_points import MaterialPoints
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .term import Binding, Term
+from .term import Binding, Term, sum_on_pairs
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
 """Relative step of J3 at which the iteration ends: a few times the error from rounding in the force at K = 10 mu."""
@@ -153,17 +153,11 @@ class BondForces(Term):
         if binding.whole:
             self._forces, self._unit, collect = self._parts[0].forces, self._parts[0].unit, []
         else:
-            self._forces, self._unit, collect = aligned_rows((len(bonds.first), 2), binding.precision), 1.0, [self._collect]
+            self._forces, self._unit = aligned_rows((len(bonds.first), 2), binding.precision), 1.0
+            collect = [partial(sum_on_pairs, self._forces, self._parts, "forces")]
         sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self._unit, np.empty_like(body.points)
         to_points = sum_pair_forces[2].bind(*sums, chunks=self.kinematics.chunks)
         self.bind_steps(*(part.find for part in self._parts), *collect, to_points)
-
-    def _collect(self) -> None:
-        """Add up the forces of all materials on the pairs."""
-        self._forces[:] = 0.0
-        for part in self._parts:
-            pairs = np.asarray(part.points.pairs)
-            self._forces[pairs] += part.unit * part.forces[: len(pairs)]
 
     def diagnose(self, out: np.ndarray) -> str:
         body = self.body

@@ -142,7 +142,7 @@ class Interfaces:
         self.on_jumps = np.zeros((n, d))
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._one_sided: tuple[sparse.csr_array, sparse.csr_array] | None = None
-        weights = kinematics.gradient_weights()
+        weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
             weights = self._leave_out(kinematics, owners, weights)

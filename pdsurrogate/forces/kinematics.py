@@ -141,10 +141,8 @@ class Kinematics:
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 
-    def gradient_weights(self, weighted_bonds: np.ndarray | None = None, inverse_shape: np.ndarray | None = None) -> np.ndarray:
-        """Return K^-1 w x V_j of every directed bond, shape (n_bonds, d), for the body's own shapes and bonds or for given ones."""
-        weighted_bonds = self.weighted_bonds if weighted_bonds is None else weighted_bonds
-        inverse_shape = self.inverse_shape if inverse_shape is None else inverse_shape
+    def gradient_weights(self, weighted_bonds: np.ndarray, inverse_shape: np.ndarray) -> np.ndarray:
+        """Return K^-1 w x V_j of every directed bond, shape (n_bonds, d), for given w x V_j and K^-1."""
         return np.einsum("bij,bj->bi", symmetric(inverse_shape)[self.owners()], weighted_bonds)
 
     def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:

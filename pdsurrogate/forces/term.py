@@ -342,6 +342,14 @@ class DomainWatch:
             warnings.warn(f"{what}: its {quantity} there is extrapolated", OutsideDomainWarning, stacklevel=3)
 
 
+def sum_on_pairs(target: np.ndarray, parts: Sequence, quantity: str) -> None:
+    """Write the sum of a quantity of the pairs of several materials, which each part has in units of its own, for the body's pairs."""
+    target[:] = 0.0
+    for part in parts:
+        pairs = part.points.pairs
+        target[pairs] += part.unit * getattr(part, quantity)[: len(pairs)]
+
+
 def whole_volume(body: Body) -> float:
     """Return the volume of a body, or of the whole body that it is a share of."""
     return body.share.total(float((body.volumes * body.share.own).sum()))
