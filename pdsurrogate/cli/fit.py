@@ -13,7 +13,7 @@ from typer import Argument, Option
 from ..artifacts import load_card, load_surrogate, new_artifact, next_version, own_folder
 from ..identification import figure, load_test_data
 from ..identification.regressor import N_TERMS
-from ..identification.settings import IdentificationSettings, Identified, identified, simulate_tests
+from ..identification.reporting import IdentificationSettings, Identified, identified, simulate_tests
 from ..learning import store
 from ..learning.fitting import TooInexact
 from ..learning.marquardt import listening

@@ -11,8 +11,8 @@ from typer import Argument, Option
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data
 from ..identification.regressor import N_TERMS
-from ..identification.settings import IdentificationSettings
-from ..identification.settings import identify as identify_laws
+from ..identification.reporting import IdentificationSettings
+from ..identification.reporting import identify as identify_laws
 from ..results import figures
 from ..results.files import write_json
 from .command import AsJson, Overwrite, ReportFolder, check_folder, command
