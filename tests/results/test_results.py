@@ -5,7 +5,6 @@ import errno
 import json
 import os
 import re
-import signal
 import socket
 import subprocess
 import sys
@@ -14,6 +13,7 @@ import meshio
 import numpy as np
 import pytest
 from bodies import sheet
+from stopping import InterruptedAtLevel
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
@@ -21,7 +21,6 @@ from pdsurrogate.cli import app
 from pdsurrogate.results import figures, files, measures
 from pdsurrogate.results.contents import MESH, Contents, digest_of_mesh
 from pdsurrogate.results.folder import LOCK, FolderTaken, is_marked, occupied
-from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 
 
@@ -171,18 +170,8 @@ def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
 
 def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
     """Its checkpoint may be worth hours; the same command without --resume took its place."""
-
-    class Stops(Silent):
-        def level(self, number: int, parameter: float) -> None:
-            if number == 1:
-                signal.raise_signal(signal.SIGINT)
-
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
-    try:
-        with pytest.raises(SimulationInterrupted) as stopped:
-            simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, progress=Stops())
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with pytest.raises(SimulationInterrupted) as stopped:
+        simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, progress=InterruptedAtLevel(1))
     for summary in (False, True):  # killed, and stopped by Ctrl-C
         if summary:
             stopped.value.result.save(tmp_path)

@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from stopping import killed_with_levels
 
 import pdsurrogate as pds
 from pdsurrogate.run import transient
-from pdsurrogate.run.checkpoints import Checkpoints
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.solvers import Increments
@@ -119,22 +119,12 @@ def test_dynamics_may_stand_anywhere():
 
 
 @pytest.mark.parametrize("interrupted", [1, 3, 4])
-def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted, monkeypatch):
+def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted):
     """After an output in equilibrium within a step, in dynamics, and after dynamics."""
     scene = scene_of(({"to": 0.3, "outputs": 2}, dynamic(0.4, 0.1, 2), 0.2, 0.0), body=pds.shapes.Rectangle(size=(0.8, 0.8)))
     whole = simulate(scene, "bond-energy", folder=tmp_path / "whole")
-    write, written = Checkpoints.write, []
-
-    def stopping(checkpoints, *rest):
-        write(checkpoints, *rest)
-        written.append(len(checkpoints.run.state.levels))
-        if written[-1] == interrupted:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(Checkpoints, "write", stopping)
-    with pytest.raises(KeyboardInterrupt):
+    with killed_with_levels(interrupted):
         simulate(scene, "bond-energy", folder=tmp_path / "cut")
-    monkeypatch.undo()
     resumed = simulate(scene, "bond-energy", folder=tmp_path / "cut", resume=True)
     assert resumed.history == whole.history
     assert resumed.convergence == whole.convergence

@@ -1,15 +1,14 @@
 """Materials of very different stiffness side by side, and regions that are rigid."""
 
-import signal
 from contextlib import suppress
 
 import numpy as np
 import pytest
+from stopping import InterruptedAtLevel
 
 import pdsurrogate as pds
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import NeoHookean
-from pdsurrogate.run.run import Silent
 from pdsurrogate.scenes import Scene, SceneError
 from pdsurrogate.solvers.conditions import Loading
 from pdsurrogate.stress_test.deformations import wavy
@@ -145,14 +144,6 @@ def test_a_rigid_region_that_is_prescribed_turns_and_its_holder_bears_it():
     assert "moment_inclusion_rigid" in result.history[-1]
 
 
-class StopAtTheSecond(Silent):
-    """Progress that interrupts a run on its way to the second level, as Ctrl-C does."""
-
-    def level(self, number, parameter):
-        if number:
-            signal.raise_signal(signal.SIGINT)
-
-
 def test_a_rigid_region_in_space_goes_on_from_its_checkpoint(tmp_path):
     """A block of steel in the upper half of a cube, free under a body force: the run that went on comes to the same bits."""
     scene = Scene(
@@ -167,12 +158,8 @@ def test_a_rigid_region_in_space_goes_on_from_its_checkpoint(tmp_path):
         steps=(0.5, 1.0),
     )
     whole = pds.simulate(scene, folder=tmp_path / "whole")
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
-    try:
-        with pytest.raises(pds.SimulationInterrupted):
-            pds.simulate(scene, folder=tmp_path / "cut", progress=StopAtTheSecond())
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with pytest.raises(pds.SimulationInterrupted):
+        pds.simulate(scene, folder=tmp_path / "cut", progress=InterruptedAtLevel(1))
     resumed = pds.simulate(scene, folder=tmp_path / "cut", resume=True)
     assert resumed.levels == whole.levels
     block = whole.levels[-1]["rigid"]["block"]
