@@ -91,7 +91,8 @@ class PairEnergy(Term):
 
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self.pass_bonds(out)
-        self._report(outside)
+        for watch, found in zip(self.watches, outside, strict=True):
+            watch.found = found
         if invalid or not np.isfinite(self._energy):
             raise InvalidState(self._without_energy())
         if without_force:

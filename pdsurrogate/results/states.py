@@ -104,6 +104,7 @@ class StatesInFiles:
     def __init__(self, folder: Path, name: str, body: Body | None = None, moments: list[Moment] | None = None) -> None:
         self.folder, self.name, self.body = folder, name, body
         self.moments = list(moments or [])
+        self._paths = [self._path(number) for number in range(len(self.moments))]
         if moments is not None and body.share.leads:
             self._write_index()
             for number, path in state_files(folder, name):
@@ -130,6 +131,7 @@ class StatesInFiles:
         for run_time, path in vtk.read_index(folder / f"{name}.pvd")[:most]:
             values = vtk.read_values(path)
             states.moments.append(Moment(run_time, values.get("stretch"), values.get("time", 0.0), values.get("t")))
+            states._paths.append(path)
         return states
 
     @property
@@ -150,6 +152,7 @@ class StatesInFiles:
         with _for_all(share):
             vtk.write_state(_piece(path, share.ranks.rank) if self.in_pieces else path, cells, nodes, fields, values)
         self.moments.append(moment)
+        self._paths.append(path)
         with _for_all(share):
             if self.in_pieces and share.leads:
                 pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]
@@ -158,7 +161,7 @@ class StatesInFiles:
                 self._write_index()
 
     def _write_index(self) -> None:
-        entries = [(moment.run_time, self._path(number).name) for number, moment in enumerate(self.moments)]
+        entries = [(moment.run_time, path.name) for moment, path in zip(self.moments, self._paths, strict=True)]
         vtk.write_index(self.folder / f"{self.name}.pvd", entries)
 
     def _path(self, number: int) -> Path:
@@ -170,12 +173,11 @@ class StatesInFiles:
         return len(self.moments)
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        number = range(len(self.moments))[number]
-        return self.moments[number], vtk.read_state(self._path(number))[2]
+        return self.moments[number], vtk.read_state(self._paths[number])[2]
 
     def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of a state, and the displacements of their nodes."""
-        return vtk.read_state(self._path(range(len(self.moments))[number]))[:2]
+        return vtk.read_state(self._paths[number])[:2]
 
 
 def _piece(path: Path, rank: int) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import astuple
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,7 +45,7 @@ class Checkpoints:
     """
 
     def __init__(self, run: Run) -> None:
-        self.run, self._share = run, run.body.share
+        self.run, self._share, self._rows = run, run.body.share, cache(partial(rows_of, run.body))
         self.resumable, self._due = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
 
     @property
@@ -93,7 +94,7 @@ class Checkpoints:
             held |= run.force.state_arrays()
         for key, array in held.items():
             array[:] = found.arrays[key]
-        vars(run.state).update(vars(State(**progress["state"])))
+        run.state = State(**progress["state"])
         if progress["earlier"] is not None:
             run.earlier = progress["earlier"], found.arrays["earlier"].copy()
         run.states = run.states_of([Moment(*moment) for moment in progress["moments"]])
@@ -113,9 +114,7 @@ class Checkpoints:
     def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
         """Read a checkpoint on the first rank and return every rank's rows of it; the names of the present arrays are required."""
         run, identity = self.run, self.identity
-        # In a single process an array may have more rows than the body: `ba-nosb` has bonds of images too.
-        counts = {key: self._rows_of(key).total if self._share.divided else len(array) for key, array in held.items()}
-        shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
+        shapes = {key: ((self._rows_of(key).total, *array.shape[1:]), array.dtype) for key, array in held.items()}
         whole = together(run.ranks, lambda: None if run.ranks.rank else Checkpoint.read(run.folder, identity, shapes))
         progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
         return Checkpoint(identity, progress, {key: self._rows_of(key).hand_out(whole and whole.arrays[key]) for key in keys})
@@ -123,4 +122,4 @@ class Checkpoints:
     def _rows_of(self, key: str) -> Rows:
         """Return the rows of the whole body that an array of a checkpoint holds."""
         kind = "pairs" if key in ("broken", "recent") else self.run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
-        return rows_of(self.run.body, kind)
+        return self._rows(kind)

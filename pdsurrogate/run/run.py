@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,8 +43,8 @@ class Run:
     Parameters
     ----------
     scene : Scene
-    model : ForceModel
-        Model of the rest of the body, where there are several materials.
+    models : sequence of ForceModel
+        Model of the rest of the body, then those of the scene's `materials`, as `checked_models` returns them.
     progress : Progress
     folder : Path, optional
         Where states and checkpoints are written as they are reached.
@@ -83,23 +84,23 @@ class Run:
     def __init__(
         self,
         scene: Scene,
-        model: ForceModel,
+        models: Sequence[ForceModel],
         progress: Progress,
         folder: Path | None = None,
         threads: int | None = None,
         interruption: Interruption | None = None,
     ) -> None:
-        self.model, self.progress, self.folder = model, progress, folder
+        self.model, self.progress, self.folder = models[0], progress, folder
         self.interruption, self.ranks = interruption or Interruption(), communicator()
-        self.problem = compile_scene(scene, model, self.ranks)
-        self.contents = Contents.of(scene, self.problem.models)
+        self.problem = compile_scene(scene, models, self.ranks)
+        self.contents = Contents.of(scene, models)
         self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loading.loads
         self.stages: tuple[Stage, ...] = self.problem.stages
         paying = threads_for(len(self.body.bonds.first))
         self.threads = (threads or paying) if self.ranks.size == 1 else threads_of(self.ranks, threads, paying)
         numba.set_num_threads(self.threads)
         if self.ranks.size > 1:
-            compile_first(self.ranks, model, self.problem)
+            compile_first(self.ranks, self.model, self.problem)
         self.force, self.loaded = self.problem.bind()
         with scene_errors(scene):
             self.probes = Probes(self.problem.whole, scene.probes, self._portion_of(), self.body.share)

@@ -208,7 +208,7 @@ def simulate(
     held = occupied(own) if own else nullcontext()
     with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
         interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
-        run = Run(scene, model, progress, folder, threads and most, interruption)
+        run = Run(scene, models, progress, folder, threads and most, interruption)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()

@@ -25,8 +25,9 @@ class SinglePrecisionLeft(RuntimeWarning):
 
 def go(run: Run, resume: bool) -> None:
     """Go through the stages of the programme that are left."""
-    state, solver = run.state, solver_of(run)
+    solver = solver_of(run)
     current = _resumed(run, solver) if resume else None
+    state = run.state
     if run.record_of_folder is not None:
         run.record_of_folder.keep()
     while state.stage < len(run.stages) and not (state.crack is not None and state.crack["through"]):

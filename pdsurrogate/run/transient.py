@@ -47,9 +47,18 @@ class Transient:
     def __init__(self, run: Run, stage: Stage) -> None:
         self.run, self.spec, self.most_outputs = run, stage.inertia, stage.outputs
         self.motion, self.viscosity = self.spec.motion(run.state.begin, stage.to), self._viscosity()
-        masses, moved = self.spec.density * run.body.volumes, (run.positions, np.zeros_like(run.positions), run.loading.free)
-        damped = {"damping": self.spec.damping, "viscosity": self.viscosity, "safety": self.spec.safety}
-        self.integrator = ExplicitDynamics(run.force, self._hold, *moved, masses, **damped, loads=run.loads)
+        self.integrator = ExplicitDynamics(
+            run.force,
+            self._hold,
+            run.positions,
+            np.zeros_like(run.positions),
+            run.loading.free,
+            self.spec.density * run.body.volumes,
+            damping=self.spec.damping,
+            viscosity=self.viscosity,
+            safety=self.spec.safety,
+            loads=run.loads,
+        )
         # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
         self._timed = self.spec.duration is not None
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)

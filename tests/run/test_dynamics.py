@@ -7,6 +7,7 @@ import meshio
 import numpy as np
 import pytest
 from bodies import nothing_held, sheet
+from runs import started
 from stopping import Killed, KilledAtLevel, KilledWhileBondsBreak
 from typer.testing import CliRunner
 
@@ -16,7 +17,6 @@ from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
 from pdsurrogate.run import account, checkpoints, transient
 from pdsurrogate.run.damage import Damage
-from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.solvers import Diverging, ExplicitDynamics
 from pdsurrogate.solvers.conditions import Loading
@@ -367,7 +367,7 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
 
 def test_the_last_good_state_is_recorded_once(monkeypatch):
     """Where the step after an output fails, the state before it has been recorded: it came twice, at one time."""
-    run = Run(pds.load_scene("tear", UNDAMPED), pds.load_surrogate("analytic"), Silent())
+    run = started(pds.load_scene("tear", UNDAMPED), "analytic")
     run.state.stage = len(run.stages) - 1
     motion = transient.Transient(run, run.stages[run.state.stage])
     motion.begin()

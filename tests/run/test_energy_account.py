@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from runs import started
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
@@ -11,7 +12,6 @@ from pdsurrogate.cli import app
 from pdsurrogate.run import transient
 from pdsurrogate.run.cracks import starts_of_cracks
 from pdsurrogate.run.damage import Damage
-from pdsurrogate.run.run import Run, Silent
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
 """With a density of 1, shear waves have a speed of 1."""
@@ -122,7 +122,7 @@ def test_what_cracks_need_is_the_default():
 
 
 def viscosity_of(scene):
-    run = Run(scene, pds.load_surrogate("analytic"), Silent())
+    run = started(scene, "analytic")
     run.state.stage = len(run.stages) - 1
     run.damage = None if scene.fracture is None else Damage(run.body, scene.fracture.critical_stretch)
     return transient.Transient(run, run.stages[run.state.stage]).viscosity

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from runs import started
 from stopping import killed_with_levels
 
 import pdsurrogate as pds
 from pdsurrogate.run import transient
-from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.solvers import Increments
 from pdsurrogate.solvers.motion import Motion
@@ -140,10 +140,10 @@ def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted):
 
 def test_increments_are_chosen_by_what_the_first_guess_strains():
     """To stretch 3 in one step: its guess strains bonds by 2, four times what the solver may take at once."""
-    run = Run(scene_of((2.0,)), pds.load_surrogate("analytic"), Silent())
+    run = started(scene_of((2.0,)), "analytic")
     assert run.loading.course.largest_increment(run.positions, 0.0, 2.0, None) == pytest.approx(0.5)
     assert run.loading.course.largest_increment(run.positions, 0.0, 2.0, 0.1) == pytest.approx(0.1)
-    turned = Run(pds.load_scene("rotation", spacing=0.1), pds.load_surrogate("analytic"), Silent())
+    turned = started(pds.load_scene("rotation", spacing=0.1), "analytic")
     assert turned.loading.course.largest_increment(turned.positions, 0.0, 1.0, None) == 1.0
     result = simulate(scene_of((1.2,)), "analytic")
     taken = list(dict.fromkeys(row["increment"] for row in result.convergence if "residual" in row))
@@ -200,7 +200,7 @@ def test_a_bond_that_would_break_hands_over_to_dynamics():
 
 def test_what_moves_faster_than_waves_is_refused():
     with pytest.raises(pds.SceneError, match=r"steps\.1\.dynamics\.duration: parts that are held would move apart at 100 cm/s"):
-        Run(scene_of((0.1, dynamic(1.1, 0.01)), units={"length": "cm", "time": "s"}), pds.load_surrogate("analytic"), Silent())
+        started(scene_of((0.1, dynamic(1.1, 0.01)), units={"length": "cm", "time": "s"}), "analytic")
 
 
 def test_motion_goes_evenly_and_stops():

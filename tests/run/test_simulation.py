@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from bodies import build_body
 from conftest import SHIPPED
+from runs import started
 from sklearn.linear_model import LinearRegression
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.learning import force_model_of
-from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.solvers import SOLVERS, Diverging, Increments, QuasiNewton
@@ -69,7 +69,7 @@ def test_forces_of_grips_balance_and_are_those_on_held_points(force, support):
     internal forces leave on them.  To the rounding of single precision, in which one of the models sums.
     """
     scene = pds.load_scene("pure-shear", {"spacing": 0.1, "body": {"shape": "polygon", "vertices": LETTER_L}, "support": support})
-    run = Run(scene, pds.load_surrogate(force), Silent())
+    run = started(scene, force)
     positions = run.loading.course.guesses(run.body.points, 1.0, 1.2, None)[0] + 0.01 * np.sin(3 * run.body.points[:, ::-1] + [0.3, 0.7])
     internal = np.empty_like(positions)
     run.loading.apply(1.2, run.force, positions)
