@@ -296,7 +296,7 @@ class Term(ABC):
     def member_deviation(self) -> np.ndarray | None:
         """Return the greatest deviation of a committee's members from the model at every point, shape (n,); None without members.
 
-        It is a stress; for a bond force it is the greatest of the bonds of a point (`pdsurrogate.forces.members`).
+        It is a stress; for a bond force it is the greatest of the bonds of a point (`pdsurrogate.forces.learnt.greatest_deviations`).
         """
         return None
 
