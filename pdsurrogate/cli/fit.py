@@ -16,7 +16,7 @@ from ..identification.regressor import N_TERMS
 from ..identification.settings import IdentificationSettings, Identified, identified, simulate_tests
 from ..learning import store
 from ..learning.fitting import TooInexact
-from ..learning.marquardt import listening
+from ..learning.levenberg_marquardt import listening
 from ..learning.settings import FitSettings
 from ..results import figures
 from .command import AsJson, SetLaw, check_folder, command, law_of
