@@ -11,7 +11,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
 from ..materials import PLANES, Law, plane_stress
-from ..materials.stretches import principal_stretches
+from ..materials.states import principal_stretches
 from .bond_shares import BondShares
 from .dilatation import LinearisedDilatation
 from .errors import InvalidState, at_point

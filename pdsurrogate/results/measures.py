@@ -12,7 +12,7 @@ import numpy as np
 from ..body import Body
 from ..forces import InternalForce
 from ..materials import PLANES
-from ..materials.stretches import principal_stretches
+from ..materials.states import principal_stretches
 
 
 def strain_energy(force: InternalForce) -> float:
