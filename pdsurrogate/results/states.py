@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol
@@ -11,7 +9,6 @@ from typing import Protocol
 import numpy as np
 
 from ..body import Body, CellMesh
-from ..ranks import Share
 from . import vtk
 from .folder import is_marked, state_files
 
@@ -149,11 +146,11 @@ class StatesInFiles:
             cells, used = cells.only(share.own)
             nodes = nodes[used]
             fields = {name: field[share.own] for name, field in fields.items()} | {vtk.NUMBER: share.numbers[share.own]}
-        with _for_all(share):
+        with share.ranks.together():
             vtk.write_state(_piece(path, share.ranks.rank) if self.in_pieces else path, cells, nodes, fields, values)
         self.moments.append(moment)
         self._paths.append(path)
-        with _for_all(share):
+        with share.ranks.together():
             if self.in_pieces and share.leads:
                 pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]
                 vtk.write_pieces(path, pieces, {name: field[:1].size for name, field in fields.items()})
@@ -200,14 +197,3 @@ def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
     if np.any(fields.get("damage", 0)) or body.separates is not None:
         cells = cells.torn(*state)
     return cells, cells.moved(*state)
-
-
-@contextmanager
-def _for_all(share: Share) -> Iterator[None]:
-    """Run a block that writes on every rank, and raise the error of one rank on all of them."""
-    error = None
-    try:
-        yield
-    except OSError as found:
-        error = found
-    share.agree(error)
