@@ -17,7 +17,7 @@ from ..ranks import communicator
 from ..results import measures
 from ..results.contents import Contents
 from ..results.probes import Probes
-from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory
+from ..results.states import Moment, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene
 from .checkpoints import Checkpoints, Record, State
 from .damage import Damage
@@ -172,7 +172,7 @@ class Run:
         if self._in_pieces:
             return StatesInFiles(self.folder, self.problem.name, self.body, moments)
         if self.ranks.rank:
-            return Moments(moments)
+            return States(moments)
         return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, self.whole, moments)
 
     @property
