@@ -1,7 +1,5 @@
 """Ranks: the processes that share one run, and the messages between them."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import socket

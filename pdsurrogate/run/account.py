@@ -1,7 +1,5 @@
 """Energy account of a stage in dynamics: work of holders and loads, kinetic energy, and energy lost in damping and breaking bonds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """One simulation under way: the problem, its forces, and the state that the stages of the programme advance."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable

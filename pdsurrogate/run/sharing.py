@@ -1,7 +1,5 @@
 """Preparation of a run on several ranks: the check that all got the same input, the number of threads, and the compilation."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Programme of a run: its stages in turn, from the first or from where a checkpoint was written."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stages in explicit dynamics: time stepping with moving holders, rows and outputs, and cracks that start and grow."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from contextlib import suppress
