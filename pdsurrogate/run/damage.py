@@ -1,7 +1,5 @@
 """Damage: bonds break irreversibly beyond a critical stretch (paper, Eqs. (29)-(31))."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,8 +1,8 @@
 """Programme of a run: its stages in turn, from the first or from where a checkpoint was written."""
 
-from __future__ import annotations
-
 import warnings
+
+import numpy as np
 
 from ..results.checkpoint import CheckpointError
 from ..solvers import EquilibriumSolver, TooSmall, Unstable
@@ -28,8 +28,7 @@ def go(run: Run, resume: bool) -> None:
     solver = solver_of(run)
     current = _resumed(run, solver) if resume else None
     state = run.state
-    if run.record_of_folder is not None:
-        run.record_of_folder.keep()
+    run.tables.keep_if_due(-np.inf)
     while state.stage < len(run.stages) and not (state.crack is not None and state.crack["through"]):
         if current is None:
             current = _stage_of(run, solver)
