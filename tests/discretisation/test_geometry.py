@@ -46,7 +46,7 @@ def test_a_mesh_has_its_own_spacing(tmp_path):
     assert summary["spacing"] == pytest.approx(0.05)
     assert summary["horizon"] == pytest.approx(3.15 * 0.05)
     np.testing.assert_allclose(tip[1], -0.2527, rtol=0.017)
-    with pytest.warns(UserWarning, match=r"^scene bent: spacing: 0\.1 is not taken; the mesh has its own, 0\.05: leave spacing out$"):
+    with pytest.warns(UserWarning, match=r"^scene bent: spacing: 0\.1 .*, 0\.05: leave spacing out$"):
         told, summary = cantilever(mesh, spacing=0.1)
     np.testing.assert_array_equal(told, tip)
     assert summary["spacing"] == pytest.approx(0.05)
@@ -181,7 +181,7 @@ def test_a_support_at_a_place_keeps_nothing_from_turning():
     run = run_of(**sheet, prescribed=(pin, {"region": {"near": (0.05, 0.5)}, "x2": 0.0}))
     assert (run.loading.free == 0).sum(axis=0).tolist() == [1, 2]
     dynamics = {"to": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}
-    with pytest.raises(pds.SceneError, match=r"^scene trial: prescribed.0.region: 4 points are equally near to this place"):
+    with pytest.raises(pds.SceneError, match=r"^scene trial: prescribed.0.region: 4 points"):
         run_of(**sheet, prescribed=(pin,), steps=(dynamics,))
 
 

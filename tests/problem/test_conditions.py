@@ -158,12 +158,12 @@ def test_conditions_that_make_no_sense_are_refused(prescribed, message):
 
 def test_a_loose_piece_is_named():
     cut = {"start": [0.0, 0.5], "end": [1.2, 0.5]}
-    with pytest.raises(pds.SceneError, match=r"nothing keeps a piece of 60 points of the body, at \(0\.05, 0\.55\), from moving along x1"):
+    with pytest.raises(pds.SceneError, match=r"nothing keeps .*60 points .* \(0\.05, 0\.55\), from moving along x1"):
         started(scene_of(({"region": "bottom", "x1": 0, "x2": 0},), precuts=[cut], horizon_ratio=1.5), "analytic")
 
 
 def test_a_round_end_is_no_plane():
-    with pytest.raises(pds.SceneError, match="prescribed: the body has no straight edge with material at its left end"):
+    with pytest.raises(pds.SceneError, match=r"prescribed: .*no straight edge .* left end"):
         started(scene_of(CLAMPS, body=pds.shapes.Circle(radius=0.6)), "analytic")
 
 

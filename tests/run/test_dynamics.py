@@ -131,7 +131,7 @@ def torn(tmp_path_factory):
 
 def test_grips_faster_than_shear_waves_are_refused():
     """At rates of 100 and 1e6 the motion that the dynamics start with was energy out of nothing, and the run "converged"."""
-    with pytest.raises(pds.SceneError, match=r"dynamics.stretch_rate: the grips would move apart .* the greatest rate is 2683"):
+    with pytest.raises(pds.SceneError, match=r"dynamics.stretch_rate: .* the greatest rate is 2683"):
         simulate(small(**{"dynamics.stretch_rate": 1e6}), "neo-hookean")
 
 

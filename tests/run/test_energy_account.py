@@ -86,7 +86,7 @@ def test_motion_that_fine_steps_alone_keep_is_warned_of():
 
     The scheme is of the second order: a quarter with half the step.  The gap varies by 3 % with 1 % of the pulse: it is not chance.
     """
-    with pytest.warns(UserWarning, match=r"account of energy is off by 1\.\d %: .* put in, and .* were lost; a smaller dynamics.safety"):
+    with pytest.warns(UserWarning, match=r"energy is off by 1\.\d %: .*; a smaller dynamics.safety"):
         coarse = pds.simulate(kicked(0.7))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -215,5 +215,5 @@ def test_groups_of_first_bonds():
 def test_a_fracture_energy_is_refused_where_the_tip_was_not_measured(scene, changes, force, here):
     """With 1.15 horizons, which are right for forces of bonds, a sheet tore at 8 to 23 % too little by `bond-energy`."""
     known = r"\(bond force, plane=stress, horizon_ratio 2.2 to 4.2; bond energy, plane=space, horizon_ratio 1.75; .*2.2\)"
-    with pytest.raises(pds.SceneError, match=rf"fracture\.energy .*{known}, and not for {here}; give fracture\.critical_stretch"):
+    with pytest.raises(pds.SceneError, match=rf"fracture\.energy .*{known}, .*{here}; give fracture\.critical_stretch"):
         pds.simulate(pds.load_scene(scene, changes), force)

@@ -181,9 +181,7 @@ def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
     """`run uniaxial --set stretches=0.5 --set spacing=0.2` gave 15 % of the stress and `converged: true`.  A cut starts the buckle here."""
     described = {"spacing": 0.2, "stretches": [0.5]}
     cut = pds.load_scene("uniaxial", {**described, "precuts": [{"start": [1.5, 0.9], "end": [1.5, 1.0]}]})
-    with pytest.raises(
-        SimulationFailed, match=r"the body buckles between the stretches 0\.8.*; equilibrium was followed to stretch 0\.8"
-    ) as caught:
+    with pytest.raises(SimulationFailed, match=r"buckles between the stretches 0\.8.* stretch 0\.8") as caught:
         simulate(cut, "neo-hookean")
     result = caught.value.result
     assert not result.summary["converged"]
@@ -239,7 +237,7 @@ def test_the_sheet_that_buckled_through_its_own_grips():
 def test_points_beyond_a_grip_are_no_equilibrium():
     """NOSB folds a compressed sheet through its grips; every force is zero there, and the run said `converged: true`."""
     scene = pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.method": "relaxation"})
-    with pytest.raises(SimulationFailed, match=r"point \d+ at \(.*\): it lies .* beyond the (left|right) grip") as caught:
+    with pytest.raises(SimulationFailed, match=r"point \d+ at \(.*\): .* beyond the (left|right) grip") as caught:
         simulate(scene, "nosb")
     assert [level["stretch"] for level in caught.value.result.levels] == [0.8]
 
@@ -512,7 +510,7 @@ def test_what_is_no_force_says_what_is_taken():
     pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric")
     with pytest.raises(ValueError, match="not fitted"):
         pds.simulate(scene, pipeline)
-    with pytest.raises(ValueError, match="a LinearRegression by itself does not say which stretches it was fitted to"):
+    with pytest.raises(ValueError, match=r"LinearRegression .* which stretches it was fitted to"):
         pds.simulate(scene, LinearRegression().fit(samples.X, samples.y))
     with pytest.raises(ValueError, match="a pipeline read from a file does not say which stretches"):
         pds.simulate(scene, pickle.loads(pickle.dumps(pipeline.fit(samples.X, samples.y))))
