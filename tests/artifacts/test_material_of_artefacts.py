@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import with_material
-from pdsurrogate.cli.application import app
+from pdsurrogate.cli import app
 from pdsurrogate.scenes import SceneError
 
 CHAIN_LIMIT = 62.82566463708167
