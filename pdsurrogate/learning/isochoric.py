@@ -1,7 +1,5 @@
 """The isochoric energy W(I1bar, I2bar) as a target: samples at three stretches of product 1, features and stability."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 

@@ -42,7 +42,7 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
     for plane in body.planes:
         distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
         if (distance < ON_A_PLANE * body.spacing).all(axis=1).any():
-            edge = _words_for(_edge_of(plane), body)
+            edge = _words_for(edge_of(plane), body)
             why = f"which is held by reflection, so that a {load.kind} there goes into what holds it"
             raise ValueError(f"{key}: it takes in facets of the {edge}, {why}; leave the {edge} out, or hold points (support=points)")
     return facets
@@ -57,7 +57,7 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
         sizes = np.stack([rows @ surface.areas()[facets] / len(corners) for rows in spread], axis=1)
         points = np.flatnonzero(sizes.any(axis=1))
         return points, sizes[points] * np.array(load.traction)
-    if load.kind == "force" and regions.edge(load.region) in map(_edge_of, body.planes):
+    if load.kind == "force" and regions.edge(load.region) in map(edge_of, body.planes):
         # It would pull at points half a cell inside the edge, which are free.
         edge = _words_for(regions.edge(load.region), body)
         why = f"the {edge} is held by reflection, so that a force there goes into what holds it"
@@ -70,7 +70,7 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
     return points, np.tile(part, (len(points), 1))
 
 
-def _edge_of(plane: ReflectionPlane) -> str:
+def edge_of(plane: ReflectionPlane) -> str:
     """Return the name of the edge that a plane holds."""
     return next(edge for edge, place in EDGES.items() if place == (plane.axis, plane.side))
 

@@ -14,6 +14,8 @@ from ..forces import InvalidState
 from ..scenes import Region, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
+from ..solvers.conditions import Held
+from ..solvers.rigid_motions import turn_by
 from .programme import Stage
 from .regions import BodyRegions
 
@@ -57,32 +59,34 @@ class Prescription:
     about: np.ndarray | None = None
     axis: np.ndarray | None = None
 
-    def shift(self, parameter: float) -> np.ndarray:
-        """Return the translation, shape (d,)."""
-        return self.displacement * self.factor(parameter)
+    def motion(self, parameter: float) -> np.ndarray:
+        """Return [Q - I, c] at a value of the parameter, shape (d, d + 1): a place X moves by (Q - I) X + c."""
+        factor, dimension = self.factor(parameter), len(self.displacement)
+        found = np.zeros((dimension, dimension + 1))
+        found[:, -1] = self.displacement * factor
+        if self.rotation is not None:
+            axis = np.ones(1) if dimension == 2 else self.axis / np.linalg.norm(self.axis)
+            found[:, :-1] = turn_by(math.radians(self.rotation * factor) * axis) - np.eye(dimension)
+            found[:, -1] -= found[:, :-1] @ self.about
+        return found
 
-    def turn(self, parameter: float) -> np.ndarray:
-        """Return Q - I of the rotation, shape (d, d)."""
-        angle = math.radians(self.rotation * self.factor(parameter))
-        cosine, sine = math.cos(angle), math.sin(angle)
-        if len(self.displacement) == 2:
-            return np.array([[cosine - 1, -sine], [sine, cosine - 1]])
-        a, b, c = self.axis / math.hypot(*self.axis)
-        cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
-        return sine * cross + (1 - cosine) * (cross @ cross)
+    def angle(self, parameter: float) -> float:
+        """Return the angle in degrees by which the region has turned."""
+        return self.rotation * self.factor(parameter)
+
+    def held(
+        self, names: tuple[str, ...], points: np.ndarray, places: np.ndarray, components: tuple[int, ...] | None = None, **further
+    ) -> Held:
+        """Return points at given places, some components of which, by default all that are prescribed, move so."""
+        holder = None if self.holder is None else names.index(self.holder)
+        angle = None if self.rotation is None else self.angle
+        return Held(self.name, holder, components or self.components, self.motion, points, places, angle, **further)
 
     def reached(self, parameter: float) -> str:
         """Return the progress of the prescription at a value of the parameter, in words; empty if it moves nothing."""
         factor = self.factor(parameter)
         found = [f"x{component} = {value * factor:.4g}" for component, value in enumerate(self.displacement, 1) if value]
         return ", ".join(found + ([f"rotation = {self.rotation * factor:.4g}"] if self.rotation else []))
-
-    def of_places(self, places: np.ndarray) -> Callable[[float], np.ndarray]:
-        """Return the displacement of reference places (k, d) as a function of the parameter; shape (d,) where all move alike."""
-        if self.rotation is None:
-            return self.shift
-        arms = places - self.about
-        return lambda parameter: arms @ self.turn(parameter).T + self.shift(parameter)
 
 
 def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ...]) -> list[Prescription]:

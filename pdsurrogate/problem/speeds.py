@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..scenes import Scene
-from ..solvers.conditions import Loading, displaced
+from ..solvers.conditions import Loading
 from ..solvers.motion import Motion
 from .programme import Stage
 
@@ -35,20 +35,11 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:
     """Return the greatest difference of the velocities of any two held parts, in a component, during a stage in dynamics."""
-    share, dimension, fastest = loading.body.share, loading.body.dimension, 0.0
+    share, fastest = loading.body.share, 0.0
     for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
-        low, high = np.full(dimension, np.inf), np.full(dimension, -np.inf)
-        changes = [(part, part.displacement(motion.at(end)) - part.displacement(motion.at(begin))) for part in loading.held]
-        for plane, sources in zip(loading.planes, loading.beside_planes, strict=True):
-            change = plane.motion(motion.at(end)) - plane.motion(motion.at(begin))
-            changes.append((plane, displaced(change, loading.body.points[sources])))
-        for part, change in changes:
-            change = np.atleast_2d(change)
-            for component in part.components:
-                low[component] = min(low[component], change[:, component].min(initial=np.inf))
-                high[component] = max(high[component], change[:, component].max(initial=-np.inf))
-        low = -np.array([share.greatest(-value) for value in low])
-        high = np.array([share.greatest(value) for value in high])
-        spread = (high - low)[np.isfinite(low)]
-        fastest = max(fastest, float(spread.max(initial=0.0)) / (end - begin))
+        changes = loading.moves(motion.at(end)) - loading.moves(motion.at(begin))
+        for component in range(loading.body.dimension):
+            own = changes[loading.component == component]
+            apart = share.greatest(own.max(initial=-np.inf)) + share.greatest(-own.min(initial=np.inf))
+            fastest = max(fastest, apart / (end - begin))
     return fastest

@@ -1,7 +1,5 @@
 """Measures of a deformed body: energy, displacements of the edges, fields on the points."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property
 from itertools import pairwise
 
@@ -11,11 +10,12 @@ import numpy as np
 
 from ..body.body import sums_at_points
 from ..forces import InternalForce
-from .conditions import HeldPoints, Loading, Reactions, displaced
+from .conditions import Loading, Reactions
 from .equilibrium import TooFar
 from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
 from .preconditioner import Extension
+from .rigid_motions import displaced
 
 COMPRESSED = 0.05
 """Compression anywhere, over the greatest tension in the body, beyond which the body may buckle: free edges, whose horizons are incomplete,
@@ -101,24 +101,14 @@ class Paths:
     shear_modulus : float
     largest_strain : float
         Greatest strain of a bond that a first guess may make.
-    turned : callable
-        Greatest angle in degrees by which a held part turns between two values of the parameter.
     """
 
     adaptive = True
 
-    def __init__(
-        self,
-        loading: Loading,
-        springs: float | np.ndarray,
-        shear_modulus: float,
-        largest_strain: float,
-        turned: Callable[[float, float], float],
-    ) -> None:
+    def __init__(self, loading: Loading, springs: float | np.ndarray, shear_modulus: float, largest_strain: float) -> None:
         self._loading, self.body, self._share = loading, loading.body, loading.body.share
         # A slightly larger bound accepts increments of exactly that strain.
         self._springs, self._shear_modulus, self._largest_strain = springs, shear_modulus, largest_strain * (1 + 1e-6)
-        self._turned = turned
 
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
         """Return the greatest increment to plan between two values of the parameter.
@@ -185,19 +175,16 @@ class Paths:
         before, after = (motion.at(time - step), motion.at(time)) if time >= step else (motion.at(time), motion.at(time + step))
         old, new = self._loading.plane_motions(before), self._loading.plane_motions(after)
         changes = new - old
-        if reactions.levers is None:
-            power = float((reactions.on_planes * (changes[:, :, -1] / step)).sum())
-        else:
+        shifts, power = changes[:, :, -1], 0.0
+        if reactions.levers is not None:
             # The place X of a plane is at y = X + u(X): the change of u is a linear function of y.
             by_place = np.linalg.solve((np.eye(self.body.dimension) + old[:, :, :-1]).mT, changes[:, :, :-1].mT).mT
-            shifts = changes[:, :, -1] - np.einsum("prc,pc->pr", by_place, old[:, :, -1])
-            power = float((reactions.on_planes * shifts).sum() + (reactions.levers * by_place).sum()) / step
+            shifts = shifts - np.einsum("prc,pc->pr", by_place, old[:, :, -1])
+            power = float((reactions.levers * by_place).sum()) / step
+        power += float((reactions.on_planes * shifts).sum()) / step
         if reactions.at_points is not None:
-            moved = np.zeros_like(reactions.at_points)
-            for part in self._loading.held:
-                change = np.broadcast_to(part.displacement(after) - part.displacement(before), (len(part.points), self.body.dimension))
-                for component in part.components:
-                    moved[part.points, component] = change[:, component]
+            moved, loading = np.zeros_like(reactions.at_points), self._loading
+            moved[loading.there] = (loading.moves(after) - loading.moves(before))[loading.at_points]
             power += self._share.sum(reactions.at_points * moved) / step
         return power
 
@@ -231,7 +218,8 @@ class Paths:
 
     def _followed(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
         """Return the guess that follows held parts, in enough portions of the way that none turns far and points move along arcs."""
-        portions = max(1, math.ceil(self._turned(before, after) / LARGEST_TURN))
+        turns = (abs(part.angle(after) - part.angle(before)) for part in self._loading.held if part.angle is not None)
+        portions = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN))
         for start, end in pairwise(np.linspace(before, after, portions + 1)):
             positions = self._extended(positions, self._loading.plane_motions(start), end)
         return positions
@@ -247,37 +235,34 @@ class Paths:
         An affine map fitted to the motion of the held parts is applied first: it captures homogeneous deformations and rotations of the
         whole body. The remaining held displacements are then interpolated as by a network of springs.
         """
-        goal_planes = self._loading.plane_motions(t)
+        loading, goal_planes = self._loading, self._loading.plane_motions(t)
         self._share.fill(start)
         samples = self._samples(start, planes, goal_planes, t)
-        changes = samples.goals - samples.places[np.arange(len(samples.goals)), samples.components]
-        farthest = self._share.greatest(np.abs(changes))
+        rows = np.arange(len(samples.goals)), samples.components
+        farthest = self._share.greatest(np.abs(samples.goals - samples.places[rows]))
         if farthest == 0:
             return start.copy()
-        everywhere = Samples(*(self._share.joined(rows, samples.points) for rows in (samples.places, samples.components, samples.goals)))
+        everywhere = Samples(*(self._share.joined(values, loading.point) for values in (samples.places, samples.components, samples.goals)))
         gradient, shift = affine_extension(everywhere, lambda direction: self._spread(start @ direction))
         guess = start @ gradient.T + shift
-        mapped = (samples.places @ gradient.T + shift)[np.arange(len(samples.goals)), samples.components]
-        left = samples.goals - mapped
+        left = samples.goals - (samples.places @ gradient.T + shift)[rows]
         if self._share.greatest(np.abs(left)) > 1e-6 * min(farthest, self.body.spacing):
-            moved, at, of_planes = np.zeros_like(start), 0, np.zeros(goal_planes.shape[:2])
-            turns = self._turns_left(planes, goal_planes, gradient)
-            for part in self._loading.held:
-                for component in part.components:
-                    moved[part.points, component] = left[at : at + len(part.points)]
-                    at += len(part.points)
-            for number, (sources, held) in enumerate(zip(self._loading.beside_planes, self._loading.planes, strict=True)):
-                for component in held.components:
-                    # Along its plane the affine map need not follow every place alike.
-                    of_planes[number, component] = self._share.joined(left[at : at + len(sources)], sources).mean()
-                    at += len(sources)
-                if turns is not None and len(held.components) == self.body.dimension:
-                    of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
+            moved, of_planes = np.zeros_like(start), np.zeros(goal_planes.shape[:2])
+            moved[loading.there] = left[loading.at_points]
+            for number, component in zip(*np.nonzero(loading.plane_components), strict=True):
+                # Along its plane the affine map need not follow every place alike.
+                own = (loading.plane == number) & (loading.component == component)
+                of_planes[number, component] = self._share.joined(left[own], loading.point[own]).mean()
+            turns = None
+            if loading.turning:
+                # If one plane turns, the map turns the others by a part of that, which the remainder of their turn cancels.
+                held = loading.plane_components.all(axis=1)
+                identity = np.eye(self.body.dimension)
+                turns = identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
+                turns[~held] = 0.0
+                of_planes[held] = (goal_planes[:, :, -1] - planes[:, :, -1] @ gradient.T - shift)[held]
             guess += self._stiffness.response(moved, of_planes, turns)
-        for part in self._loading.held:
-            goal = self._goal(part, t, start)
-            for component in part.components:
-                guess[part.points, component] = goal[:, component]
+        guess[loading.there] = samples.goals[loading.at_points]
         return guess
 
     def _spread(self, values: np.ndarray) -> float:
@@ -285,47 +270,20 @@ class Paths:
         mean = self._share.sum(values) / self._share.size
         return float(np.sqrt(self._share.sum(np.square(values - mean)) / self._share.size))
 
-    def _turns_left(self, planes: np.ndarray, goal_planes: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
-        """Return the remainder of the planes' turns after an affine map of a given gradient, as in `Ghosts.shifts`; None if none turns.
-
-        If one plane turns, the map turns the others by a part of that, which their remainder cancels.
-        """
-        if all(plane.turn is None for plane in self._loading.planes):
-            return None
-        identity = np.eye(self.body.dimension)
-        left = identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
-        left[[len(plane.components) < self.body.dimension for plane in self._loading.planes]] = 0.0
-        return left
-
     def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> Samples:
-        """Return the places that are held and where they go: points, then planes, at the places next to points of the body."""
-        places, components, goals = [np.zeros((0, self.body.dimension))], [np.zeros(0, dtype=int)], [np.zeros(0)]
-        points = [np.zeros(0, dtype=int)]
-
-        def add(numbers: np.ndarray, there: np.ndarray, component: int, goal: np.ndarray) -> None:
-            points.append(numbers)
-            places.append(there)
-            components.append(np.full(len(there), component))
-            goals.append(goal)
-
-        for part in self._loading.held:
-            goal = self._goal(part, t, start)
-            for component in part.components:
-                add(part.points, start[part.points], component, goal[:, component])
-        planes_held = zip(self.body.planes, self._loading.planes, self._loading.beside_planes, strict=True)
-        for number, (plane, held, sources) in enumerate(planes_held):
-            there, at_rest = start[sources].copy(), self.body.points[sources].copy()
-            at_rest[:, plane.axis] = plane.position
-            now, then = displaced(planes[number], at_rest), displaced(goal_planes[number], at_rest)
-            for component in held.components:
-                there[:, component] = at_rest[:, component] + now[:, component]
-            for component in held.components:
-                add(sources, there, component, there[:, component] + (then - now)[:, component])
-        return Samples(*map(np.concatenate, (places, components, goals, points)))
-
-    def _goal(self, part: HeldPoints, t: float, start: np.ndarray) -> np.ndarray:
-        """Return the places of held points at t, shape (k, d); that of a support goes as far as the mean of its points does."""
-        displacement = part.displacement(t)
-        if part.support is None:
-            return self.body.points[part.points] + displacement
-        return start[part.points] + displacement - (start[part.every] - self.body.points[part.every]).sum(axis=0) / part.support.count
+        """Return the held components and where they go: those of points, and those of planes at the places next to points of the body."""
+        loading, displacements = self._loading, start - self.body.points
+        there = loading.point, loading.component
+        places, goals = start[loading.point], self.body.points[there] + loading.moves(t)
+        for number, part in enumerate(loading.held):
+            if part.support is not None:  # the point of a support goes as far as the mean of all its points does
+                own = loading.part == number
+                mean = displacements[part.every].sum(axis=0) / part.support.count
+                goals[own] += displacements[loading.point[own], loading.component[own]] - mean[loading.component[own]]
+        beside = ~loading.at_points
+        number, component, at_rest = loading.plane[beside], loading.component[beside], loading.place[beside]
+        now, then = (displaced(motions[number], at_rest) for motions in (planes, goal_planes))
+        there = np.where(loading.plane_components[number], at_rest + now, places[beside])
+        rows = np.arange(len(number)), component
+        places[beside], goals[beside] = there, there[rows] + (then - now)[rows]
+        return Samples(places, loading.component, goals)

@@ -25,14 +25,11 @@ class Samples:
         Component of each place that is held.
     goals : ndarray, shape (k,)
         Value of the component after the increment.
-    points : ndarray of int, shape (k,), optional
-        Point of the body that each place belongs to, or lies next to.
     """
 
     places: np.ndarray
     components: np.ndarray
     goals: np.ndarray
-    points: np.ndarray | None = None
 
 
 def affine_extension(samples: Samples, spread_along: Callable[[np.ndarray], float]) -> tuple[np.ndarray, np.ndarray]:

@@ -6,14 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
-from scipy.spatial.transform import Rotation
 
 from ..body import Body
 from ..forces import InvalidState
-from .conditions import moment_of
 from .loads import LoadedForce
 from .multigrid import factor_of
 from .nearest_bonds import Preconditioner, Springs, held_matrix
+from .rigid_motions import moment_of, nearest_turn, rigid_motions, rotation_of, turn_by
 
 MOST_STEPS = 30
 """Maximum number of Newton steps that bring a region to the places of its held components; from the last state two or three suffice."""
@@ -73,7 +72,7 @@ class RigidRegion:
         given = positions[self.points]
         goals = given[self._held]
         middle = self._volumes @ given / self._volumes.sum()
-        turn = _nearest_turn((given - middle).T @ (self._volumes[:, None] * self._arms))
+        turn = nearest_turn((given - middle).T @ (self._volumes[:, None] * self._arms))
         for _ in range(MOST_STEPS):
             placed = middle + self._arms @ turn.T
             left = goals - placed[self._held]
@@ -81,7 +80,7 @@ class RigidRegion:
                 break
             step = np.linalg.lstsq(self.motions(placed)[self._held], left, rcond=INDEPENDENT)[0]
             d = len(middle)
-            middle, turn = middle + step[:d], _turn_by(step[d:] / self.size) @ turn
+            middle, turn = middle + step[:d], turn_by(step[d:] / self.size) @ turn
         if np.abs(left).max(initial=0.0) > HELD * self.size:
             raise InvalidState(
                 f"{self.name} is rigid, and what is prescribed moves its points apart: by {np.abs(left).max():.3g} from any place that it "
@@ -92,13 +91,7 @@ class RigidRegion:
 
     def motions(self, placed: np.ndarray) -> np.ndarray:
         """Return displacements of points (k, d) by translations, then by turns about their middle over `size`, shape (k, d, motions)."""
-        arms = (placed - self._volumes @ placed / self._volumes.sum()) / self.size
-        k, d = arms.shape
-        found = np.zeros((k, d, self.n_motions))
-        found[:, range(d), range(d)] = 1.0
-        for number, (a, b) in enumerate([(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)], d):
-            found[:, a, number], found[:, b, number] = -arms[:, b], arms[:, a]
-        return found
+        return rigid_motions((placed - self._volumes @ placed / self._volumes.sum()) / self.size)
 
     def _free_motions(self, motions: np.ndarray) -> np.ndarray:
         """Return the orthonormal motions that leave held components in place, as columns."""
@@ -116,12 +109,12 @@ class RigidRegion:
         """
         placed, forces = positions[self.points], forces[self.points]
         middle = self._volumes @ placed / self._volumes.sum()
-        turn = _nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
+        turn = nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
         return {
             "force": forces.sum(axis=0).tolist(),
-            "moment": moment_of((forces.T @ placed)[None])[0].tolist(),
+            "moment": moment_of(forces.T @ placed).tolist(),
             "displacement": (middle - self._middle).tolist(),
-            "rotation": np.degrees(_rotation_of(turn)).tolist(),
+            "rotation": np.degrees(rotation_of(turn)).tolist(),
         }
 
     def take(self, placed: np.ndarray) -> None:
@@ -195,25 +188,3 @@ class RigidStiffness(Preconditioner):
         for region, place in zip(self._regions, self._places, strict=True):
             displacements[region.points] = region.expand(region.projector @ found[place])
         return displacements
-
-
-def _nearest_turn(matrix: np.ndarray) -> np.ndarray:
-    """Return the rotation nearest to a matrix, shape (d, d)."""
-    U, _, V = np.linalg.svd(matrix)
-    U[:, -1] *= np.sign(np.linalg.det(U @ V))
-    return U @ V
-
-
-def _rotation_of(turn: np.ndarray) -> np.ndarray:
-    """Return the angle of a rotation in the plane; in three dimensions the vector of that length along its axis."""
-    if len(turn) == 2:
-        return np.arctan2(turn[1, 0], turn[0, 0])
-    return Rotation.from_matrix(turn).as_rotvec()
-
-
-def _turn_by(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation by an angle in the plane (1,), or by a vector along its axis in three dimensions (3,)."""
-    if len(vector) == 3:
-        return Rotation.from_rotvec(vector).as_matrix()
-    cosine, sine = np.cos(vector[0]), np.sin(vector[0])
-    return np.array([[cosine, -sine], [sine, cosine]])

@@ -11,9 +11,10 @@ import numpy as np
 
 from ..body import Body
 from .nearest_bonds import Preconditioner
+from .rigid_motions import displaced
 
 if TYPE_CHECKING:
-    from .conditions import HeldPoints
+    from .conditions import Held
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Supports:
     Parameters
     ----------
     body : Body
-    parts : sequence of HeldPoints
+    parts : sequence of Held
         Those with a support.
 
     Attributes
@@ -52,14 +53,14 @@ class Supports:
         Displacements of the body, shape (n, d), about where held components are displaced by (n, d); set by the conditions of the body.
     """
 
-    def __init__(self, body: Body, parts: tuple[HeldPoints, ...]) -> None:
+    def __init__(self, body: Body, parts: tuple[Held, ...]) -> None:
         self._body, self.share, self._parts = body, body.share, parts
         self.response: Callable[[np.ndarray], np.ndarray]
         self.set(0.0)
 
     def set(self, parameter: float) -> None:
         """Set the prescribed displacements at a value of the loading parameter."""
-        self._goals = [part.displacement(parameter) for part in self._parts]
+        self._goals = [displaced(part.motion(parameter), part.places)[0] for part in self._parts]
 
     def place(self, positions: np.ndarray) -> None:
         """Move the held points to where the others leave them."""
@@ -69,7 +70,7 @@ class Supports:
             if len(others) == part.support.count - 1:  # on another rank there may be fewer, and a copy of the held point
                 for component in part.components:
                     moved = positions[others, component] - self._body.points[others, component]
-                    target = part.support.count * goal[..., component] - moved.sum()
+                    target = part.support.count * goal[component] - moved.sum()
                     positions[part.points, component] = self._body.points[part.points, component] + target
 
     def fold(self, forces: np.ndarray) -> None:
@@ -78,6 +79,13 @@ class Supports:
         for part in self._parts:
             for component in part.components if len(part.points) else ():
                 forces[part.support.others, component] -= forces[part.points, component]
+
+    def spread(self, forces: np.ndarray) -> None:
+        """Copy the forces on held points to the others."""
+        self.share.fill(forces)
+        for part in self._parts:
+            for component in part.components if len(part.points) else ():
+                forces[part.support.others, component] = forces[part.points, component]
 
     @cached_property
     def fields(self) -> list[tuple[np.ndarray, np.ndarray]]:
