@@ -25,7 +25,7 @@ SHOWN_SHARE = 1e-3
 """Share of the greatest force that a component reaches which is drawn: smaller ones are residuals."""
 
 
-def states_figure(result: Result, field: str, numbers: list[int], limits: tuple[float, float] | None = None) -> Figure:
+def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:
     """Return a figure of states coloured by a field."""
     # A state may have to be read from its file.
     states = [result.states[number][1] for number in numbers]

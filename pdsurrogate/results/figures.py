@@ -12,6 +12,12 @@ from matplotlib.figure import Figure
 from ..body import CellMesh
 from .files import MARK, replacing
 
+Moved = list[tuple[CellMesh, np.ndarray]]
+"""Cells of states, each with the displacements of their nodes."""
+
+Limits = tuple[float, float]
+"""Values at the ends of a scale of colours."""
+
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -47,7 +53,7 @@ def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
     return np.concatenate([places[block[:, [0, 1, 2, 3] if block.shape[1] == 4 else [0, 1, 2, 2]]] for block in cells.blocks])
 
 
-def limits_of(values: np.ndarray) -> tuple[float, float]:
+def limits_of(values: np.ndarray) -> Limits:
     """Return the ends of a scale of colours, wide enough to show residuals of a solver in one colour."""
     low, high = float(values.min()), float(values.max())
     return low, low + max(high - low, ONE_COLOUR * max(abs(low), abs(high), 1e-300))
@@ -81,13 +87,7 @@ def curves_figure(
         return figure
 
 
-def contour_figure(
-    moved: list[tuple[CellMesh, np.ndarray]],
-    values: list[np.ndarray],
-    label: str,
-    titles: list[str],
-    scale: tuple[float, float] | None = None,
-) -> Figure:
+def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scale: Limits | None = None) -> Figure:
     """Return a figure of deformed bodies, to one scale of length, side by side or one below the other, whichever fits a page.
 
     Parameters

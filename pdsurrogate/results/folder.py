@@ -151,10 +151,8 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
         raise FolderTaken(f"{folder} holds the results of another run of {name}: {differences}; {WAY_OUT}")
     ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)
     if not ended and (folder / CHECKPOINT).exists():  # without a checkpoint nothing can be resumed
-        raise FolderTaken(
-            f"{folder} holds this run, ended before its time: go on with it by --resume, or begin it anew by --overwrite (resume=True or "
-            "overwrite=True in Python)"
-        )
+        ways = "go on with it by --resume, or begin it anew by --overwrite (resume=True or overwrite=True in Python)"
+        raise FolderTaken(f"{folder} holds this run, ended before its time: {ways}")
 
 
 def check_names(folder: Path, name: str, resumed: bool = False) -> None:

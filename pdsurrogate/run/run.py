@@ -70,10 +70,11 @@ class Run:
         Where states and checkpoints are written as they are reached.
     threads : int, optional
         Threads of the kernels; by default as many as pay for the body.
-    interruption : Interruption, optional
 
     Attributes
     ----------
+    interruption : Interruption
+        What may end the run early; by default only a signal.
     problem : Problem
     force : InternalForce
     loaded : InternalForce or LoadedForce
@@ -102,16 +103,10 @@ class Run:
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        models: Sequence[ForceModel],
-        progress: Progress,
-        folder: Path | None = None,
-        threads: int | None = None,
-        interruption: Interruption | None = None,
+        self, scene: Scene, models: Sequence[ForceModel], progress: Progress, folder: Path | None = None, threads: int | None = None
     ) -> None:
         self.model, self.progress, self.folder = models[0], progress, folder
-        self.interruption, self.ranks = interruption or Interruption(), communicator()
+        self.interruption, self.ranks = Interruption(), communicator()
         self.problem = compile_scene(scene, models, self.ranks)
         self.contents = Contents.of(scene, models)
         self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loading.loads

@@ -30,9 +30,8 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
     others = ranks.everywhere(given)
     different = [what for what in given if any(other[what] != others[0][what] for other in others)]
     if different:
-        raise SceneError(
-            f"scene {scene.name}: the ranks were not given the same {' and '.join(different)}; start all of them by one command"
-        )
+        what = f"the ranks were not given the same {' and '.join(different)}"
+        raise SceneError(f"scene {scene.name}: {what}; start all of them by one command")
 
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:

@@ -204,8 +204,8 @@ def simulate(
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
     with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
-        run = Run(scene, models, progress, folder, threads and most, interruption)
+        run = Run(scene, models, progress, folder, threads and most)
+        run.interruption = interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
@@ -223,7 +223,7 @@ def simulate(
             return result
 
         try:
-            with run.interruption:
+            with interruption:
                 go(run, resume)
         except (Interrupted, KeyboardInterrupt) as error:
             if isinstance(error, KeyboardInterrupt) and not interruption.told:
