@@ -133,19 +133,15 @@ class PointState:
         return self.stress @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
 
     @cached_property
-    def principal_stretches(self) -> np.ndarray:
-        """Principal stretches in falling order, including that of the thickness, shape (n, 3)."""
-        within = principal_stretches(self.F)
-        if self.plane == "space":
-            return within
-        stretches = np.column_stack([within, self.deformation_gradient[:, 2, 2]])
-        return -np.sort(-stretches, axis=1)
+    def stretches(self) -> np.ndarray:
+        """Principal stretches in falling order, of a sheet those in its plane, shape (n, d)."""
+        return principal_stretches(self.F)
 
-    def greatest_stretch(self) -> np.ndarray:
-        """Return the greatest principal stretch, of a sheet the greatest in its plane, shape (n,)."""
+    def principal_stretches(self) -> np.ndarray:
+        """Return the principal stretches in falling order, including that of the thickness, shape (n, 3)."""
         if self.plane == "space":
-            return self.principal_stretches[:, 0].copy()
-        return principal_stretches(self.F)[:, 0]
+            return self.stretches
+        return -np.sort(-np.column_stack([self.stretches, self.deformation_gradient[:, 2, 2]]), axis=1)
 
     def pressure(self) -> np.ndarray:
         """Return minus a third of the trace of the Cauchy stress, shape (n,)."""
@@ -188,8 +184,8 @@ def _with_three_components(vectors: np.ndarray) -> np.ndarray:
 POINT_FIELDS = {
     "position": PointField(lambda state: _with_three_components(state.position), 3, "length"),
     "displacement": PointField(lambda state: _with_three_components(state.displacement), 3, "length"),
-    "principal_stretch": PointField(PointState.greatest_stretch),
-    "principal_stretches": PointField(lambda state: state.principal_stretches, 3),
+    "principal_stretch": PointField(lambda state: state.stretches[:, 0].copy()),
+    "principal_stretches": PointField(PointState.principal_stretches, 3),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
     "C33": PointField(PointState.thickness),
     "stress": PointField(lambda state: state.stress, 9, "stress"),
