@@ -208,7 +208,7 @@ class Transient:
     def _row(self, first: bool = False) -> None:
         """Add a row to the history, and work and damped energy up to it to the account."""
         run, books, stress = self.run, self._books, self.run.problem.measures.nominal_stress
-        reactions, kinetic = books.reactions(), books.kinetic_energy()
+        reactions, kinetic = run.loading.reactions(run.force, self.integrator.forces), books.kinetic_energy()
         forces = forces_by_name(run, reactions)
         books.advance(reactions, evaluate=True)
         strain, row = run.strain_energy(), place_columns(run, run.state.elapsed + self.account.time)
