@@ -9,22 +9,9 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
-from ..solvers import (
-    SOLVERS,
-    Diverging,
-    Equilibrium,
-    EquilibriumSolver,
-    Increments,
-    NotConverged,
-    RanAway,
-    TooFar,
-    TooSmall,
-    Unbalanced,
-    Unstable,
-    note_of_zero_energy_modes,
-)
+from ..solvers import SOLVERS, Equilibrium, EquilibriumSolver, Increments, NoEquilibrium, NotConverged, RanAway, TooSmall, Unbalanced
 from ..solvers.branch import Branch
-from ..solvers.equilibrium import is_rigid, strain_of, strain_rounding
+from ..solvers.equilibrium import is_rigid, note_of_zero_energy_modes, strain_of, strain_rounding
 from .checkpoints import ACCEPTED
 from .interruption import Interrupted
 from .rows import equilibrium_columns, output_row
@@ -63,7 +50,7 @@ FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
 MOST_OFF = 1e-3
 """Greatest sum of all loads and reactions of an equilibrium, relative to the driving forces."""
 
-FAILURES = (NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable)
+FAILURES = NoEquilibrium, InvalidState
 """Failures that a shorter increment may avoid."""
 
 
@@ -172,23 +159,17 @@ class Equilibria:
                 spent = patience <= 0 or run.state.wasted >= min(MOST_WASTED, run.problem.solver.most_evaluations)
                 self._take_back(increments, error, ran_away or error, spent)
                 continue
-            ran_away, patience = None, np.inf
+            ran_away, patience, easy = None, np.inf, True
             if self._course.adaptive:
-                run.earlier = self._accepted.parameter, self._accepted.positions
-                self._lengthen(increments, run.force.evaluations - began)
-            else:
-                increments.accept()
+                run.earlier, taken = (self._accepted.parameter, self._accepted.positions), run.force.evaluations - began
+                easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
+                self._evaluations.append(taken)
+            if increments.accept(easy) and self._course.adaptive:
+                again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
+                run.note(run.state.parameter, reason=again)
             if run.damage is not None and run.body.share.any(len(run.damage.overstretched(run.force.positions)) > 0):
                 return None
         return equilibrium
-
-    def _lengthen(self, increments: Increments, taken: int) -> None:
-        """Continue after an increment of `taken` evaluations, with a longer one if it was easy."""
-        easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
-        self._evaluations.append(taken)
-        if increments.accept(easy):
-            again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
-            self.run.note(self.run.state.parameter, reason=again)
 
     def _follow(self, increments: Increments, patience: float) -> Equilibrium:
         """Bring the run to equilibrium at the end of the present increment, within `patience` evaluations."""
@@ -228,7 +209,7 @@ class Equilibria:
 
         Raises
         ------
-        NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable
+        NoEquilibrium, InvalidState
             If the increment is not shortened: the cause of the failure, with the progress of the loading.
         """
         run, state = self.run, self.run.state

@@ -47,7 +47,11 @@ def no_report(evaluations: int, residual: float) -> None:
     """Ignore a report."""
 
 
-class NotConverged(RuntimeError):
+class NoEquilibrium(RuntimeError):
+    """Failure to find an equilibrium, which a shorter increment may avoid."""
+
+
+class NotConverged(NoEquilibrium):
     """The residual did not fall below the tolerance."""
 
 
@@ -55,7 +59,7 @@ class Unbalanced(NotConverged):
     """Loads and reactions that do not add up to zero."""
 
 
-class Diverging(RuntimeError):
+class Diverging(NoEquilibrium):
     """The iteration diverges."""
 
 
@@ -63,15 +67,15 @@ class TooSmall(RuntimeError):
     """A strain that the precision of the force, or of the positions, does not resolve."""
 
 
-class Unstable(RuntimeError):
+class Unstable(NoEquilibrium):
     """An equilibrium that is not stable, or not a continuation of the previous one."""
 
 
-class TooFar(RuntimeError):
+class TooFar(NoEquilibrium):
     """An increment whose first guess strains the body too much for a solver to converge."""
 
 
-class RanAway(RuntimeError):
+class RanAway(NoEquilibrium):
     """A body that loads move far away within one increment, as happens beyond its limit load."""
 
 
