@@ -66,17 +66,15 @@ class Outcome:
     weakness: str | None = None
 
     @classmethod
-    def below(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure: str = "{:.1e}") -> Outcome:
-        """Return an outcome that is passed if the value, or the greatest of several by their names, is at most the limit."""
-        return cls._compared(value, max, operator.le, limit, weakness, figure)
-
-    @classmethod
-    def above(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure: str = "{:.2g}") -> Outcome:
+    def above(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure="{:.2g}") -> Outcome:
         """Return an outcome that is passed if the value, or the least of several by their names, is at least the limit."""
-        return cls._compared(value, min, operator.ge, limit, weakness, figure)
+        return cls.below(value, limit, weakness, figure, min, operator.ge)
 
     @classmethod
-    def _compared(cls, value, worst: Callable, holds: Callable, limit: float, weakness: str, figure: str) -> Outcome:
+    def below(
+        cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure="{:.1e}", worst=max, holds=operator.le
+    ) -> Outcome:
+        """Return an outcome that is passed if the value, or the greatest of several by their names, is at most the limit."""
         if isinstance(value, Mapping):
             name = worst(value, key=value.get)
             value, figure = value[name], f"{figure} ({name})"

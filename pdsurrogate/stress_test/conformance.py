@@ -14,10 +14,10 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -42,8 +42,7 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 """Diagonal of a reflection; a body of dimension d uses the first d entries."""
 
 
-@dataclass(frozen=True)
-class Departure:
+class Departure(NamedTuple):
     """Statement that a model lacks a property, with the bound that it keeps instead.
 
     Attributes
@@ -62,8 +61,7 @@ class Departure:
         return self.bound(reference) if callable(self.bound) else self.bound
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """Force model of the table, tested on every property in its own material (`Subject.law`).
 
     Attributes
@@ -77,7 +75,7 @@ class Row:
     """
 
     reference: str
-    departures: Mapping[str, Departure] = field(default_factory=dict)
+    departures: Mapping[str, Departure] = MappingProxyType({})
     plane: str = "stress"
 
     @property
@@ -86,8 +84,7 @@ class Row:
         return self.reference + WHERE[self.plane]
 
 
-@dataclass(frozen=True)
-class Deformation:
+class Deformation(NamedTuple):
     """Stretch along rotated axes, rotated again, with superposed waves in a drawn direction; in three dimensions the volume is kept."""
 
     first: float

@@ -1,8 +1,8 @@
 """Tangents of small bodies by central differences, and the cases that use them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ CELLS = 12, 7
 """Points a side in the plane and in three dimensions."""
 
 
-@dataclass(frozen=True)
-class Tangent:
+class Tangent(NamedTuple):
     """Tangent -df/du of a body in a homogeneous state.
 
     Attributes
