@@ -60,10 +60,8 @@ class MaterialSpec(StrictModel):
         for key in ("shear_modulus", "bulk_modulus"):
             value = getattr(law, key)
             if not LEAST_MODULUS <= value <= MOST_MODULUS:
-                raise ValueError(
-                    f"{key} is {value:g}: forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}; "
-                    "take other units of stress"
-                )
+                taken = f"forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}"
+                raise ValueError(f"{key} is {value:g}: {taken}; take other units of stress")
 
     @property
     def rigid(self) -> bool:

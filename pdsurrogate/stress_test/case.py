@@ -144,8 +144,13 @@ class Case:
 
 
 def case(title: str, asked: str, **options) -> Callable[[Callable[..., Outcome]], Case]:
-    """Return a decorator that makes a `Case` of a function, which must still be listed in `CASES`."""
+    """Return a decorator that makes a `Case` of a function."""
     return lambda function: Case(title, asked, function, **options)
+
+
+def cases_of(module: Mapping[str, Any]) -> tuple[Case, ...]:
+    """Return the cases that a module defines, in their order, from its `globals`."""
+    return tuple(found for found in module.values() if isinstance(found, Case) and found.function.__module__ == module["__name__"])
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ The tests run every pair of a row and a property, and ``pdsurrogate stress-test`
     Row("yeoh", MOMENTS),
 
 The second argument states the properties that the model lacks, with the bounds that it keeps instead; a model with every property is
-``Row("yeoh")``. A new property is a `case`, and a name in `PROPERTIES`.
+``Row("yeoh")``. A new property is a `case`.
 """
 
 import re
@@ -34,7 +34,7 @@ from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent
 from ..scenes import load_scene
 from .bodies import crack, disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
-from .case import PASS, WEAK, Case, Outcome, Subject, case, forces_at, required
+from .case import PASS, WEAK, Case, Outcome, Subject, case, cases_of, forces_at, required
 from .deformations import force_densities, mean_stress_at, turn, wavy, why_inaccurate
 from .runs import energy_account, force_balance, in_units_of, scale_of_units, small_loads
 
@@ -518,11 +518,7 @@ def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:
             return "stops"
 
 
-PROPERTIES = (
-    *(rigid_rotation, objectivity, another_start, mirror, linear_momentum, angular_momentum, order_of_points, units),
-    *(homogeneous_stress, single_precision, kernel_and_numpy, threads, reflected_half, pair_forces, broken_bonds, unbreakable),
-    *(checkpoint, impossible_states, settings_refused, small_loads, force_balance, scale_of_units, energy_account),
-)
+PROPERTIES = (*cases_of(globals()), small_loads, force_balance, scale_of_units, energy_account)
 """All properties, in the order of the report."""
 
 

@@ -19,7 +19,7 @@ from ..results import Result
 from ..scenes import load_scene
 from ..solvers import Automatic, Diverging, NotConverged
 from .bodies import HORIZONS, SPACING, crack, inner_points, middle_point, of_points, of_simplices
-from .case import STOPS, WEAK, Ended, Outcome, Subject, case, forces_at, required
+from .case import STOPS, WEAK, Ended, Outcome, Subject, case, cases_of, forces_at, required
 from .tangents import CELLS, resistance, why_not_resisted
 
 MOST_ERROR = 1e-3
@@ -132,17 +132,6 @@ def simple_shear(subject: Subject) -> Outcome:
     return _homogeneous(subject, np.array([[1.0, 2.0], [0.0, 1.0]]))
 
 
-@case("K/mu = 10 to 10^4 (in space 10^3), stretch 2", "stress within 0.1 % of the exact one")
-def compressibility(subject: Subject) -> Outcome:
-    """Test uniaxial stretch 2 at K/mu = 10, 100, 10^3 and, in the plane, 10^4, by the greatest error of the stress."""
-    errors = {}
-    for ratio in subject.sized((1e1, 1e2, 1e3, 1e4), (1e1, 1e2, 1e3)):
-        law, name = replace(subject.law, bulk_modulus=ratio * subject.law.shear_modulus), f"K/mu = {ratio:g}"
-        required(subject.describes(law), "fitted to one bulk modulus")
-        errors[name] = _stress_error(subject, [2.0], law, where=f"{name}: ")
-    return _judged(subject, errors)
-
-
 @case("Gent to 99 % of its limit, and beyond", "stress within 0.1 %; beyond, a stop that names the place")
 def chain_limit(subject: Subject) -> Outcome:
     """Test Gent's law in uniaxial tension: stresses at 99 % and 102 % of its limit, and a stop at twice the stretch.
@@ -166,6 +155,17 @@ def chain_limit(subject: Subject) -> Outcome:
             return _judged(subject, error, f"{{:.1e}}, stops beyond ({stop})")
         return Outcome(WEAK, f"beyond the limit: {stop}", weakness="accuracy")
     return Outcome(WEAK, "went on beyond the limit", weakness="accuracy")
+
+
+@case("K/mu = 10 to 10^4 (in space 10^3), stretch 2", "stress within 0.1 % of the exact one")
+def compressibility(subject: Subject) -> Outcome:
+    """Test uniaxial stretch 2 at K/mu = 10, 100, 10^3 and, in the plane, 10^4, by the greatest error of the stress."""
+    errors = {}
+    for ratio in subject.sized((1e1, 1e2, 1e3, 1e4), (1e1, 1e2, 1e3)):
+        law, name = replace(subject.law, bulk_modulus=ratio * subject.law.shear_modulus), f"K/mu = {ratio:g}"
+        required(subject.describes(law), "fitted to one bulk modulus")
+        errors[name] = _stress_error(subject, [2.0], law, where=f"{name}: ")
+    return _judged(subject, errors)
 
 
 def _sides(subject: Subject, stretch: float) -> list[float]:
@@ -447,8 +447,4 @@ def notch_tip(subject: Subject) -> Outcome:
     return Outcome.below(figure, 0.02, "zero-energy modes")
 
 
-CASES = (
-    *(stretch, compression, equibiaxial, simple_shear, chain_limit, compressibility),
-    *(bonded_faces, torsion, slender, beyond_the_domain),
-    *(jitter, mesh, horizons, loose_points, folded_bond, notch_tip),
-)
+CASES = cases_of(globals())
