@@ -18,7 +18,8 @@ from pdsurrogate.forces import ForceSettings
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.results import measures
 from pdsurrogate.run.run import Run, Silent
-from pdsurrogate.solvers import SOLVERS, FrequencyEstimate
+from pdsurrogate.solvers.automatic import SOLVERS
+from pdsurrogate.solvers.stability import FrequencyEstimate
 
 console = Console(width=160)
 

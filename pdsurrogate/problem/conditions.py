@@ -1,7 +1,6 @@
 """Conditions of a body made from the prescriptions of a scene: held points, planes of reflection and supports, and checks of them."""
 
-from __future__ import annotations
-
+import math
 import warnings
 from collections.abc import Iterable
 from itertools import pairwise
@@ -11,11 +10,12 @@ import numpy as np
 from ..body import Body
 from ..forces import InvalidState
 from ..scenes import Scene
-from ..solvers.conditions import Held, Loading, place_of
+from ..solvers.conditions import Loading, place_of
 from ..solvers.course import Paths, Pull
+from ..solvers.held import Held
+from ..solvers.increments import Motion
 from ..solvers.loads import Loads
 from ..solvers.rigid_motions import displaced, rigid_motions
-from ..solvers.supports import SupportAtPlace
 from .loads import edge_of
 from .prescriptions import Prescription
 from .programme import Stage
@@ -63,7 +63,7 @@ def conditions_of(
     planes, held, along_planes, keys, reflected = [], [], [], [], []
     for number, plane in enumerate(body.planes):
         edge = edge_of(plane)
-        points, sources = regions.along_edge(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
+        points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
         feet = body.points[sources].copy()
         feet[:, plane.axis] = plane.position
         rigid_points = np.intersect1d(points, of_rigid)  # a plane's images hold no region that nothing deforms
@@ -109,25 +109,20 @@ def conditions_of(
 
 def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> Held:
     """Return the points that a prescription holds, in a programme that may be `moving` in dynamics."""
-    body = regions.body
+    body, share = regions.body, regions.body.share
     points = regions.points(one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key)
-    support = _support(body, points) if regions.is_place(one.region) else None
-    if support is None:
+    found = {}
+    if regions.is_place(one.region):
+        rows = [(int(share.numbers[point]), tuple(body.points[point])) for point in points]
+        found = dict(sorted(row for of_part in share.everywhere(rows) for row in of_part))
+    if len(found) < 2:
         return one.held(names, points, body.points[points])
     if moving:
-        why = f"{support.count} points are equally near to this place, and a support between points is not followed in dynamics"
+        why = f"{len(found)} points are equally near to this place, and a support between points is not followed in dynamics"
         raise ValueError(f"{one.key}.region: {why}; give points by their numbers, or a box around them")
-    return one.held(names, np.setdiff1d(points, support.others), support.place[None], support=support)
-
-
-def _support(body: Body, points: np.ndarray) -> SupportAtPlace | None:
-    """Return the support that points near to a place make, if there are several."""
-    share = body.share
-    rows = [(int(share.numbers[point]), tuple(body.points[point])) for point in points]
-    found = dict(sorted(row for of_part in share.everywhere(rows) for row in of_part))
-    if len(found) == 1:
-        return None
-    return SupportAtPlace(np.mean(list(found.values()), axis=0), len(found), share.local(np.array(list(found)[1:])))
+    others = share.local(np.array(list(found)[1:]))
+    place = np.mean(list(found.values()), axis=0, keepdims=True)
+    return one.held(names, np.setdiff1d(points, others), place, others=others, count=len(found))
 
 
 def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
@@ -192,3 +187,35 @@ def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
         return []
     words = [f"moving along x{axis + 1}" for axis in range(dimension) if not (np.abs(rows[:, axis]) > 0).any()]
     return [*words, "turning"] if rows.shape[1] - rank > len(words) else words
+
+
+def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
+    """Refuse held parts that move apart faster than the slowest shear waves: the result would depend on the motion at the start."""
+    units = scene.units
+    unit = f" {units.length}/{units.time}" if units.length and units.time else ""
+    for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
+        inertia = stage.inertia
+        if inertia is None:
+            continue
+        speed, wave = _greatest_speed(loading, inertia.motion(begin, stage.to)), math.sqrt(modulus / inertia.density)
+        if speed <= wave:
+            continue
+        if inertia.duration is None:
+            what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
+        else:
+            what, least = "parts that are held", units.amount(inertia.duration * speed / wave, "time", ".4g")
+            slowest = f"the least duration is {least}"
+        apart = f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}"
+        raise ValueError(f"{inertia.key}.{inertia.pace}: {apart}; {slowest}")
+
+
+def _greatest_speed(loading: Loading, motion: Motion) -> float:
+    """Return the greatest difference of the velocities of any two held parts, in a component, during a stage in dynamics."""
+    share, fastest = loading.body.share, 0.0
+    for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
+        changes = loading.moves(motion.at(end)) - loading.moves(motion.at(begin))
+        for component in range(loading.body.dimension):
+            own = changes[loading.component == component]
+            apart = share.greatest(own.max(initial=-np.inf)) + share.greatest(-own.min(initial=np.inf))
+            fastest = max(fastest, apart / (end - begin))
+    return fastest

@@ -1,7 +1,5 @@
 """Loads of a scene, resolved into forces on points and pressures on facets."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..body import Body, ReflectionPlane

@@ -1,7 +1,5 @@
 """Materials of a scene: force model and points of each, and warnings about their combination."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 

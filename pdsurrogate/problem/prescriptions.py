@@ -1,7 +1,5 @@
 """Prescriptions: the motions that a scene prescribes for regions, whether it gives them by grips and holds or by `prescribed`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +12,7 @@ from ..forces import InvalidState
 from ..scenes import Region, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
-from ..solvers.conditions import Held
+from ..solvers.held import Held
 from ..solvers.rigid_motions import turn_by
 from .programme import Stage
 from .regions import BodyRegions

@@ -1,7 +1,5 @@
 """Compilation of a scene into a problem: everything that a run needs, resolved once into points, numbers and names."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -21,15 +19,13 @@ from ..scenes.model import RIGID
 from ..solvers.conditions import Loading, place_of
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import conditions_of
+from .conditions import check_speeds, conditions_of
 from .fracture import critical_stretch_in
 from .loads import loads_of
 from .materials import checked_models, portions_of, settings_of, warn_of_bulk_moduli, warn_of_parts
-from .measures import Measures, measures_of
 from .prescriptions import Prescription, prescriptions_of
-from .programme import Stage, stages_of
+from .programme import Measures, Stage, measures_of, stages_of
 from .regions import BodyRegions
-from .speeds import check_speeds
 
 
 @dataclass(frozen=True)

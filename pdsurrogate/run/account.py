@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.conditions import Reactions
-from ..solvers.dynamics import Power
-from ..solvers.minimiser import EnergyMinimiser
-from ..solvers.motion import Motion
+from ..solvers.dynamics import ExplicitDynamics, Power
+from ..solvers.equilibrium import Diverging
+from ..solvers.increments import Motion
+from ..solvers.quasi_newton import EnergyMinimiser
 from .run import Run
 
 STEPS_PER_ROW = 20

@@ -11,22 +11,24 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
-from ..solvers import (
-    SOLVERS,
+from ..solvers.automatic import SOLVERS
+from ..solvers.branch import Branch
+from ..solvers.equilibrium import (
     Diverging,
     Equilibrium,
     EquilibriumSolver,
-    Increments,
     NotConverged,
     RanAway,
     TooFar,
     TooSmall,
     Unbalanced,
     Unstable,
+    is_rigid,
     note_of_zero_energy_modes,
+    strain_of,
+    strain_rounding,
 )
-from ..solvers.branch import Branch
-from ..solvers.equilibrium import is_rigid, strain_of, strain_rounding
+from ..solvers.increments import Increments
 from .checkpoints import ACCEPTED
 from .interruption import Interrupted
 from .rows import equilibrium_columns, output_row

@@ -24,8 +24,8 @@ from ..results.files import remove_leftovers
 from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
 from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
-from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.conditions import FoldedOver
+from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from .interruption import Interrupted, Interruption
 from .progress import Progress, Silent
 from .record import Record

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 
 from ..results.checkpoint import CheckpointError
-from ..solvers import EquilibriumSolver, TooSmall, Unstable
+from ..solvers.equilibrium import EquilibriumSolver, TooSmall, Unstable
 from .levels import Equilibria, solver_of
 from .run import Run
 from .transient import Transient

@@ -1,14 +1,11 @@
 """The method that suits a force, and the sure one where that fails."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ..forces import InvalidState
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, no_report
-from .minimiser import EnergyMinimiser
-from .quasi_newton import QuasiNewton
-from .stepping import DynamicRelaxation
+from .quasi_newton import EnergyMinimiser, QuasiNewton
+from .stepping import DampedExplicit, DynamicRelaxation
 
 
 class Automatic(EquilibriumSolver):
@@ -59,3 +56,7 @@ class Automatic(EquilibriumSolver):
         self._sure.most_evaluations = min(self.most_evaluations, most)
         found = self._sure.solve(force, positions, tolerance, report, least_drive)
         return replace(found, evaluations=force.evaluations - began)
+
+
+SOLVERS = {solver.name: solver for solver in (Automatic, EnergyMinimiser, QuasiNewton, DynamicRelaxation, DampedExplicit)}
+"""Methods for equilibrium by their names in a scene."""

@@ -1,7 +1,5 @@
 """Check that an equilibrium is stable and continues the last one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

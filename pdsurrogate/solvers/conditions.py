@@ -1,6 +1,5 @@
 """Conditions of a body: held points and planes, their positions at a value of the loading parameter, and the reaction forces."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +9,9 @@ from ..body import Body
 from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
+from .held import Held, Supports
 from .loads import AT_REST, Loads
 from .rigid_motions import displaced, moment_of
-from .supports import SupportAtPlace, Supports
 
 ONE_SIDED = 0.1
 """Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the
@@ -21,47 +20,6 @@ point, halves 0.4 away."""
 
 class FoldedOver(InvalidState):
     """A free side has bulged over the plane that it is bonded to, where it would lie against it."""
-
-
-@dataclass(frozen=True)
-class Held:
-    """Points, or a plane of reflection, some components of which follow the loading parameter.
-
-    Attributes
-    ----------
-    name : str
-        Name of the condition in messages.
-    holder : int or None
-        Number of the holder that its force counts for; None where results do not report it.
-    components : tuple of int
-    motion : callable
-        [Q - I, c] at a value of the parameter, shape (d, d + 1): a place X moves by u(X) = (Q - I) X + c. Only held components are read.
-    points : ndarray of int, shape (k,)
-        The points; of a plane those that have images in it.
-    places : ndarray, shape (k, d) or (1, d)
-        Places at rest that move so: those of the points, their feet on the plane, or the place of a support.
-    angle : callable, optional
-        Angle in degrees by which the part has turned at a value of the parameter, of one that turns; all its components are held.
-    plane : int, optional
-        Number of the plane.
-    support : SupportAtPlace, optional
-        Support at a place: the point is one of several that move so only in the mean.
-    """
-
-    name: str
-    holder: int | None
-    components: tuple[int, ...]
-    motion: Callable[[float], np.ndarray]
-    points: np.ndarray
-    places: np.ndarray
-    angle: Callable[[float], float] | None = None
-    plane: int | None = None
-    support: SupportAtPlace | None = None
-
-    @property
-    def every(self) -> np.ndarray:
-        """Return the points, and for a support at a place also the others that are equally near."""
-        return self.points if self.support is None else np.concatenate([self.points, self.support.others])
 
 
 @dataclass(frozen=True)
@@ -142,7 +100,7 @@ class Loading:
     ) -> None:
         self.body, self.parameter, self.rest, self.names, self.loads, self._share = body, parameter, rest, names, loads, body.share
         self.planes, self.held = planes, held
-        at_places = tuple(part for part in held if part.support is not None)
+        at_places = tuple(part for part in held if part.others is not None)
         self.supports = Supports(body, at_places) if at_places else None
         self.plane_components = np.zeros((len(planes), body.dimension), dtype=bool)
         self.turning = {part.plane for part in held if part.plane is not None and part.angle is not None}
@@ -157,7 +115,7 @@ class Loading:
         self.part, self.component, self.plane, self.point, self.place = map(np.concatenate, zip(*rows, strict=True))
         self.at_points = self.plane < 0
         self.there = self.point[self.at_points], self.component[self.at_points]
-        self._placed = self.at_points & ~np.array([part.support is not None for part in held], dtype=bool)[self.part]
+        self._placed = self.at_points & ~np.array([part.others is not None for part in held], dtype=bool)[self.part]
         self.free = np.ones((len(body), body.dimension))
         self.free[self.there] = 0
 
@@ -217,7 +175,7 @@ class Loading:
         """Return the deviation of held parts from their velocity since the `last` value, relative to their way to a value `ahead`."""
         if now == last:
             return 0.0
-        before, present, after = map(self.moves, (last, now, ahead))
+        before, present, after = (np.append(self.moves(t)[self.at_points], self.plane_motions(t)) for t in (last, now, ahead))
         way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
         off, *ways = (self._share.greatest(np.abs(change)) for change in (way - evenly, way, evenly))
         return off / max(ways) if off > 0 else 0.0

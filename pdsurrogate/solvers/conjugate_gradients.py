@@ -1,7 +1,5 @@
 """Conjugate gradients for matrices that are known by their products alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Explicit dynamics: central differences with damping proportional to mass and to stiffness, and a step below the critical one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -51,7 +49,7 @@ class Power(NamedTuple):
     now: float = 0.0
     after: float = 0.0
 
-    def plus(self, other: Power, share: float = 1.0) -> Power:
+    def plus(self, other: "Power", share: float = 1.0) -> "Power":
         """Return this power plus a share of another."""
         return Power(*(own + share * added for own, added in zip(self, other, strict=True)))
 

@@ -1,11 +1,8 @@
 """Protocol of solvers for equilibrium, their results and errors."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -13,9 +10,8 @@ from ..body import Body
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
-from .extension import greatest_bond_strain
 from .preconditioner import Preconditioner, preconditioner_of
-from .supports import SupportedPreconditioner
+from .stability import greatest_bond_strain
 
 Report = Callable[[int, float], None]
 """Function that a solver calls with the number of force evaluations so far and the residual."""
@@ -156,8 +152,8 @@ class EquilibriumSolver(ABC):
     ) -> None:
         self.free, self.volumes, self.share = free, volumes, share or Share.whole(len(free))
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
+        self._held, self._drive = np.nonzero(free == 0), 0.0
         self._preconditioner: Preconditioner | None = None
-        self._drive, self._on_held = 0.0, np.zeros(0)
 
     @abstractmethod
     def solve(
@@ -194,9 +190,6 @@ class EquilibriumSolver(ABC):
         """Return the approximation of the tangent of the force, built on first use."""
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free)
-            supports = getattr(force, "supports", None)
-            if supports is not None:
-                self._preconditioner = SupportedPreconditioner(self._preconditioner, supports)
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
@@ -210,9 +203,8 @@ class EquilibriumSolver(ABC):
     def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:
         """Write the forces on free components to `out`, shape (n, d), 0 on held ones, whose forces are kept as driving forces."""
         force(positions, out)
-        components = out.reshape(-1)
-        self._on_held = components[self._held]
-        components[self._held] = 0.0
+        self._on_held = out[self._held]
+        out[self._held] = 0.0
 
     def begin(self, force: InternalForce, least_drive: float) -> None:
         """Begin a search; `least_drive` as in `solve`."""
@@ -260,26 +252,16 @@ class EquilibriumSolver(ABC):
 
     def _holding(self, force: InternalForce) -> float:
         """Return the sum of the magnitudes of all forces on held components and across planes of reflection."""
-        crossing = self._crossing(force.body)
+        body = force.body
+        outer = np.flatnonzero(body.bonds.second >= len(body))
+        crossing = outer[self.share.own[body.bonds.first[outer]]]
         across = np.abs(force.pair_forces(crossing)).sum() if len(crossing) else 0.0
         return self.share.total(float(np.abs(self._on_held).sum() + across))
-
-    @cached_property
-    def _held(self) -> np.ndarray:
-        """Numbers of the held components, of all components in a row."""
-        return np.flatnonzero(self.free.ravel() == 0)
-
-    def _crossing(self, body: Body) -> np.ndarray:
-        """Return the numbers of the bonds across planes of reflection that are counted here."""
-        outer = np.flatnonzero(body.bonds.second >= len(body))
-        return outer[body.share.own[body.bonds.first[outer]]]
 
     def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:
         """Return the error for a residual, or a sum of forces, that is still too large."""
         reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
         if residual <= tolerance:
-            reached = (
-                f"after {evaluations} force evaluations the forces left on free points are in sum more than {self.share_left:.1g} of those "
-                "that drive the body"
-            )
+            left = f"the forces left on free points are in sum more than {self.share_left:.1g} of those that drive the body"
+            reached = f"after {evaluations} force evaluations {left}"
         return NotConverged(reached + note_of_zero_energy_modes(force, "which then never come to rest"))

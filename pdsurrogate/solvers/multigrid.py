@@ -1,7 +1,5 @@
 """A cycle of multigrid for Laplacians of scattered points, which costs a few products with the matrix for any number of points."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -117,7 +115,7 @@ class _Level:
         self.right, self.found, self.rest, self.first = np.zeros((4, count, held), dtype=np.float32)
         self.down = self.up = self.take_rest = None
 
-    def bind(self, matrix: sparse.csr_array, relaxation: np.ndarray, prolongation: sparse.csr_array, coarser: _Level) -> None:
+    def bind(self, matrix: sparse.csr_array, relaxation: np.ndarray, prolongation: sparse.csr_array, coarser: "_Level") -> None:
         """Make the passes between this level and the next coarser one."""
         rows, restriction = _rows(matrix), _rows(prolongation.T.tocsr())
         relaxation, right, found, rest = relaxation.astype(np.float32), self.right, self.found, self.rest

@@ -1,9 +1,7 @@
 """Stiffness of the nearest bonds of a body, for preconditioners and first guesses: its matrix and the inverse."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Iterable
 
 import numpy as np
 from scipy import sparse
@@ -11,6 +9,7 @@ from scipy import sparse
 from ..body import Body
 from ..body.body import sums_at_points
 from ..ranks import Share
+from .conjugate_gradients import Operator
 from .multigrid import Multigrid, factor_of
 
 REACH = 1.3
@@ -51,30 +50,24 @@ class Preconditioner(ABC):
 
 
 class NearestBonds:
-    """Nearest bonds of a body, with stiffnesses scaled so that these bonds have the second moment of all bonds.
+    """Springs along the nearest bonds of a body and across them, scaled so that these bonds have the second moment of all bonds.
 
     Parameters
     ----------
     body : Body
     shear_moduli : float or ndarray, shape (n,)
         Shear modulus of all points, or around each.
-    factor : float
-        Stiffness of a bond in units of mu w V_i V_j/kappa, before it is raised.
+    along, across : float
+        Stiffness of a spring along its bond and across it, in units of mu w V_i V_j/kappa, before it is raised.
 
     Attributes
     ----------
     first, second : ndarray of int, shape (k,)
         Ends of the bonds; `second` may be a ghost.
-    within : ndarray of bool, shape (k,)
-        Whether `second` is a point.
-    sources : ndarray of int, shape (k,)
-        Point at `second`, or the point of which `second` is an image.
-    stiffness : ndarray, shape (k,)
-    along : ndarray, shape (k, d)
-        Unit vectors from `first` to `second`.
+    body
     """
 
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, factor: float = 1.0) -> None:
+    def __init__(self, body: Body, shear_moduli: float | np.ndarray, along: float, across: float) -> None:
         bonds, points, share = body.bonds, body.all_points, body.share
         vector = points[bonds.second] - points[bonds.first]
         length = np.linalg.norm(vector, axis=1)
@@ -83,107 +76,94 @@ class NearestBonds:
             ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
             # Two springs in series, computed with inverses, since the product of two moduli may overflow.
             shear_moduli = 2 / (1 / ends[bonds.first] + 1 / ends[bonds.second])
-        stiffness = factor * shear_moduli * body.weigh(length) * volumes / body.kappa
+        stiffness = shear_moduli * body.weigh(length) * volumes / body.kappa
         near = length <= REACH * body.spacing
         if not share.any(near.any()):
             near[:] = True
         moment = stiffness * length**2
         of_all = moment * share.own[bonds.first]
-        self.stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
-        self.along = vector[near] / length[near, None]
+        stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
+        self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
-        self.body, self.within = body, self.second < len(body)
-        self.sources = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[self.second]
+        self.body = body
 
-    def parity(self) -> np.ndarray:
-        """Return the sign with which each component of the second end follows its source, shape (k, d)."""
-        return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[self.second]
+    def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return the forces on the points under displacements (n, d), whose halo is filled first.
 
-    def entries(self, values: np.ndarray, parity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rows, columns and values of the stiffness of springs of given values (k,); forces on ghosts are not included."""
-        first, second, within = self.first, self.second, self.within
-        rows = np.concatenate([first, first, second[within], second[within]])
-        columns = np.concatenate([first, self.sources, second[within], first[within]])
-        return rows, columns, np.concatenate([values, -values * parity, values[within], -values[within]])
-
-    def on_points(self, forces: np.ndarray) -> np.ndarray:
-        """Return the forces on the points, shape (n, d), from those on the first ends (k, d)."""
+        Images move with their points and by `of_images`, shape (m, d), besides.
+        """
+        ghosts = self.body.ghosts
+        self.body.share.fill(moved)
+        moved = np.vstack([moved, moved[ghosts.source] * ghosts.parity + of_images])
+        changes = moved[self.second] - moved[self.first]
+        forces = self._across[:, None] * changes
+        if self._excess.any():
+            forces += (self._excess * np.einsum("bi,bi->b", self._along, changes))[:, None] * self._along
         return sums_at_points(len(self.body), self.first, self.second, forces, -1)
-
-
-class Springs:
-    """Network of springs along and across the nearest bonds, scaled to the body's small-strain stiffness.
-
-    Attributes
-    ----------
-    bonds : NearestBonds
-    blocks : ndarray, shape (k, d, d)
-        Stiffness of each spring.
-    """
-
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray) -> None:
-        self.bonds = NearestBonds(body, shear_moduli, ELONGATION)
-        stiffness, along = self.bonds.stiffness, self.bonds.along
-        blocks = np.einsum("b,bi,bj->bij", stiffness, along, along)
-        if body.dimension == 2:
-            across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-            self.blocks = blocks + SHEAR_SHARE * np.einsum("b,bi,bj->bij", stiffness, across, across)
-        else:
-            self.blocks = (1 - SHEAR_SHARE) * blocks + SHEAR_SHARE * stiffness[:, None, None] * np.eye(3)
-
-    def forces(self, moved: np.ndarray) -> np.ndarray:
-        """Return the forces on the points, shape (n, d), under displacements of points and ghosts (n + m, d)."""
-        changes = moved[self.bonds.second] - moved[self.bonds.first]
-        return self.bonds.on_points(np.einsum("bij,bj->bi", self.blocks, changes))
 
     def matrix(self, rigid: np.ndarray | None = None) -> sparse.csc_array:
         """Return the stiffness as if no component were held, shape (d n, d n), with the components of a point in sequence.
 
         Springs between two points flagged in `rigid`, shape (n,), are omitted.
         """
-        bonds, blocks, (n, d) = self.bonds, self.blocks, self.bonds.body.points.shape
+        d = self.body.dimension
+        blocks = np.einsum("b,bi,bj->bij", self._excess, self._along, self._along) + self._across[:, None, None] * np.eye(d)
         if rigid is not None:
-            blocks = blocks * ~(rigid[bonds.first] & rigid[bonds.sources])[:, None, None]
-        rows, columns, values = [], [], []
-        for i in range(d):
-            for j, parity in enumerate(bonds.parity().T):
-                row, column, value = bonds.entries(blocks[:, i, j], parity)
-                rows.append(d * row + i)
-                columns.append(d * column + j)
-                values.append(value)
-        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-        matrix = sparse.coo_matrix(entries, shape=(d * n, d * n)).tocsc()
+            blocks *= ~(rigid[self.first] & rigid[self._sources()])[:, None, None]
+        rows, columns, values = self._entries(blocks, self._parity()[:, None])
+        rows, columns = d * rows[:, None, None] + np.arange(d)[:, None], d * columns[:, None, None] + np.arange(d)
+        places = [np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns)]
+        matrix = sparse.coo_array((values.ravel(), places), shape=(d * len(self.body),) * 2).tocsc()
         return (matrix + matrix.T) / 2
 
+    def matrices(self) -> list[tuple[list[int], sparse.csr_array]]:
+        """Return the stiffness of each component, shape (n, n), where springs are alike along and across.
 
-class Laplacian:
-    """Vector Laplacian of the nearest bonds, times the shear modulus and `RAISED`, without coupling of components.
+        Components that ghosts continue with equal parity share one; each matrix comes with the numbers of its components.
+        """
+        found, shape = [], (len(self.body),) * 2
+        for components in alike(self.body.ghosts.parity, range(self.body.dimension)):
+            rows, columns, values = self._entries(self._across, self._parity()[:, components[0]])
+            matrix = sparse.csr_array((values, (rows, columns)), shape=shape)
+            found.append((components, (matrix + matrix.T) / 2))
+        return found
 
-    Apart from the contribution of the pressures it is the tangent of an incompressible neo-Hookean body in every state.
+    def _sources(self) -> np.ndarray:
+        """Return the point at the second end of every bond, or the point of which that end is an image, shape (k,)."""
+        return np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])[self.second]
 
-    Attributes
-    ----------
-    bonds : NearestBonds
+    def _parity(self) -> np.ndarray:
+        """Return the sign with which each component of the second end follows its source, shape (k, d)."""
+        return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[self.second]
+
+    def _entries(self, values: np.ndarray, parity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return rows, columns and values of the stiffness of springs of given values (k, ...); forces on ghosts are not included."""
+        within = self.second < len(self.body)
+        first, second, ends = self.first, self.second[within], self.first[within]
+        rows, columns = np.concatenate([first, first, second, second]), np.concatenate([first, self._sources(), second, ends])
+        return rows, columns, np.concatenate([values, -values * parity, values[within], -values[within]])
+
+
+def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
+    """Return the network of springs scaled to the body's small-strain stiffness."""
+    return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION)
+
+
+def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
+    """Return the vector Laplacian of the nearest bonds, times the shear modulus and `RAISED`, without coupling of components.
+
+    Apart from the contribution of the pressures it is the tangent of an incompressible neo-Hookean body in every state. Over a full horizon
+    the sum of w V l^2 is d kappa.
     """
+    return NearestBonds(body, shear_moduli, RAISED, RAISED)
 
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray) -> None:
-        # Over a full horizon the sum of w V l^2 is d kappa.
-        self.bonds = NearestBonds(body, shear_moduli, RAISED)
 
-    def forces(self, moved: np.ndarray) -> np.ndarray:
-        """Return the forces on the points, shape (n, d), under displacements of points and ghosts (n + m, d)."""
-        return self.bonds.on_points(self.bonds.stiffness[:, None] * (moved[self.bonds.second] - moved[self.bonds.first]))
-
-    def matrices(self) -> list[sparse.csr_array]:
-        """Return the matrix of each component, shape (n, n); components that ghosts continue with equal parity share one object."""
-        bonds, n, made = self.bonds, len(self.bonds.body), {}
-        keys = [column.tobytes() for column in bonds.body.ghosts.parity.T]
-        for key, parity in zip(keys, bonds.parity().T, strict=True):
-            if key not in made:
-                rows, columns, values = bonds.entries(bonds.stiffness, parity)
-                matrix = sparse.csr_array((values, (rows, columns)), shape=(n, n))
-                made[key] = (matrix + matrix.T) / 2
-        return [made[key] for key in keys]
+def alike(values: np.ndarray, components: Iterable[int]) -> list[list[int]]:
+    """Return the given components of an array (n, d) in groups of equal ones."""
+    groups: dict[bytes, list[int]] = {}
+    for component in components:
+        groups.setdefault(values[:, component].tobytes(), []).append(component)
+    return list(groups.values())
 
 
 def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
@@ -192,11 +172,12 @@ def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
     return keep @ matrix @ keep + sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
 
 
-def by_components(operators: list[Callable[[np.ndarray], np.ndarray]], values: np.ndarray) -> np.ndarray:
-    """Apply one operator to each component of values (n, d), or a common operator to all components at once."""
-    if all(operator is operators[0] for operator in operators):
-        return operators[0](values)
-    return np.stack([operator(column) for operator, column in zip(operators, values.T, strict=True)], axis=1)
+def by_components(operators: list[tuple[list[int], Operator]], values: np.ndarray) -> np.ndarray:
+    """Apply operators to values (n, d), each to the components that it comes with."""
+    found = np.empty_like(values)
+    for components, operator in operators:
+        found[:, components] = operator(values[:, components])
+    return found
 
 
 def drifting_axes(body: Body, free: np.ndarray) -> np.ndarray:
@@ -214,7 +195,7 @@ def remove_drift(values: np.ndarray, axes: np.ndarray, share: Share) -> None:
 
 
 class NearestBondStiffness(Preconditioner):
-    """Factorised stiffness of `Springs`.
+    """Factorised stiffness of `springs_of` a body.
 
     Its low modes agree with those of the true tangent within a factor that does not grow with the number of points, and its factorisation
     needs seconds for 10^5 points.
@@ -230,7 +211,7 @@ class NearestBondStiffness(Preconditioner):
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
         self._free, self._drifting, self._share = free.ravel(), drifting_axes(body, free), body.share
-        self._factor = factor_of(held_matrix(Springs(body, shear_moduli).matrix(), self._free))
+        self._factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), self._free))
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """Return the displacements under forces, shape (n, d)."""
@@ -240,7 +221,7 @@ class NearestBondStiffness(Preconditioner):
 
 
 class NearestBondLaplacian(Preconditioner):
-    """Inverse of `Laplacian`, component by component: a factor, or a multigrid cycle for large bodies.
+    """Inverse of `laplacian_of` a body, component by component: a factor, or a multigrid cycle for large bodies.
 
     Parameters
     ----------
@@ -250,14 +231,12 @@ class NearestBondLaplacian(Preconditioner):
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._free, self._drifting, self._share, made = free, drifting_axes(body, free), body.share, {}
-        matrices = Laplacian(body, shear_moduli).matrices()
-        keys = [(id(matrix), column.tobytes()) for matrix, column in zip(matrices, free.T, strict=True)]
-        width = body.dimension if len(set(keys)) == 1 else 1
-        for key, matrix, column in zip(keys, matrices, free.T, strict=True):
-            if key not in made:
-                made[key] = _inverse(body, held_matrix(matrix, column), column, width)
-        self._inverses = [made[key] for key in keys]
+        self._free, self._drifting, self._share = free, drifting_axes(body, free), body.share
+        self._inverses: list[tuple[list[int], Operator]] = []
+        for components, matrix in laplacian_of(body, shear_moduli).matrices():
+            for own in alike(free, components):
+                held = free[:, own[0]]
+                self._inverses.append((own, _inverse(body, held_matrix(matrix, held), held, len(own))))
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """Return the displacements under forces, shape (n, d)."""
@@ -266,7 +245,7 @@ class NearestBondLaplacian(Preconditioner):
         return displacements * self._free
 
 
-def _inverse(body: Body, matrix: sparse.sparray, free: np.ndarray, width: int) -> Callable[[np.ndarray], np.ndarray]:
+def _inverse(body: Body, matrix: sparse.sparray, free: np.ndarray, width: int) -> Operator:
     """Return an operator that solves with a Laplacian, for `width` right-hand sides at once."""
     if len(body) > MOST_FACTORISED[body.dimension]:
         return Multigrid(matrix.tocsr(), body.points, body.spacing, free > 0, width).cycle

@@ -1,8 +1,5 @@
 """Preconditioners of a body divided among ranks: inverses of overlapping parts, and the affine motions of each part."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -11,17 +8,18 @@ from scipy.linalg import eigh_tridiagonal
 from ..body import Body
 from ..body.body import sums_at_points
 from . import conjugate_gradients
+from .conjugate_gradients import Operator
 from .multigrid import factor_of
 from .nearest_bonds import (
-    Laplacian,
     NearestBondLaplacian,
     NearestBonds,
     Preconditioner,
-    Springs,
     by_components,
     drifting_axes,
     held_matrix,
+    laplacian_of,
     remove_drift,
+    springs_of,
 )
 from .stability import random_vector
 
@@ -52,9 +50,8 @@ class TwoLevels:
 
     Parameters
     ----------
-    body : Body
-        A part.
-    shear_moduli : float or ndarray, shape (n,)
+    bonds : NearestBonds
+        Bonds of a part.
     multiply : callable
         Product of the stiffness and displacements (n, d); with valid displacements on all local points it is valid on the owned points.
     free : ndarray, shape (n, d)
@@ -71,20 +68,13 @@ class TwoLevels:
     Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3.
     """
 
-    invert: Callable[[np.ndarray], np.ndarray]
+    invert: Operator
 
-    def __init__(
-        self,
-        body: Body,
-        shear_moduli: float | np.ndarray,
-        multiply: Callable[[np.ndarray], np.ndarray],
-        free: np.ndarray,
-    ) -> None:
-        share = body.share
+    def __init__(self, bonds: NearestBonds, multiply: Operator, free: np.ndarray) -> None:
+        body, share = bonds.body, bonds.body.share
         self._share, self._multiply, self._free, self._body = share, multiply, free, body
         self._around = free.copy()
         share.fill(self._around)
-        bonds = NearestBonds(body, shear_moduli)
         degrees = sums_at_points(len(body), bonds.first, bonds.second, np.ones(len(bonds.first)), 1)
         of_owners = degrees.copy()
         share.fill(of_owners)
@@ -158,7 +148,7 @@ class TwoLevels:
 
 
 class SchwarzStiffness(Preconditioner):
-    """Inverse of `Springs` for a body in parts, by conjugate gradients with a factor for every part.
+    """Inverse of `springs_of` a body for a body in parts, by conjugate gradients with a factor for every part.
 
     Parameters
     ----------
@@ -170,8 +160,9 @@ class SchwarzStiffness(Preconditioner):
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        matrix = Springs(body, shear_moduli).matrix()
-        self._levels = TwoLevels(body, shear_moduli, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free)
+        springs = springs_of(body, shear_moduli)
+        matrix = springs.matrix()
+        self._levels = TwoLevels(springs, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free)
         factor = factor_of(held_matrix(matrix, self._levels.inside.ravel()))
         self._levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
 
@@ -181,7 +172,7 @@ class SchwarzStiffness(Preconditioner):
 
 
 class SchwarzLaplacian(Preconditioner):
-    """Approximate inverse of `Laplacian` for a body in parts, by some steps of Chebyshev's method.
+    """Approximate inverse of `laplacian_of` a body for a body in parts, by some steps of Chebyshev's method.
 
     Unlike conjugate gradients they form one symmetric positive definite operator for all forces, and need no sums over all ranks.
 
@@ -196,10 +187,9 @@ class SchwarzLaplacian(Preconditioner):
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._free, matrices = free, Laplacian(body, shear_moduli).matrices()
-        products = {id(matrix): matrix.__matmul__ for matrix in matrices}
-        by_axis = [products[id(matrix)] for matrix in matrices]
-        self._levels = TwoLevels(body, shear_moduli, lambda moved: by_components(by_axis, moved), free)
+        self._free, laplacian = free, laplacian_of(body, shear_moduli)
+        products = [(components, matrix.__matmul__) for components, matrix in laplacian.matrices()]
+        self._levels = TwoLevels(laplacian, lambda moved: by_components(products, moved), free)
         self._levels.invert = NearestBondLaplacian(body, shear_moduli, self._levels.inside).solve
 
     @cached_property

@@ -1,13 +1,12 @@
 """The highest frequency of a discretised body, which limits an explicit step, and the least curvature of its energy."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
+from ..body import Body
 from ..forces import InternalForce
+from ..kernels.steps import greatest_strain
 from ..ranks import Share
-from .extension import strain_of_step
 from .nearest_bonds import Preconditioner
 
 
@@ -135,3 +134,21 @@ def least_curvature(
         for displacement, dual in zip(displacements, duals, strict=True):
             p -= share.dot(displacement, p) * dual
     return least
+
+
+def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
+    """Return the greatest change of length of a bond within the body between two states, over its length at rest."""
+    bonds, n = body.bonds, len(body)
+    within = bonds.second < n
+    first, second = bonds.first[within], bonds.second[within]
+
+    def lengths(positions: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(positions[second] - positions[first], axis=1)
+
+    return float((np.abs(lengths(after) - lengths(before)) / lengths(body.points)).max())
+
+
+def strain_of_step(body: Body, step: np.ndarray) -> float:
+    """Return the greatest strain of a bond that displacements (n, d) make, whose halo is filled first."""
+    body.share.fill(step)
+    return body.share.greatest(greatest_strain[step.shape[1]](step, body.points, body.bonds.first, body.bonds.second))

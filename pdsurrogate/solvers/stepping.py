@@ -1,7 +1,5 @@
 """Equilibrium by stepping: adaptive dynamic relaxation, and the paper's damped central differences."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from collections.abc import Callable
@@ -46,34 +44,28 @@ class SteppingSolver(EquilibriumSolver):
         """
 
     def _iterate(self, force, positions, tolerance, caution, began, report, least_drive) -> Equilibrium:
-        step = self.prepare(force, positions, caution)
-        forces = np.empty_like(positions)
+        step, forces = self.prepare(force, positions, caution), np.empty_like(positions)
+        first, least, found = None, np.inf, 0
         self.begin(force, least_drive)
-        self.evaluate(force, positions, forces)
-        residual, settled = self.judge(force, forces, tolerance)
-        first, least, found = residual, residual, 0
-        while not settled:
-            step(forces)
+        while True:
             self.evaluate(force, positions, forces)
             residual, settled = self.judge(force, forces, tolerance)
-            evaluations = force.evaluations - began
+            evaluations, first = force.evaluations - began, first or residual
             if not residual < self.MOST_GROWTH * max(first, 1.0):
                 raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
             if residual < 0.9 * least:
                 least, found = residual, evaluations
+            if settled or evaluations % 10 == 0:
+                report(evaluations, residual)
             if settled:
-                break
+                return Equilibrium(residual, evaluations, self.name, self._drive)
             if force.precision == "float32" and evaluations - found >= self.PATIENCE:
                 if residual <= tolerance:
                     raise TooSmall("the forces that drive the body are too small for single precision")
                 raise self.not_converged(force, least, evaluations, tolerance)
             if evaluations >= self.most_evaluations:
                 raise self.not_converged(force, residual, evaluations, tolerance)
-            if evaluations % 10 == 0:
-                report(evaluations, residual)
-        evaluations = force.evaluations - began
-        report(evaluations, residual)
-        return Equilibrium(residual, evaluations, self.name, self._drive)
+            step(forces)
 
 
 class DynamicRelaxation(SteppingSolver):

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..body import Body, ReflectionPlane
 from ..forces import InternalForce, InvalidState
-from ..solvers import Automatic, Diverging, NotConverged
+from ..solvers.automatic import Automatic
+from ..solvers.equilibrium import Diverging, NotConverged
 from .bodies import HORIZONS, SPACING, crack, inner_points, middle_point, of_points, of_simplices
 from .case import STOPS, WEAK, Ended, Outcome, Subject, case
 from .deformations import force_densities, judged_patches, turn

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step
-from ..solvers import FrequencyEstimate
+from ..solvers.stability import FrequencyEstimate
 from .bodies import SPACING
 from .case import PASS, WEAK, Ended, Outcome, Subject, case, forces_at, required
 

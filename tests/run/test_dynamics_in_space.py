@@ -11,7 +11,7 @@ from pdsurrogate.run import checkpoints
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Scene
-from pdsurrogate.solvers import ExplicitDynamics
+from pdsurrogate.solvers.dynamics import ExplicitDynamics
 
 SPACING, LAW = 0.2, NeoHookean(1.0, 20.0)
 
