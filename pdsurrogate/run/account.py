@@ -122,7 +122,7 @@ class Bookkeeping:
     def kinetic_energy(self) -> float:
         """Return the kinetic energy at the time of the positions if `every_step`, else that of the last half step."""
         integrator = self._integrator
-        kinetic = integrator.kept_energy(integrator.velocities_around())[1] if self.every_step else integrator.kinetic_energy()
+        kinetic = integrator.kept_energy()[1] if self.every_step else integrator.kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
         return kinetic
@@ -134,7 +134,7 @@ class Bookkeeping:
     def count_release(self) -> None:
         """Add the energy that breaking bonds removed in the last step."""
         if self.every_step:
-            arriving, leaving = self._integrator.kept_energy(self._integrator.velocities_around())
+            arriving, leaving = self._integrator.kept_energy()
             self.account.released_energy += arriving - leaving
 
     def between_rows(self) -> None:

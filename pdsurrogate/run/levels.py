@@ -12,7 +12,7 @@ from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
 from ..solvers.automatic import SOLVERS
-from ..solvers.branch import Branch
+from ..solvers.branch import check_branch
 from ..solvers.equilibrium import (
     Diverging,
     Equilibrium,
@@ -103,7 +103,7 @@ class Equilibria:
 
     def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
         self.run, self.stage, self.solver = run, stage, solver
-        self._branch, self._course = Branch(run.loading, run.loaded, solver), run.loading.course
+        self._course = run.loading.course
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
         self._evaluations: list[int] = []  # evaluations of every successful increment of the stage
@@ -205,7 +205,7 @@ class Equilibria:
         run.loading.apply(target, run.loaded, start)
         run.positions[:] = start
         equilibrium = self._solve(target, tolerance, guess, patience, increments)
-        self._branch.check(state.parameter, target, guess, run.positions)
+        check_branch(run.loading, run.loaded, self.solver, state.parameter, target, guess, run.positions)
         if increments.ends:
             _check_resolved(run, target)
         state.parameter = target

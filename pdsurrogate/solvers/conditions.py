@@ -102,16 +102,19 @@ class Loading:
         self.planes, self.held = planes, held
         at_places = tuple(part for part in held if part.others is not None)
         self.supports = Supports(body, at_places) if at_places else None
+        self._of_points = [part for part in held if part.plane is None]
+        self._of_planes = [part for part in held if part.plane is not None]
+        self.turning = {part.plane for part in self._of_planes if part.angle is not None}
+        each = [(part.plane, component, part.holder) for part in self._of_planes for component in part.components]
+        self._plane, self._plane_component, self._plane_holder = np.array(each, dtype=int).reshape(-1, 3).T
         self.plane_components = np.zeros((len(planes), body.dimension), dtype=bool)
-        self.turning = {part.plane for part in held if part.plane is not None and part.angle is not None}
+        self.plane_components[self._plane, self._plane_component] = True
         rows = [(np.zeros(0, dtype=int),) * 4 + (np.zeros((0, body.dimension)),)]
         for number, part in enumerate(held):
             places = np.broadcast_to(part.places, (len(part.points), body.dimension))
             for component in part.components:
                 numbers = number, component, -1 if part.plane is None else part.plane
                 rows.append((*(np.full(len(places), value) for value in numbers), part.points, places))
-            if part.plane is not None:
-                self.plane_components[part.plane, list(part.components)] = True
         self.part, self.component, self.plane, self.point, self.place = map(np.concatenate, zip(*rows, strict=True))
         self.at_points = self.plane < 0
         self.there = self.point[self.at_points], self.component[self.at_points]
@@ -145,9 +148,8 @@ class Loading:
     def plane_motions(self, parameter: float) -> np.ndarray:
         """Return the motions of all planes, see `Held.motion`, shape (p, d, d + 1); 0 in free components."""
         found = np.zeros((len(self.planes), self.body.dimension, self.body.dimension + 1))
-        for part in self.held:
-            if part.plane is not None:
-                found[part.plane, part.components] = part.motion(parameter)[list(part.components)]
+        for part in self._of_planes:
+            found[part.plane, part.components] = part.motion(parameter)[list(part.components)]
         return found
 
     def at_rest(self, parameter: float) -> bool:
@@ -230,14 +232,14 @@ class Loading:
         crossing, on_planes = force.pair_forces(bonds), np.zeros(self.plane_components.shape)
         np.add.at(on_planes, planes, crossing * shares)
         levers = self._share.total(self._levers_on_planes(force, crossing)) if self.turning else None
-        if on_points is None and self._holds_points:
+        if on_points is None and self._of_points:
             on_points = self._on_points(force)
         return self.reactions_of(self._share.total(on_planes), levers, on_points)
 
     def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
         """Return the forces of all holders from those on planes, with their levers, and from internal force and loads on every point."""
         forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
-        if self._holds_points:
+        if self._of_points:
             at_points = -on_points * (1 - self.free)
             if self.supports is not None:
                 self.supports.spread(at_points)
@@ -267,9 +269,8 @@ class Loading:
 
     def _add_planes(self, of_holders: np.ndarray, of_planes: np.ndarray) -> None:
         """Add values of planes, shape (planes, d, ...), to those of the holders that hold their components."""
-        for part in self.held:
-            if part.plane is not None:
-                of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
+        component = self._plane_component
+        np.add.at(of_holders, (self._plane_holder, component), of_planes[self._plane, component])
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
         """Return the sum of f (x) y over every plane, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""
@@ -300,17 +301,11 @@ class Loading:
         return total if beside is None else total + beside
 
     @cached_property
-    def _holds_points(self) -> bool:
-        """Whether any condition is one of points, on any rank."""
-        return any(part.plane is None for part in self.held)
-
-    @cached_property
     def _counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Components of own points whose force counts for a holder: its number, the point and the component."""
         holder = np.full(self.free.shape, -1)
-        for part in self.held:
-            if part.plane is None:
-                holder[part.every[:, None], part.components] = -1 if part.holder is None else part.holder
+        for part in self._of_points:
+            holder[part.every[:, None], part.components] = -1 if part.holder is None else part.holder
         holder[~self._share.own] = -1
         there = np.nonzero(holder >= 0)
         return holder[there], *there
@@ -331,11 +326,9 @@ class Loading:
 
     def _by_holder(self, points: list[np.ndarray]) -> list[np.ndarray]:
         """Return the points that each holder holds, from those of every entry of `held`."""
-        found: list[list[np.ndarray]] = [[np.zeros(0, dtype=int)] for _ in self.names]
-        for part, numbers in zip(self.held, points, strict=True):
-            if part.holder is not None:
-                found[part.holder].append(numbers)
-        return [np.unique(np.concatenate(parts)) for parts in found]
+        holders = np.repeat([-1 if part.holder is None else part.holder for part in self.held], [len(numbers) for numbers in points])
+        every = np.concatenate([np.zeros(0, dtype=int), *points])
+        return [np.unique(every[holders == number]) for number in range(len(self.names))]
 
     def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
         """Return the mean displacement of each holder, shape (holders, d): that of its points, or of the middle of its plane.
@@ -349,11 +342,10 @@ class Loading:
             sums[number] = np.concatenate([(positions[points] - places).sum(axis=0), places.sum(axis=0), [len(points)]])
         sums = self._share.total(sums)
         found, places = np.split(sums[:, :-1] / np.maximum(sums[:, -1:], 1), 2, axis=1)
-        for part in self.held:
-            if part.plane is not None:
-                plane, middle = self.body.planes[part.plane], places[part.holder].copy()
-                middle[plane.axis] = plane.position
-                found[part.holder, part.components] = displaced(part.motion(parameter), middle)[list(part.components)]
+        for part in self._of_planes:
+            plane, middle = self.body.planes[part.plane], places[part.holder].copy()
+            middle[plane.axis] = plane.position
+            found[part.holder, part.components] = displaced(part.motion(parameter), middle)[list(part.components)]
         return found
 
     @cached_property
