@@ -15,7 +15,7 @@ from ..solvers.course import Paths, Pull
 from ..solvers.held import Held
 from ..solvers.increments import Motion
 from ..solvers.loads import Loads
-from ..solvers.rigid_motions import displaced, rigid_motions
+from ..solvers.rigid import rigid_motions
 from .loads import edge_of
 from .prescriptions import Prescription
 from .programme import Stage
@@ -128,29 +128,26 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
 def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
     """Refuse amplitudes that are not zero at rest, and conditions that move a point differently: it would go with the later one."""
     samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
+    every, error = Loading(body, "t", 0.0, (), (), tuple(held), None), 1e-9 * body.spacing
     try:
-        for part in held:
-            at_rest = displaced(part.motion(ends[0]), part.places)
-            if np.abs(at_rest[:, part.components]).max(initial=0.0) > 1e-9 * body.spacing:
-                raise ValueError(f"{part.name}.amplitude: it must be 0 at t = 0, where the body is at rest, as ramp and sine are")
-        for component in range(body.dimension):
-            for sample in samples:
-                _check_agreement(body, [part for part in held if component in part.components], component, sample)
-    except InvalidState as error:
-        raise ValueError(str(error)) from None
-
-
-def _check_agreement(body: Body, held: list[Held], component: int, parameter: float) -> None:
-    """Refuse two conditions on a component that move a point differently at a value of the parameter."""
-    travel, holder = np.zeros(len(body)), np.full(len(body), -1)
-    for number, part in enumerate(held):
-        goes = np.broadcast_to(displaced(part.motion(parameter), part.places)[:, component], len(part.points))
-        apart = np.abs(travel[part.points] - goes) > 1e-9 * body.spacing
-        twice = part.points[(holder[part.points] >= 0) & apart]
-        if len(twice):
-            names = f"{held[holder[twice[0]]].name} and {part.name}"
-            raise ValueError(f"{names} move point {twice[0]} at {place_of(body, twice[0])} differently along x{component + 1}")
-        travel[part.points], holder[part.points] = goes, number
+        moves, at_rest = [every.moves(sample) for sample in samples], np.abs(every.moves(ends[0])) > error
+    except InvalidState as invalid:
+        raise ValueError(str(invalid)) from None
+    if at_rest.any():
+        name = held[every.part[at_rest.argmax()]].name
+        raise ValueError(f"{name}.amplitude: it must be 0 at t = 0, where the body is at rest, as ramp and sine are")
+    latest = np.full((len(body), body.dimension), -1)
+    latest[every.there] = np.arange(len(every.part))
+    for component in range(body.dimension):
+        rows = np.flatnonzero(every.component == component)
+        later = latest[every.point[rows], component]
+        for move in moves:
+            apart = np.abs(move[rows] - move[later]) > error
+            if apart.any():
+                row = rows[apart.argmax()]
+                point = every.point[row]
+                names = " and ".join(held[every.part[number]].name for number in (row, latest[point, component]))
+                raise ValueError(f"{names} move point {point} at {place_of(body, point)} differently along x{component + 1}")
 
 
 def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:

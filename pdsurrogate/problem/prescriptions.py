@@ -13,7 +13,7 @@ from ..scenes import Region, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
 from ..solvers.held import Held
-from ..solvers.rigid_motions import turn_by
+from ..solvers.rigid import turn_by
 from .programme import Stage
 from .regions import BodyRegions
 

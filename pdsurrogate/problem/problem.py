@@ -1,7 +1,6 @@
 """Compilation of a scene into a problem: everything that a run needs, resolved once into points, numbers and names."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,7 +12,7 @@ from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Por
 from ..forces.interfaces import SIGHT
 from ..materials import Law
 from ..ranks import ALONE, Communicator
-from ..scenes import Mesh, Part, Scene, SceneError, SolverSpec, Units
+from ..scenes import Mesh, Part, Scene, SolverSpec, Units
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
 from ..solvers.conditions import Loading, place_of
@@ -22,7 +21,7 @@ from ..solvers.rigid import RigidRegion
 from .conditions import check_speeds, conditions_of
 from .fracture import critical_stretch_in
 from .loads import loads_of
-from .materials import checked_models, portions_of, settings_of, warn_of_bulk_moduli, warn_of_parts
+from .materials import checked_models, portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .prescriptions import Prescription, prescriptions_of
 from .programme import Measures, Stage, measures_of, stages_of
 from .regions import BodyRegions
@@ -240,14 +239,3 @@ def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Communic
         critical = critical_stretch_in(scene, portions[0].law, body.horizon, models[0].family) if scene.fracture and portions else None
     held = (regions, prescriptions, stages, loading)
     return Problem(scene, models, settings_of(scene), body, whole[0], *held, portions, rigid, measures, critical)
-
-
-@contextmanager
-def scene_errors(scene: Scene) -> Iterator[None]:
-    """Context in which errors of values are those of a scene, and name it."""
-    try:
-        yield
-    except SceneError:
-        raise
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None

@@ -12,7 +12,6 @@ from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
 from ..solvers.automatic import SOLVERS
-from ..solvers.branch import check_branch
 from ..solvers.equilibrium import (
     Diverging,
     Equilibrium,
@@ -29,6 +28,7 @@ from ..solvers.equilibrium import (
     strain_rounding,
 )
 from ..solvers.increments import Increments
+from ..solvers.stability import check_branch
 from .checkpoints import ACCEPTED
 from .interruption import Interrupted
 from .rows import equilibrium_columns, output_row

@@ -11,7 +11,7 @@ import numpy as np
 from ..engine.threads import threads_for
 from ..forces import ForceModel
 from ..problem import Stage, compile_scene
-from ..problem.problem import scene_errors
+from ..problem.materials import scene_errors
 from ..ranks import communicator
 from ..results import measures
 from ..results.contents import Contents

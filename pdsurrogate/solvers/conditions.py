@@ -11,7 +11,7 @@ from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
 from .held import Held, Supports
 from .loads import AT_REST, Loads
-from .rigid_motions import displaced, moment_of
+from .rigid import displaced, moment_of
 
 ONE_SIDED = 0.1
 """Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the

@@ -12,9 +12,9 @@ from ..forces import InternalForce
 from .conditions import Loading, Reactions
 from .equilibrium import TooFar
 from .increments import Motion
+from .nearest_bonds import greatest_bond_strain
 from .preconditioner import Extension
-from .rigid_motions import displaced
-from .stability import greatest_bond_strain
+from .rigid import displaced
 
 COMPRESSED = 0.05
 """Compression anywhere, over the greatest tension in the body, beyond which the body may buckle: free edges, whose horizons are incomplete,

@@ -10,8 +10,8 @@ from ..body import Body
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
+from .nearest_bonds import greatest_bond_strain
 from .preconditioner import Preconditioner, preconditioner_of
-from .stability import greatest_bond_strain
 
 Report = Callable[[int, float], None]
 """Function that a solver calls with the number of force evaluations so far and the residual."""

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ..body import Body
-from .rigid_motions import displaced
+from .rigid import displaced
 
 
 @dataclass(frozen=True)

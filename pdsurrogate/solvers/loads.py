@@ -10,8 +10,7 @@ from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
 from ..ranks import Share
 from .held import Supports
-from .rigid import RigidRegion
-from .rigid_motions import moment_of
+from .rigid import RigidRegion, moment_of
 
 AT_REST = 1e-14
 """Displacement over the extent of the body, or amplitude of a load, that counts as zero: a sine has rounding errors of this size."""

@@ -8,9 +8,9 @@ from scipy import sparse
 
 from ..body import Body
 from ..body.body import sums_at_points
+from ..kernels.steps import greatest_strain
 from ..ranks import Share
-from .conjugate_gradients import Operator
-from .multigrid import Multigrid, factor_of
+from .multigrid import Multigrid, Operator, factor_of
 
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the matrix: four bonds per point on a grid, and those of points off the grid.
@@ -250,3 +250,27 @@ def _inverse(body: Body, matrix: sparse.sparray, free: np.ndarray, width: int) -
     if len(body) > MOST_FACTORISED[body.dimension]:
         return Multigrid(matrix.tocsr(), body.points, body.spacing, free > 0, width).cycle
     return factor_of(matrix).solve
+
+
+def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
+    """Return normally distributed numbers in the free components, shape (n, d), the same for a point on any number of ranks."""
+    whole = np.random.default_rng(0).standard_normal((share.size, free.shape[1]))
+    return whole[share.numbers] * free
+
+
+def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
+    """Return the greatest change of length of a bond within the body between two states, over its length at rest."""
+    bonds, n = body.bonds, len(body)
+    within = bonds.second < n
+    first, second = bonds.first[within], bonds.second[within]
+
+    def lengths(positions: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(positions[second] - positions[first], axis=1)
+
+    return float((np.abs(lengths(after) - lengths(before)) / lengths(body.points)).max())
+
+
+def strain_of_step(body: Body, step: np.ndarray) -> float:
+    """Return the greatest strain of a bond that displacements (n, d) make, whose halo is filled first."""
+    body.share.fill(step)
+    return body.share.greatest(greatest_strain[step.shape[1]](step, body.points, body.bonds.first, body.bonds.second))

@@ -6,8 +6,8 @@ import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from . import conjugate_gradients
 from .held import Supports
+from .multigrid import conjugate_gradient_steps, conjugate_gradients
 from .nearest_bonds import NearestBondLaplacian, NearestBondStiffness, Preconditioner, laplacian_of, springs_of
 from .rigid import RigidStiffness
 from .schwarz import EXACTLY, SchwarzLaplacian, SchwarzStiffness
@@ -86,7 +86,7 @@ class Extension:
 
     def _by_conjugate_gradients(self, forces: np.ndarray) -> np.ndarray:
         settings = self._precondition, lambda moved: -self._network.forces(moved) * self._free, self._body.share.dot, EXTENDED, MOST_STEPS
-        return conjugate_gradients.solution(forces * self._free, *settings)
+        return conjugate_gradients(forces * self._free, *settings)
 
 
 class IncompressibleStiffness(Preconditioner):
@@ -134,7 +134,7 @@ class IncompressibleStiffness(Preconditioner):
             return compliance * pressures + dilatation.changes(moved)
 
         asked = self._precondition, image_of, self._dot, NEARLY_SOLVED * self._compliance, MOST_STEPS
-        for share, _, _ in conjugate_gradients.steps(dilatation.changes(displacements), *asked):
+        for share, _, _ in conjugate_gradient_steps(dilatation.changes(displacements), *asked):
             displacements -= share * moved
             self.steps += 1
         return displacements

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..forces import InvalidState
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
-from .stability import strain_of_step
+from .nearest_bonds import strain_of_step
 
 
 class QuasiNewton(EquilibriumSolver):

@@ -7,9 +7,7 @@ from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
 from ..body.body import sums_at_points
-from . import conjugate_gradients
-from .conjugate_gradients import Operator
-from .multigrid import factor_of
+from .multigrid import Operator, conjugate_gradient_steps, conjugate_gradients, factor_of
 from .nearest_bonds import (
     NearestBondLaplacian,
     NearestBonds,
@@ -18,10 +16,10 @@ from .nearest_bonds import (
     drifting_axes,
     held_matrix,
     laplacian_of,
+    random_vector,
     remove_drift,
     springs_of,
 )
-from .stability import random_vector
 
 SOLVED, EXACTLY = 0.05, 1e-6
 """Shares of the forces that inner conjugate gradients leave: in general, and where they replace a factor.
@@ -134,12 +132,12 @@ class TwoLevels:
     def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
         """Return the solution of conjugate gradients that leaves a share of the forces."""
         rest = self.balanced(forces * self._free)
-        return self.balanced(conjugate_gradients.solution(rest, self.both, self.applied, self._share.dot, left, MOST_STEPS))
+        return self.balanced(conjugate_gradients(rest, self.both, self.applied, self._share.dot, left, MOST_STEPS))
 
     def spectrum(self) -> tuple[float, float]:
         """Return the least and greatest Ritz value of the preconditioned stiffness, by conjugate gradients on random forces."""
         rest = self.balanced(random_vector(self._share, self._free))
-        steps = conjugate_gradients.steps(rest, self.both, self.applied, self._share.dot, EXACTLY, LANCZOS_STEPS)
+        steps = conjugate_gradient_steps(rest, self.both, self.applied, self._share.dot, EXACTLY, LANCZOS_STEPS)
         shares, sizes = np.array([(1 / length, size) for length, _, size in steps]).T
         growths, diagonal = sizes[1:] / sizes[:-1], shares.copy()
         diagonal[1:] += growths * shares[:-1]

@@ -1,13 +1,13 @@
-"""The highest frequency of a discretised body, which limits an explicit step, and the least curvature of its energy."""
+"""Highest frequency of a discretised body, which limits an explicit step, and whether an equilibrium is stable and continues the last."""
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
-from ..body import Body
 from ..forces import InternalForce
-from ..kernels.steps import greatest_strain
 from ..ranks import Share
-from .nearest_bonds import Preconditioner
+from .conditions import Loading
+from .equilibrium import EquilibriumSolver, Unstable
+from .nearest_bonds import Preconditioner, random_vector, strain_of_step
 
 
 class FrequencyEstimate:
@@ -53,12 +53,6 @@ class FrequencyEstimate:
         return float(value)
 
 
-def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
-    """Return normally distributed numbers in the free components, shape (n, d), the same for a point on any number of ranks."""
-    whole = np.random.default_rng(0).standard_normal((share.size, free.shape[1]))
-    return whole[share.numbers] * free
-
-
 PROBES = {"float64": 1e-6, "float32": 1e-3}
 """Strain of the difference quotients that approximate the tangent, by the precision of the pass.
 
@@ -74,6 +68,14 @@ KNOWN = 1 / 3
 
 NEGATIVE = -0.01
 """Curvature, over that of the body at rest, that counts as negative."""
+
+
+JUMP = 0.25
+"""Greatest distance of the points from the extrapolation, over the growth of the body's extent. Contraction across the load and stresses at
+holes and cracks cause some hundredths; buckling of a sheet several tenths to ten, and more with shorter increments."""
+
+LEAST_JUMP = 0.1
+"""Least distance, in spacings, that counts as a jump: a finer tolerance changes positions by less."""
 
 
 def least_curvature(
@@ -136,19 +138,55 @@ def least_curvature(
     return least
 
 
-def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
-    """Return the greatest change of length of a bond within the body between two states, over its length at rest."""
-    bonds, n = body.bonds, len(body)
-    within = bonds.second < n
-    first, second = bonds.first[within], bonds.second[within]
+def check_branch(
+    loading: Loading, force: InternalForce, solver: EquilibriumSolver, before: float, after: float, guess: np.ndarray, positions: np.ndarray
+) -> None:
+    """Check an equilibrium in which the force was last evaluated: that it is stable, and continues the last one.
 
-    def lengths(positions: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(positions[second] - positions[first], axis=1)
+    Only compressed bodies are checked for stability: under tension the stress itself prevents buckling.
 
-    return float((np.abs(lengths(after) - lengths(before)) / lengths(body.points)).max())
+    Parameters
+    ----------
+    loading : Loading
+    force : InternalForce
+    solver : EquilibriumSolver
+        Solver that computed the equilibrium.
+    before, after : float
+        Loading parameter of the last equilibrium, and of this one.
+    guess : ndarray, shape (n, 2)
+        Extrapolation from the last equilibrium.
+    positions : ndarray, shape (n, 2)
 
-
-def strain_of_step(body: Body, step: np.ndarray) -> float:
-    """Return the greatest strain of a bond that displacements (n, d) make, whose halo is filled first."""
-    body.share.fill(step)
-    return body.share.greatest(greatest_strain[step.shape[1]](step, body.points, body.bonds.first, body.bonds.second))
+    Raises
+    ------
+    InvalidState
+        If a point lies beyond a plane of reflection.
+    Unstable
+        If a compressed body jumped away from the extrapolation, provided that the conditions determine it, or its energy is not a local
+        minimum.
+    """
+    loading.check_inside(after, force, positions)
+    growth, jumped = loading.course.growth(before, after), False
+    if growth is not None:
+        moved = np.sqrt(solver.share.sum(np.square(positions - guess)) / solver.share.total(positions.size))
+        jumped = moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing)
+    if not (jumped or force.has_energy) or not loading.course.pushes(force):
+        return
+    if jumped:
+        raise Unstable(
+            f"the body buckles between the stretches {before:.4g} and {after:.4g}: while its length changed by {growth:.3g}, "
+            f"its points moved by {moved:.3g} in the mean from where the states before lead"
+        )
+    preconditioner = solver.preconditioner(force)
+    preconditioner.update()
+    arrays = force.state_arrays()
+    held = {key: array.copy() for key, array in arrays.items()}
+    curvature = least_curvature(force, positions, loading.free, preconditioner)
+    force(positions, np.empty_like(positions))
+    for key, array in arrays.items():
+        array[:] = held[key]
+    if curvature < NEGATIVE:
+        raise Unstable(
+            f"the equilibrium at {loading.at(after)} is not stable: along one displacement the energy has "
+            f"{curvature:.2g} times the curvature that it has at rest, so that the body buckles"
+        )
