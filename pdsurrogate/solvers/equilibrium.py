@@ -143,12 +143,7 @@ class EquilibriumSolver(ABC):
     """True once a faster method has failed on this body; a solver keeps no other state between calls."""
 
     def __init__(
-        self,
-        free: np.ndarray,
-        volumes: np.ndarray,
-        tolerance: float = 1e-6,
-        most_evaluations: int = 50_000,
-        share: Share | None = None,
+        self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000, share: Share | None = None
     ) -> None:
         self.free, self.volumes, self.share = free, volumes, share or Share.whole(len(free))
         self.tolerance, self.most_evaluations = tolerance, most_evaluations

@@ -78,12 +78,7 @@ LEAST_JUMP = 0.1
 """Least distance, in spacings, that counts as a jump: a finer tolerance changes positions by less."""
 
 
-def least_curvature(
-    force: InternalForce,
-    positions: np.ndarray,
-    free: np.ndarray,
-    stiffness: Preconditioner,
-) -> float:
+def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarray, stiffness: Preconditioner) -> float:
     """Return an upper bound of the least curvature of the energy over that at rest, which is close where it is negative.
 
     Lanczos' method on P^-1 K, with K v from force differences and P an approximation of it, stopped at the first negative
