@@ -1,4 +1,4 @@
-"""Conditions of a body made from the prescriptions of a scene: held points, planes of reflection and supports, and checks of them."""
+"""Conditions and loads of a body made from those of a scene: held points, planes of reflection, supports, forces, and checks of them."""
 
 import math
 import warnings
@@ -7,18 +7,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..body import Body
+from ..body import Body, ReflectionPlane
 from ..forces import InvalidState
-from ..scenes import Scene
+from ..scenes import Load, Scene
+from ..scenes.amplitudes import amplitude_of
+from ..scenes.model import EDGES
 from ..solvers.conditions import Loading, place_of
 from ..solvers.course import Paths, Pull
 from ..solvers.held import Held
 from ..solvers.increments import Motion
-from ..solvers.loads import Loads
+from ..solvers.loads import DeadLoad, Loads, Pressure
 from ..solvers.rigid import rigid_motions
-from .loads import edge_of
-from .prescriptions import Prescription
-from .programme import Stage
+from .programme import Prescription, Stage
 from .regions import BodyRegions
 
 RIGID = 1e3
@@ -29,6 +29,10 @@ SAMPLES = 5
 
 LEAST_SPREAD = 1e-6
 """Singular value of the constraints below which a rigid motion is free: two points a thousandth of the body apart yield more."""
+
+
+ON_A_PLANE = 1e-6
+"""Distance in spacings within which a facet counts as lying in a plane of reflection."""
 
 
 def conditions_of(
@@ -60,9 +64,9 @@ def conditions_of(
     body, stretched = regions.body, scene.stretched
     of_rigid = np.concatenate([np.empty(0, dtype=np.int64), *rigid])
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
-    planes, held, along_planes, keys, reflected = [], [], [], [], []
-    for number, plane in enumerate(body.planes):
-        edge = edge_of(plane)
+    edges = [edge_of(plane) for plane in body.planes]
+    planes, held, along_planes, keys = [], [], [], []
+    for number, (edge, plane) in enumerate(zip(edges, body.planes, strict=True)):
         points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
         feet = body.points[sources].copy()
         feet[:, plane.axis] = plane.position
@@ -76,28 +80,24 @@ def conditions_of(
             if len(rigid_points):
                 held.append(one.held(names, rigid_points, body.points[rigid_points]))
         keys.append(holding[0].key)
-        reflected += holding
     moving = any(stage.inertia is not None for stage in stages)
-    held += [_points_of(one, names, regions, moving) for one in prescriptions if not any(one is other for other in reflected)]
-    plane_names = tuple(f"{edge_of(plane)} {'grip' if stretched else 'edge'}" for plane in body.planes)
+    held += [_points_of(one, names, regions, moving) for one in prescriptions if regions.edge(one.region) not in edges]
+    plane_names = tuple(f"{edge} {'grip' if stretched else 'edge'}" for edge in edges)
     parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
     loading = Loading(body, parameter, rest, names, plane_names, (*held, *planes), loads)
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
     _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
-    for number, (key, name) in enumerate(zip(keys, plane_names, strict=True)):
+    for number, (key, edge) in enumerate(zip(keys, edges, strict=True)):
         if not body.share.any((loading.crossing[1] == number).any()):
-            edge = f"{name.split()[0]} {'edge' if body.dimension == 2 else 'face'}"
-            raise ValueError(f"{key}: no bond of the body crosses its {edge}; do holes take all that is there?")
+            raise ValueError(f"{key}: no bond of the body crosses its {words_for(edge, body)}; do holes take all that is there?")
     if stretched:
         axis, travels = scene.loaded_axis, np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
         loading.course = Pull(loading, axis, regions.lower[axis], float(regions.upper[axis] - regions.lower[axis]), travels)
         _check_held(loading, "grips", "add a hold", f"moving along x{axis + 1}")
         return loading
     modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
-    springs: float | np.ndarray = modulus
-    if len(of_rigid):
-        springs = np.full(len(body), modulus)
-        springs[of_rigid] *= RIGID
+    springs = np.full(len(body), modulus)
+    springs[of_rigid] *= RIGID
     loading.course = Paths(loading, springs, modulus, scene.solver.largest_increment)
     if loading.supports is not None:
         loading.supports.response = loading.course.response
@@ -208,11 +208,76 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:
     """Return the greatest difference of the velocities of any two held parts, in a component, during a stage in dynamics."""
-    share, fastest = loading.body.share, 0.0
+    share, places, fastest = loading.body.share, loading.body.points[loading.point], 0.0
     for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
-        changes = loading.moves(motion.at(end)) - loading.moves(motion.at(begin))
+        changes = loading.moves(motion.at(end), places) - loading.moves(motion.at(begin), places)
         for component in range(loading.body.dimension):
             own = changes[loading.component == component]
             apart = share.greatest(own.max(initial=-np.inf)) + share.greatest(-own.min(initial=np.inf))
             fastest = max(fastest, apart / (end - begin))
     return fastest
+
+
+def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads | None:
+    """Return the loads of a scene; None where it has none.
+
+    Raises
+    ------
+    ValueError
+        For a region that is empty, or a load on an edge that is held by reflection; names the key.
+    """
+    found: list[DeadLoad | Pressure] = []
+    for number, load in enumerate(scene.loads):
+        # Several loads may share a name, as traction and pressure on one edge do; results sum them.
+        name = load.name or regions.label(load.region, f"loads.{number}")
+        key, amplitude = f"loads.{number}.region", amplitude_of(load.amplitude)
+        if load.kind == "pressure":
+            deformed = scene.plane == "stress" and load.thickness != "undeformed"
+            found.append(Pressure(name, amplitude, _facets_of(key, load, body, regions), load.pressure, deformed))
+        else:
+            found.append(DeadLoad(name, amplitude, *_dead_forces(key, load, body, regions)))
+    return Loads(body, found, regions.surface) if found else None
+
+
+def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:
+    """Return the facets that a traction or pressure acts on; raise ValueError where one lies in a plane of reflection."""
+    facets, surface = regions.facets(load.region, key), regions.surface()
+    for plane in body.planes:
+        distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
+        if (distance < ON_A_PLANE * body.spacing).all(axis=1).any():
+            edge = words_for(edge_of(plane), body)
+            why = f"which is held by reflection, so that a {load.kind} there goes into what holds it"
+            raise ValueError(f"{key}: it takes in facets of the {edge}, {why}; leave the {edge} out, or hold points (support=points)")
+    return facets
+
+
+def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points that a dead load acts on and its forces on them (theory (43))."""
+    if load.kind == "traction":
+        facets, surface = _facets_of(key, load, body, regions), regions.surface()
+        corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
+        spread = [sum(others, first).T for first, *others in zip(*(one.rows for one in corners), strict=True)]
+        sizes = np.stack([rows @ surface.areas()[facets] / len(corners) for rows in spread], axis=1)
+        points = np.flatnonzero(sizes.any(axis=1))
+        return points, sizes[points] * np.array(load.traction)
+    if load.kind == "force" and regions.edge(load.region) in map(edge_of, body.planes):
+        # It would pull at points half a cell inside the edge, which are free.
+        edge = words_for(regions.edge(load.region), body)
+        why = f"the {edge} is held by reflection, so that a force there goes into what holds it"
+        raise ValueError(f"{key}: {why}; give another region, or hold points (support=points)")
+    points = regions.points(load.region, key)
+    points = points[body.share.own[points]]
+    if load.kind == "body_force":
+        return points, body.volumes[points, None] * np.array(load.body_force)
+    part = np.array(load.force) / body.share.total(len(points))
+    return points, np.tile(part, (len(points), 1))
+
+
+def edge_of(plane: ReflectionPlane) -> str:
+    """Return the name of the edge that a plane holds."""
+    return next(edge for edge, place in EDGES.items() if place == (plane.axis, plane.side))
+
+
+def words_for(edge: str, body: Body) -> str:
+    """Return the name of an edge or face in messages."""
+    return f"{edge} {'edge' if body.dimension == 2 else 'face'}"

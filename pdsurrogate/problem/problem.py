@@ -18,12 +18,10 @@ from ..scenes.model import RIGID
 from ..solvers.conditions import Loading, place_of
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import check_speeds, conditions_of
+from .conditions import check_speeds, conditions_of, loads_of
 from .fracture import critical_stretch_in
-from .loads import loads_of
 from .materials import checked_models, portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
-from .prescriptions import Prescription, prescriptions_of
-from .programme import Measures, Stage, measures_of, stages_of
+from .programme import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
 from .regions import BodyRegions
 
 
@@ -160,11 +158,10 @@ class Problem:
     def _check_rigid_are_bonded(self) -> None:
         """Refuse a rigid region that is neither held nor bonded to anything that is deformed: loads would carry it anywhere."""
         first, second = self.body.bonds.first, self.body.bonds.second
-        rigid = np.zeros(len(self.body.all_points), dtype=bool)
-        rigid[np.concatenate(list(self.rigid.values()))] = True
+        every = np.arange(len(self.body.all_points))
+        rigid = np.isin(every, np.concatenate(list(self.rigid.values())))
         for name, numbers in self.rigid.items():
-            own = np.zeros(len(rigid), dtype=bool)
-            own[numbers] = True
+            own = np.isin(every, numbers)
             pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
             if not pulls.any() and (self.loading.free[numbers] > 0).all():
                 why = "nothing holds this rigid region: no material that is deformed is bonded to it"

@@ -118,7 +118,6 @@ class Loading:
         self.part, self.component, self.plane, self.point, self.place = map(np.concatenate, zip(*rows, strict=True))
         self.at_points = self.plane < 0
         self.there = self.point[self.at_points], self.component[self.at_points]
-        self._placed = self.at_points & ~np.array([part.others is not None for part in held], dtype=bool)[self.part]
         self.free = np.ones((len(body), body.dimension))
         self.free[self.there] = 0
 
@@ -138,12 +137,12 @@ class Loading:
         """Return words for a value of the parameter."""
         return f"t = {parameter:g}" if self.parameter == "t" else f"{self.parameter} {parameter:g}"
 
-    def moves(self, parameter: float) -> np.ndarray:
-        """Return the displacements of all held components at a value of the parameter, shape (k,)."""
+    def moves(self, parameter: float, places: np.ndarray | None = None) -> np.ndarray:
+        """Return the displacements of all held components at a value of the parameter, shape (k,), or those that other places (k, d) have."""
         dimension = self.body.dimension
         motions = np.array([part.motion(parameter) for part in self.held]).reshape(-1, dimension, dimension + 1)
         rows = motions[self.part, self.component]
-        return (rows[:, :-1] * self.place).sum(axis=1) + rows[:, -1]
+        return (rows[:, :-1] * (self.place if places is None else places)).sum(axis=1) + rows[:, -1]
 
     def plane_motions(self, parameter: float) -> np.ndarray:
         """Return the motions of all planes, see `Held.motion`, shape (p, d, d + 1); 0 in free components."""
@@ -165,8 +164,7 @@ class Loading:
 
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter."""
-        there = self.point[self._placed], self.component[self._placed]
-        positions[there] = self.body.points[there] + self.moves(parameter)[self._placed]
+        positions[self.there] = self.body.points[self.there] + self.moves(parameter)[self.at_points]
         if self.supports is not None:
             self.supports.set(parameter)
             self.supports.place(positions)

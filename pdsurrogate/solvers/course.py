@@ -317,21 +317,19 @@ def affine_extension(
     """
     dimension = places.shape[1]
     gradient, told = np.eye(dimension), [[] for _ in range(dimension)]
-    shift = np.zeros(dimension)
+    shift, middles = np.zeros(dimension), np.zeros((dimension, dimension))
     for component in range(dimension):
         own = components == component
         if not own.any():
             continue
-        middle = places[own].mean(axis=0)
+        middles[component] = middle = places[own].mean(axis=0)
         changes = goals[own] - places[own, component]
         _, spreads, directions = np.linalg.svd(places[own] - middle, full_matrices=False)
-        row = np.zeros(dimension)
         for spread, direction in zip(spreads / np.sqrt(own.sum()), directions, strict=True):
             if spread > LEAST_SPREAD * spread_along(direction) and spread > 0:
                 arms = (places[own] - middle) @ direction
-                row += (arms @ changes) / (arms @ arms) * direction
+                gradient[component] += (arms @ changes) / (arms @ arms) * direction
                 told[component].append(direction)
-        gradient[component] += row
         shift[component] = middle[component] + changes.mean() - gradient[component] @ middle
     if all(len(directions) == dimension - 1 for directions in told):
         normals = [_normal(np.array(directions)) for directions in told]
@@ -339,9 +337,7 @@ def affine_extension(
         length = np.linalg.norm(wanted)
         if all(abs(normals[0] @ normal) > 0.99 for normal in normals[1:]) and length > 0:
             change = np.outer(wanted / length - gradient @ normals[0], normals[0])
-            for component in range(dimension):
-                middle = places[components == component].mean(axis=0)
-                shift[component] -= change[component] @ middle
+            shift -= (change * middles).sum(axis=1)
             gradient += change
     return gradient, shift
 

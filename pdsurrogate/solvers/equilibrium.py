@@ -147,6 +147,8 @@ class EquilibriumSolver(ABC):
     ) -> None:
         self.free, self.volumes, self.share = free, volumes, share or Share.whole(len(free))
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
+        # Permitted sum of the forces on free points, relative to the driving forces.
+        self._share_left = min(UNBALANCED, PER_TOLERANCE * tolerance)
         self._held, self._drive = np.nonzero(free == 0), 0.0
         self._preconditioner: Preconditioner | None = None
 
@@ -222,7 +224,7 @@ class EquilibriumSolver(ABC):
         loads = force.applied()
         loading = 0.0 if loads is None else self.share.sum(np.abs(loads))
         self._drive = max(loading, self._holding(force), self._least_drive)
-        most = self.share_left * self._drive
+        most = self._share_left * self._drive
         if left <= most:
             return residual, True
         if residual * most < SINGLE * left and force.precision == "float32":
@@ -240,11 +242,6 @@ class EquilibriumSolver(ABC):
         """Whether the forces left may be rounding errors."""
         return self._least_left < np.inf
 
-    @property
-    def share_left(self) -> float:
-        """Permitted sum of the forces on free points, relative to the driving forces."""
-        return min(UNBALANCED, PER_TOLERANCE * self.tolerance)
-
     def _holding(self, force: InternalForce) -> float:
         """Return the sum of the magnitudes of all forces on held components and across planes of reflection."""
         body = force.body
@@ -257,6 +254,6 @@ class EquilibriumSolver(ABC):
         """Return the error for a residual, or a sum of forces, that is still too large."""
         reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
         if residual <= tolerance:
-            left = f"the forces left on free points are in sum more than {self.share_left:.1g} of those that drive the body"
+            left = f"the forces left on free points are in sum more than {self._share_left:.1g} of those that drive the body"
             reached = f"after {evaluations} force evaluations {left}"
         return NotConverged(reached + note_of_zero_energy_modes(force, "which then never come to rest"))

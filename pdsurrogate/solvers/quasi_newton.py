@@ -65,14 +65,11 @@ class QuasiNewton(EquilibriumSolver):
             forces = following
             report(evaluations, residual)
             residuals.append(residual)
-            lost = evaluations >= self.PATIENCE and not self._comes_on(residuals)
+            before, now = residuals[-2 * self.WINDOW : -self.WINDOW], residuals[-self.WINDOW :]
+            lost = evaluations >= self.PATIENCE and not min(now) < 0.1 * min(before, default=0.0)
             if not settled and (lost or evaluations >= self.most_evaluations):
                 raise self.not_converged(force, residual, evaluations, tolerance)
         return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
-
-    def _comes_on(self, residuals: list[float]) -> bool:
-        """Return whether a long search makes progress."""
-        return min(residuals[-self.WINDOW :]) < 0.1 * min(residuals[-2 * self.WINDOW : -self.WINDOW], default=0.0)
 
     def _bound(self, force, step) -> None:
         """Shorten a step that strains a bond more than `LARGEST_STRAIN`."""

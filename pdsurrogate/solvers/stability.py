@@ -108,9 +108,7 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
         q = stiffness.solve(p) * free
         norm = np.sqrt(max(share.dot(p, q), 0.0))
         if diagonal:
-            if norm * abs(last) <= KNOWN * least:
-                break
-            if not norm > 1e-10 * max(map(abs, diagonal)):
+            if norm * abs(last) <= KNOWN * least or not norm > 1e-10 * max(map(abs, diagonal)):
                 break
             off_diagonal.append(norm)
         elif norm == 0:
