@@ -1,17 +1,15 @@
 """Volume shares of the bonds of a body, and assembly of the forces and moments of its pairs at the points."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, aligned_rows
-from ..engine.passes import Chain
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
 from .kinematics import Kinematics, entries_of, pointers_to
+from .steps import Step, Steps
 
 
 class BondShares:
@@ -159,14 +157,32 @@ class BondShares:
         places, pairs = places[within], pairs[within]
         end_shares[places // BLOCK, 1, places % BLOCK] = shares[entries[starts[pairs + 1] - 1]]
 
-    def sums_of(
-        self,
-        forces: np.ndarray,
-        moments: np.ndarray,
-        stresses: np.ndarray,
-        unit: float,
-        others_of: Callable[[np.ndarray], np.ndarray] | None = None,
-    ) -> Callable[..., int]:
+    def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step) -> list[Step]:
+        """Return the steps that add the forces of the points' moments to those on points and ghosts, and fold all onto the body's points.
+
+        Parameters
+        ----------
+        moments : ndarray, shape (n + m, d d)
+            Derivatives by the gradients, by columns; spoilt by the steps.
+        forces : ndarray, shape (n + m, d), or (n, d) without ghosts
+        unit : float
+            Factor of all forces.
+        *before : Step
+            Steps that find the other forces, when the moments have been folded.
+        """
+        body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
+        d, chunks = body.dimension, kinematics.chunks
+        weigh = weigh_moments[d].bind(moments, kinematics.inverse_shape, body.volumes, chunks=chunks)
+        of_both = (self._of_points, 0), (self._of_ghosts, len(body))
+        own, others = (
+            add_node_forces[d].bind(moments, *bonds, unit, first, self._node_parts, forces, chunks=chunks) for bonds, first in of_both
+        )
+        if not len(ghosts):
+            return [moments, *before, weigh, own]
+        fold = partial(kinematics.gradient_ghosts.fold_moments, moments)
+        return [fold, moments, *before, weigh, own, others, partial(ghosts.fold_forces, forces)]
+
+    def sums_of(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float, *further: Step) -> Callable[..., int]:
         """Bind the sum of the pairs' forces and moments at the body's points; forces on a ghost are added to the point that it mirrors.
 
         Parameters
@@ -177,71 +193,37 @@ class BondShares:
             For the weighted moments of the points.
         unit : float
             Factor of all forces.
-        others_of : callable, optional
-            Function of the moments of the points that returns further forces on them.
+        *further : Step
+            Functions that read the moments of the points before these are weighted.
 
         Returns
         -------
         callable
-            Function of the array to write to, and optionally of one for the moments and one for the forces of the ghosts; it returns the
-            number of points and ghosts without a force.
+            Function of the array to write to; it returns the number of points and ghosts without a force.
         """
-        body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
-        n, d, chunks = len(body), body.dimension, kinematics.chunks
+        body, chunks, d = self._body, self._kinematics.chunks, self._body.dimension
+        n, total = len(body), np.empty((len(body.all_points), d))
         gather = sum_moments[d].bind(moments, *self.pairs_of_points, stresses, chunks=chunks)
-        total = np.zeros_like(self._node_parts) if len(ghosts) else np.empty_like(body.points)
         sum_forces = sum_pair_forces[d].bind(forces, *self.pairs_of_points, unit, total, chunks=chunks)
-        add_own = add_node_forces[d].bind(stresses, *self._of_points, unit, 0, self._node_parts, total, chunks=chunks)
-        passes = [weigh_moments[d].bind(stresses, kinematics.inverse_shape, body.volumes, chunks=chunks), sum_forces, add_own]
-        if len(ghosts):
-            passes.append(add_node_forces[d].bind(stresses, *self._of_ghosts, unit, n, self._node_parts, total, chunks=chunks))
-        weigh_and_sum = Chain(*passes)
+        *steps, last = self.steps_to_points(stresses, total, unit, *further, sum_forces)
+        find = Steps(body.share, gather, *steps, last)
 
-        def to_points(out: np.ndarray, on_ghosts: tuple[np.ndarray, np.ndarray] | None = None) -> int:
-            gather()
-            if on_ghosts is not None:
-                on_ghosts[0][:] = stresses[n:]
-            kinematics.gradient_ghosts.fold_moments(stresses)
-            body.share.fill(stresses[:n])
-            beside = None if others_of is None else others_of(stresses[:n])
-            if not len(ghosts):
+        def to_points(out: np.ndarray) -> int:
+            if total.shape == out.shape:
                 sum_forces.give("out", out)
-                add_own.give("out", out)
-            _, _, *without_force = weigh_and_sum()
-            if len(ghosts):
-                if on_ghosts is not None:
-                    on_ghosts[1][:] = total[n:]
-                ghosts.fold_forces(total)
-                out[:] = total[:n]
-            if beside is not None:
-                out += beside
-            return sum(without_force)
+                last.give("out", out)
+                return find()[-1]
+            *_, on_points, on_ghosts = find()
+            out[:] = total[:n]
+            return on_points + on_ghosts
 
         return to_points
 
-    def moments_to_points(self, moments: np.ndarray, forces: np.ndarray) -> Callable[[], None]:
-        """Bind a function that adds the forces of the points' moments to those on points and ghosts, and folds all onto the body's points.
-
-        Parameters
-        ----------
-        moments : ndarray, shape (n + m, d d)
-            Derivatives by the gradients, by columns; spoilt by the call.
-        forces : ndarray, shape (n + m, d)
-        """
-        body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
-        n, d, chunks = len(body), body.dimension, kinematics.chunks
-        passes = [
-            weigh_moments[d].bind(moments, kinematics.inverse_shape, body.volumes, chunks=chunks),
-            add_node_forces[d].bind(moments, *self._of_points, 1.0, 0, self._node_parts, forces, chunks=chunks),
-        ]
-        if len(ghosts):
-            passes.append(add_node_forces[d].bind(moments, *self._of_ghosts, 1.0, n, self._node_parts, forces, chunks=chunks))
-        weigh_and_add = Chain(*passes)
-
-        def to_points() -> None:
-            kinematics.gradient_ghosts.fold_moments(moments)
-            body.share.fill(moments[:n])
-            weigh_and_add()
-            ghosts.fold_forces(forces)
-
-        return to_points
+    def on_ghosts(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the forces, shape (m, d), and the moments, (m, d d), on the ghosts, from the weighted moments of the last sums."""
+        n, d, pairs = len(self._body), self._body.dimension, self.pairs_of_points
+        found, on_ghosts = np.empty_like(stresses), np.empty_like(self._node_parts)
+        sum_moments[d](moments, *pairs, found)
+        sum_pair_forces[d](forces, *pairs, unit, on_ghosts)
+        add_node_forces[d](stresses, *self._of_ghosts, unit, n, self._node_parts, on_ghosts)
+        return on_ghosts[n:], found[n:]

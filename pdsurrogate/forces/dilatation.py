@@ -79,8 +79,8 @@ class LinearisedDilatation:
             pressures[:n],
             dilatation.pair_pressures.bind(pressures, first, second, pairs.end_shares, by_pair, chunks=chunks),
             dilatation.sum_pressures[d].bind(derivatives, by_pair, *shares.pairs_of_points, self._forces, gradients, chunks=chunks),
+            *shares.steps_to_points(gradients, self._forces, 1.0),
         )
-        self._to_points = shares.moments_to_points(gradients, self._forces)
         self._chunks = chunks
         self.stiffness = np.zeros(n)
 
@@ -106,7 +106,6 @@ class LinearisedDilatation:
         unit = power_of_two(self._body.share.total(float(np.abs(pressures).sum())))
         np.divide(pressures, unit, out=self._values, casting="same_kind")
         self._find_forces()
-        self._to_points()
         return -unit * self._forces[: len(values)]
 
     def polynomial(self, coefficients: np.ndarray) -> SmoothingPolynomial:

@@ -149,12 +149,12 @@ class InternalForce:
         for watch in self._watches:
             watch.found = 0
         try:
-            with self.portions[0].model.guarded():
-                self._kinematics.place(positions, self._forms)
-                self._add_up([term.find for term in self.terms], out)
+            self._kinematics.place(positions, self._forms)
+            self._add_up([term.find for term in self.terms], out)
         except RuntimeError as found:  # the error concerns the state, or comes from a user's own force
-            error = found
-        self.pairs_outside += sum(watch.found for watch in self._watches)
+            error = self.portions[0].model.cause_of(found)
+        for watch in self._watches:
+            self.pairs_outside += watch.found
         for watch in self._watches:
             watch.settle()
         self.body.share.agree(error)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property
-from itertools import islice
 
 import numpy as np
 
@@ -153,9 +151,11 @@ class MaterialPoints:
         if self._found_at != self._kinematics.changes:
             have_states([self], self._find())
 
-    def note(self, counts: Iterator[int]) -> bool:
-        """Evaluate the counts of this material's passes; return whether all points have a state."""
-        found = not sum(islice(counts, len(self._passes)))
+    def note(self, counts: list[int]) -> bool:
+        """Take the counts of this material's passes from the beginning of a list; return whether all points have a state."""
+        found = not counts.pop(0)
+        if self._turn:
+            counts.pop(0)  # rotations are found everywhere
         self._found_at = self._kinematics.changes if found else -1
         if not found:
             self.kept_ratios[:] = 1.0  # a later evaluation then starts from the initial values
@@ -200,8 +200,7 @@ def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]
     InvalidState
         Where a point has no state; names it.
     """
-    left = iter(counts)
-    unsolved = [points for points in materials if not points.note(left)]
+    unsolved = [points for points in materials if not points.note(counts)]
     if unsolved:
         raise InvalidState(unsolved[0].diagnose())
-    return list(left)
+    return counts

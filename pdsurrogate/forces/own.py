@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import ClassVar
 
 import numpy as np
@@ -291,19 +289,13 @@ class OwnBondForce(ForceSurrogate):
         with thread_count(1):
             return super().bind(body, law, settings)
 
-    @contextmanager
-    def guarded(self) -> Iterator[None]:
-        """Return a context that raises the original error of the user's code, and not a consequence of it."""
-        self.failure = None
-        try:
-            yield
-        except Exception:
-            if self.failure is None:
-                raise
-        if isinstance(self.failure, OwnForceFailed | OwnForceInvalid):
-            raise self.failure
-        if self.failure is not None:
-            raise OwnForceFailed(f"{self.name}: {type(self.failure).__name__}: {self.failure}") from self.failure
+    def cause_of(self, error: RuntimeError) -> RuntimeError:
+        failure, self.failure = self.failure, None
+        if failure is None or isinstance(failure, OwnForceFailed | OwnForceInvalid):
+            return failure or error
+        found = OwnForceFailed(f"{self.name}: {type(failure).__name__}: {failure}")
+        found.__cause__ = failure
+        return found
 
     def payload(self) -> dict:
         return {"class": f"{type(self.thing).__module__}.{type(self.thing).__qualname__}"}

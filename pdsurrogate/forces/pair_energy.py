@@ -11,7 +11,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
 from ..materials import PLANES, Law, plane_stress
-from ..materials.stretches import principal_stretches
+from ..materials.states import principal_stretches
 from .bond_shares import BondShares
 from .dilatation import LinearisedDilatation
 from .errors import InvalidState, at_point
@@ -68,15 +68,15 @@ class PairEnergy(Term):
         for model, points in zip(models, self.materials, strict=True):
             self.watch(model, points, "energy", "energy")
         if whole:
-            (part,), others = self._parts, None
+            (part,), further = self._parts, []
             self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
         else:
             self._forces, self._moments = (aligned_rows((len(bonds.first), size), binding.precision) for size in (d, d * d))
             total = len(body.all_points)
-            self._seen_forces, self._seen_moments, others = np.zeros((total, d)), np.zeros((total, d * d)), self._on_jumps
+            self._seen_forces, self._seen_moments, further = np.zeros((total, d)), np.zeros((total, d * d)), [self._on_jumps]
             self._unit = 1.0
         self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
-        self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, others)
+        self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, *further)
         self.has_tangent = whole and binding.precision == "float64" and not self.selective
         self.nearly_incompressible = whole and self.selective
 
@@ -91,7 +91,8 @@ class PairEnergy(Term):
 
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self.pass_bonds(out)
-        self._report(outside)
+        for watch, found in zip(self.watches, outside, strict=True):
+            watch.found = found
         if invalid or not np.isfinite(self._energy):
             raise InvalidState(self._without_energy())
         if without_force:
@@ -113,7 +114,10 @@ class PairEnergy(Term):
             self._energy = sum(part.unit * part.energy() for part in self._parts)
         if not self.binding.whole:
             self._collect()
-        return list(outside), sum(invalid), self._to_points(out)
+        without_force = self._to_points(out)
+        if not self.binding.whole:
+            out += self._beside
+        return list(outside), sum(invalid), without_force
 
     def _collect(self) -> None:
         """Sum the forces and moments of the parts on the pairs, and on the continued points of other materials."""
@@ -128,9 +132,10 @@ class PairEnergy(Term):
                 np.add.at(self._seen_forces, end[some], sign * unit * part.forces[some])
                 np.add.at(self._seen_moments, end[some], unit * part.moments[some])
 
-    def _on_jumps(self, moments: np.ndarray) -> np.ndarray:
-        """Return the forces on the points by which the energy acts on the jumps at interfaces."""
-        return self.kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
+    def _on_jumps(self) -> None:
+        """Find the forces on the points by which the energy acts on the jumps at interfaces."""
+        moments = self._stresses[: len(self.body)]
+        self._beside = self.kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
 
     def energy(self) -> float:
         return self._energy
@@ -180,10 +185,8 @@ class PairEnergy(Term):
         return None if interfaces is None else interfaces.on_jumps
 
     def levers_on_planes(self) -> np.ndarray:
-        kinematics, body, d = self.kinematics, self.body, self.body.dimension
-        moments, forces = np.zeros((len(body.ghosts), d * d)), np.zeros((len(body.ghosts), d))
-        # The sums are computed again, to the same bits, since those of the ghosts are not kept.
-        self._to_points(np.empty_like(body.points), (moments, forces))
+        kinematics, body = self.kinematics, self.body
+        forces, moments = self.shares.on_ghosts(self._forces, self._moments, self._stresses, self._unit)
         if body.share.divided:  # images count where the points that they mirror do
             own = body.share.own[body.ghosts.source, None]
             forces, moments = forces * own, moments * own

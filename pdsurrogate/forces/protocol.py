@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -264,9 +263,9 @@ class ForceModel(ABC):
         """Return the precision of the settings, or else the model's default; double where pressures balance stresses."""
         return settings.precision or (self.default_precision if settings.plane == "stress" else "float64")
 
-    def guarded(self) -> AbstractContextManager:
-        """Return the context of every evaluation; errors of a user's own code are raised from it."""
-        return nullcontext()
+    def cause_of(self, error: RuntimeError) -> RuntimeError:
+        """Return the error of a user's own code of which the error of an evaluation is a consequence, or else that error itself."""
+        return error
 
     def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
         """Raise ValueError if the model does not describe this material; a model without learnt data accepts every law."""

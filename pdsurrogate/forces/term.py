@@ -193,9 +193,10 @@ class Term(ABC):
             Where the state has no force; names a point.
         """
         self._sum.give("out", out)
-        *counts, without_force = have_states(self.materials, self._find_all())
-        self._report(counts)
-        if without_force:
+        counts = have_states(self.materials, self._find_all())
+        for watch in self.watches:
+            watch.found = counts.pop(0)
+        if counts[-1]:
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> object:
@@ -295,14 +296,9 @@ class Term(ABC):
     def member_deviation(self) -> np.ndarray | None:
         """Return the greatest deviation of a committee's members from the model at every point, shape (n,); None without members.
 
-        It is a stress; for a bond force it is the greatest of the bonds of a point (`pdsurrogate.forces.members`).
+        It is a stress; for a bond force it is the greatest of the bonds of a point (`pdsurrogate.forces.learnt.greatest_deviations`).
         """
         return None
-
-    def _report(self, outside: Sequence[int]) -> None:
-        """Note the number of pairs outside the domain of each model."""
-        for watch, found in zip(self.watches, outside, strict=False):
-            watch.found = found
 
 
 class DomainWatch:

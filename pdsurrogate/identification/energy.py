@@ -16,7 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..arguments import in_order
 from ..materials import Ogden, Polyconvex
-from ..materials.polyconvex import SECOND_AT_REST
+from ..materials.stretch_laws import SECOND_AT_REST
 from .data import BIAXIAL, MODES
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, free_sides, states
 

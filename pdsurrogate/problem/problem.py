@@ -20,7 +20,7 @@ from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
 from .conditions import check_speeds, conditions_of, loads_of
 from .fracture import critical_stretch_in
-from .materials import checked_models, portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
+from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .programme import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
 from .regions import BodyRegions
 
@@ -186,24 +186,23 @@ def _describe_part(part: Part, model: ForceModel) -> dict:
     return {**region, "material": part.material.build().describe(), "force": model.name}
 
 
-def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Communicator = ALONE) -> Problem:
+def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Communicator = ALONE) -> Problem:
     """Compile a scene: resolve its body, regions, conditions, loads and materials.
 
     Parameters
     ----------
     scene : Scene
-    model : ForceModel, optional
-        Model of the rest of the body, where there are several materials; needed to bind a force.
+    models : sequence of ForceModel
+        The models that `checked_models` returns for the scene; needed to bind a force.
     ranks : Communicator, optional
         Processes that share the run.
 
     Raises
     ------
     SceneError
-        If a force model does not fit, the body cannot be built, a region is empty, or the body is held or loaded in a way that has no
+        If the body cannot be built, a region is empty, or the body is held or loaded in a way that has no
         solution; names the key.
     """
-    models = [] if model is None else checked_models(scene, model)
     if models:
         warn_of_bulk_moduli(scene)
     check_size(scene, memory_here() * ranks.size / ranks.here())

@@ -1,7 +1,5 @@
 """Figures of deformed bodies in the plane and of curves."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -8,8 +8,6 @@ or, without one, its checkpoint names the scene, or if a PVD index lists states 
 `Contents` of the run.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

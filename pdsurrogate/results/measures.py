@@ -1,7 +1,5 @@
 """Measures of a deformed body: energy, displacements of the edges, fields on the points."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +10,7 @@ import numpy as np
 from ..body import Body
 from ..forces import InternalForce
 from ..materials import PLANES
-from ..materials.stretches import principal_stretches
+from ..materials.states import principal_stretches
 
 
 def strain_energy(force: InternalForce) -> float:

@@ -1,7 +1,5 @@
 """Probes: displacement, stress and deformation gradient at given places of a body."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

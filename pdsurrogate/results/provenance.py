@@ -1,7 +1,5 @@
 """Provenance of a result: version and state of the package, time, and machine."""
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess

@@ -1,7 +1,5 @@
 """Pictures of deformed solids, from outside and cut through the middle."""
 
-from __future__ import annotations
-
 import matplotlib
 import numpy as np
 from matplotlib.collections import PolyCollection

@@ -1,7 +1,5 @@
 """Cracks of a run: which bonds break, where cracks begin and how their tips move."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Damage: bonds break irreversibly beyond a critical stretch (paper, Eqs. (29)-(31))."""
 
-from __future__ import annotations
+from functools import cached_property
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from ..body import Body, rows_of
 from ..engine.block_arrays import BLOCK
 from ..engine.threads import chunks_of
 from ..kernels.damage import find_overstretched
+from ..ranks import Rows
 
 
 class Damage:
@@ -79,6 +80,11 @@ class Damage:
         self._limits[: len(self.broken)][self.broken] = np.inf
         self._events = int(self.body.share.greatest(float(self.recent.max(initial=0))))
 
+    @cached_property
+    def _rows(self) -> Rows:
+        """Rows of the whole body that arrays of pairs hold."""
+        return rows_of(self.body, "pairs")
+
     def take_recent(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the middles (k, d) of all pairs that broke since the last call, and the rising numbers (k,) of their events."""
         found = self.in_order(np.flatnonzero(self.recent))
@@ -91,9 +97,8 @@ class Damage:
         Within an event the order is that of the pairs in the whole body, the same on any number of ranks.
         """
         body, share = self.body, self.body.share
-        rows = rows_of(body, "pairs")
-        pairs = pairs[rows.own[pairs]]
-        numbers = rows.numbers[pairs]
+        pairs = pairs[self._rows.own[pairs]]
+        numbers = self._rows.numbers[pairs]
         points, events = body.all_points, self.recent[pairs]
         places = (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2
         places, events, numbers = (np.concatenate(share.everywhere(rows)) for rows in (places, events, numbers))

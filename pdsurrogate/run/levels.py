@@ -1,7 +1,5 @@
 """Stages in equilibrium: outputs on the way, and increments of the loading parameter between them."""
 
-from __future__ import annotations
-
 import logging
 from contextlib import suppress
 

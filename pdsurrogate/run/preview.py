@@ -1,7 +1,5 @@
 """Picture of a scene before it is run: its body, with regions, prescribed motions, loads, cuts and probes."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import NamedTuple
 

@@ -1,17 +1,11 @@
 """Measurements at an output: the rows of ``summary["levels"]``, and the columns of the history."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..body import Body
 from ..results import measures
-
-if TYPE_CHECKING:
-    from ..solvers.conditions import Reactions
-    from .run import Run
+from ..solvers.conditions import Reactions
+from .run import Run
 
 
 def forces_by_name(run: Run, reactions: Reactions) -> dict[str, np.ndarray]:
@@ -59,14 +53,11 @@ def state_columns(run: Run) -> dict[str, float]:
 
 def equilibrium_columns(run: Run, level: dict) -> dict:
     """Return the row of the history at an output in equilibrium, with the measures of its level."""
-    row = place_columns(run)
-    if "nominal_stress" in level:
-        row["nominal_stress"] = level["nominal_stress"]
-    row["strain_energy"] = run.strain_energy()
+    row = place_columns(run) | {key: level[key] for key in level if key == "nominal_stress"} | {"strain_energy": run.strain_energy()}
     row |= component_columns("force", level["forces"]) | component_columns("moment", level.get("moments", {}))
     for name, region in level.get("rigid", {}).items():
-        row |= component_columns("force", {f"{name}_rigid": region["force"]})
-        row |= component_columns("moment", {f"{name}_rigid": region["moment"]})
+        for kind in ("force", "moment"):
+            row |= component_columns(kind, {f"{name}_rigid": region[kind]})
     return row | state_columns(run)
 
 

@@ -1,12 +1,8 @@
 """Preparation of a run on several ranks: the check that all got the same input, the number of threads, and the compilation."""
 
-from __future__ import annotations
-
 import os
 import warnings
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -16,8 +12,6 @@ from ..forces import ForceModel
 from ..problem import Problem
 from ..ranks import Communicator
 from ..scenes import Scene, SceneError
-
-T = TypeVar("T")
 
 
 class Oversubscribed(RuntimeWarning):
@@ -39,19 +33,6 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
         raise SceneError(
             f"scene {scene.name}: the ranks were not given the same {' and '.join(different)}; start all of them by one command"
         )
-
-
-def together(ranks: Communicator, check: Callable[[], T]) -> T:
-    """Return the result of a check; if it raises an error on a rank, raise that of the first such rank on all ranks."""
-    if ranks.size == 1:
-        return check()
-    found = error = None
-    try:
-        found = check()
-    except Exception as raised:
-        error = raised
-    ranks.agree(error)
-    return found
 
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:

@@ -1,7 +1,5 @@
 """Scene: a body, its material, its supports and loads, and reference values."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Mapping
@@ -53,12 +51,11 @@ class MaterialSpec(StrictModel):
             return value.describe()
         return {"law": value} if isinstance(value, str) else value
 
-    @model_validator(mode="after")
-    def _build(self) -> MaterialSpec:
+    def model_post_init(self, _) -> None:
         if self.rigid:
             if self.model_extra:
                 raise ValueError(f"{RIGID} has no parameter {next(iter(self.model_extra))!r}; it has none")
-            return self
+            return
         law = self.build()
         for key in ("shear_modulus", "bulk_modulus"):
             value = getattr(law, key)
@@ -67,7 +64,6 @@ class MaterialSpec(StrictModel):
                     f"{key} is {value:g}: forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}; "
                     "take other units of stress"
                 )
-        return self
 
     @property
     def rigid(self) -> bool:
@@ -131,11 +127,9 @@ class Part(StrictModel):
         """Return whether the region moves as one body."""
         return self.material.rigid
 
-    @model_validator(mode="after")
-    def _no_force_where_rigid(self) -> Part:
+    def model_post_init(self, _) -> None:
         if self.rigid and self.force is not None:
             raise ValueError("a rigid region is not deformed and takes no force: leave it out")
-        return self
 
 
 class Grip(StrictModel):
@@ -161,11 +155,9 @@ class Hold(StrictModel):
     components: Annotated[tuple[Literal["x1", "x2", "x3"], ...] | None, Field(min_length=1)] = None
     travel: Vector | None = None
 
-    @model_validator(mode="after")
-    def _one_region(self) -> Hold:
+    def model_post_init(self, _) -> None:
         if (self.box is None) == (self.points is None):
             raise ValueError("a hold needs either a box or a list of points")
-        return self
 
 
 class SolverSpec(StrictModel):
@@ -186,11 +178,9 @@ class Fracture(StrictModel):
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
     energy: Positive | None = None
 
-    @model_validator(mode="after")
-    def _one_criterion(self) -> Fracture:
+    def model_post_init(self, _) -> None:
         if (self.critical_stretch is None) == (self.energy is None):
             raise ValueError("fracture needs either a critical_stretch or an energy")
-        return self
 
 
 class Dynamics(DynamicsSettings):
@@ -374,10 +364,8 @@ class Scene(StrictModel):
         meshed = isinstance(body, Mesh) or (isinstance(body, dict) and body.get("shape") == "mesh")
         return {"spacing": None, **value} if meshed else value
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Scene:
+    def model_post_init(self, _) -> None:
         check_consistency(self)
-        return self
 
     def __repr__(self) -> str:
         programme, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")

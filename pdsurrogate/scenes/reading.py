@@ -1,7 +1,5 @@
 """Reading scenes: built-in ones by name, users' own from TOML files, and changes to either."""
 
-from __future__ import annotations
-
 import copy
 import tomllib
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Reference values of scenes: exact homogeneous tension, and finite element solutions with the problem of each."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from importlib import resources

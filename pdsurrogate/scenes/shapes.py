@@ -1,13 +1,11 @@
 """Shapes, those of the plane, of which bodies are made and holes are cut, and straight cuts."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from ..body import encloses
 from .strict_model import Point, Positive, StrictModel
@@ -142,8 +140,7 @@ class Polygon(Outline):
     shape: Literal["polygon"] = "polygon"
     vertices: Annotated[tuple[Point, ...], Field(min_length=3)]
 
-    @model_validator(mode="after")
-    def _has_an_area(self) -> Polygon:
+    def model_post_init(self, _) -> None:
         corners = np.array(self.vertices)
         area = 0.5 * abs(_cross(corners, np.roll(corners, -1, axis=0)).sum())
         extent = np.ptp(corners, axis=0).max()
@@ -152,7 +149,6 @@ class Polygon(Outline):
             raise ValueError(f"the outline {crossing}; give its corners in order, once around, and what is cut out under holes")
         if not area > 1e-9 * extent**2:
             raise ValueError("the polygon has no area")
-        return self
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         corners = np.array(self.vertices)
@@ -288,11 +284,9 @@ class Precut(StrictModel):
     start: Point
     end: Point
 
-    @model_validator(mode="after")
-    def _has_a_length(self) -> Precut:
+    def model_post_init(self, _) -> None:
         if self.start == self.end:
             raise ValueError("a precut needs two different ends")
-        return self
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return which of the segments from `starts` to `ends`, each of shape (k, 2), cross the cut.

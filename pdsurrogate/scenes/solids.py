@@ -1,12 +1,9 @@
 """Three-dimensional shapes of bodies and holes, and flat cuts."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import model_validator
 
 from .shapes import AnyOutline, Circle, Ellipse, Outline, Rectangle, Shape
 from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictModel
@@ -148,11 +145,9 @@ class Tube(Round):
     inner_radius: Positive
     outer_radius: Positive
 
-    @model_validator(mode="after")
-    def _has_a_wall(self) -> Tube:
+    def model_post_init(self, _) -> None:
         if not self.inner_radius < self.outer_radius:
             raise ValueError(f"inner_radius must be less than outer_radius, {self.outer_radius:g}, not {self.inner_radius:g}")
-        return self
 
     @property
     def straight(self) -> Straight:
@@ -261,12 +256,10 @@ class ParallelogramCut(FlatCut):
     corner: SpacePoint
     sides: tuple[SpacePoint, SpacePoint]
 
-    @model_validator(mode="after")
-    def _has_an_area(self) -> ParallelogramCut:
+    def model_post_init(self, _) -> None:
         one, other = np.array(self.sides)
         if not np.linalg.norm(np.cross(one, other)) > 1e-9 * max(one @ one, other @ other):
             raise ValueError("sides: they span no area; give two of different directions")
-        return self
 
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
         one, other = np.array(self.sides)
@@ -303,10 +296,6 @@ class DiscCut(FlatCut):
 
 def cut_of(value: Any) -> str:
     """Return the kind of cut as which a part is read, by its keys: a straight cut of a sheet unless it has those of another kind."""
-    if isinstance(value, FlatCut):
-        return "disc" if isinstance(value, DiscCut) else "parallelogram"
-    if not isinstance(value, dict):
-        return "line"
-    if {"corner", "sides"} & value.keys():
-        return "parallelogram"
-    return "disc" if {"centre", "radius", "normal"} & value.keys() else "line"
+    given = value if isinstance(value, dict) else getattr(value, "__dict__", {})
+    kinds = {"parallelogram": ParallelogramCut, "disc": DiscCut}
+    return next((kind for kind, cut in kinds.items() if cut.model_fields.keys() & given), "line")

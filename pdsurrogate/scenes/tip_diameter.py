@@ -1,7 +1,5 @@
 """Effective diameter of a crack tip, where it was measured."""
 
-from __future__ import annotations
-
 TIP_DIAMETER = 1.15
 """Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no energy.
 

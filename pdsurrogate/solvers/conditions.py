@@ -138,7 +138,7 @@ class Loading:
         return f"t = {parameter:g}" if self.parameter == "t" else f"{self.parameter} {parameter:g}"
 
     def moves(self, parameter: float, places: np.ndarray | None = None) -> np.ndarray:
-        """Return the displacements of all held components at a value of the parameter, shape (k,), or those that other places (k, d) have."""
+        """Return the displacements of all held components at a value of the parameter, shape (k,), or as of other places (k, d)."""
         dimension = self.body.dimension
         motions = np.array([part.motion(parameter) for part in self.held]).reshape(-1, dimension, dimension + 1)
         rows = motions[self.part, self.component]

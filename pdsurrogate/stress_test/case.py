@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ..artifacts import law_of, load_card, load_surrogate
 from ..body import Body
@@ -182,9 +183,7 @@ class Subject:
     @cached_property
     def law(self) -> Law:
         """Material that the model describes: its own, or Neo-Hookean rubber with K = 100 mu."""
-        if self.reference in FORCES:
-            return NeoHookean()
-        return law_of(load_card(self.reference))
+        return NeoHookean() if self.reference in FORCES else law_of(load_card(self.reference))
 
     def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return a result that is made once for all cases; one that `Ended` ends the next case alike."""
@@ -209,10 +208,8 @@ class Subject:
         """Return the gradient for an in-plane deformation F: F itself, or, in three dimensions, with the free stretch across the plane."""
         if self.dimension == 2:
             return F
-        full = np.zeros((3, 3))
         trace, J = plane_stress.invariants(F)
-        full[:2, :2], full[2, 2] = F, plane_stress.volume_ratio(self.law, trace, J) / J
-        return full
+        return block_diag(F, plane_stress.volume_ratio(self.law, trace, J) / J)
 
     def uniaxial(self, stretch: float) -> np.ndarray:
         """Return the gradient in uniaxial tension or compression under plane stress."""

@@ -1,7 +1,5 @@
 """Tangents of small bodies by central differences, and the cases that use them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from runs import started
 from scipy.optimize import brentq
 
 import pdsurrogate as pds
 from pdsurrogate.run.levels import solver_of
-from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.scenes import Box
 from pdsurrogate.solvers.course import affine_extension
 
@@ -21,7 +21,7 @@ def scene_of(prescribed=CLAMPS, count=5, **changes):
 
 
 def run_of(force="bond-energy", **changes):
-    return Run(scene_of(**changes), pds.load_surrogate(force), Silent())
+    return started(scene_of(**changes), force)
 
 
 def rotation(axis, degrees):
@@ -97,7 +97,7 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
     body, axis = (Box(size=(1.0, 1.0, 1.0)), {"axis": AXIS}) if dimension == 3 else (pds.shapes.Rectangle(size=(1.0, 1.0)), {})
     about_nothing = {"plane": plane} if dimension == 2 else {}
     prescribed = (turned | axis, turned | axis | {"region": "left"})
-    run = Run(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing), pds.load_surrogate("bond-energy"), Silent())
+    run = started(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing))
     loading, Q = run.loading, rotation(AXIS, 20.0) if dimension == 3 else rotation((0, 0, 1), 20.0)[:2, :2]
     centre = np.array(turned["about"])
     start = centre + (run.body.points - centre) @ Q.T + 0.01 * np.sin(3 * run.body.points[:, ::-1])
