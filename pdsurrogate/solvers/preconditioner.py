@@ -1,16 +1,13 @@
 """Preconditioners of quasi-Newton methods, chosen by the force, and extensions of held displacements into the body."""
 
-from functools import partial
-
 import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
 from .held import Supports
 from .multigrid import conjugate_gradient_steps, conjugate_gradients
-from .nearest_bonds import NearestBondLaplacian, NearestBondStiffness, Preconditioner, laplacian_of, springs_of
+from .nearest_bonds import EXACTLY, Preconditioner, inverse_of_laplacian, inverse_of_springs, laplacian_of, springs_of
 from .rigid import RigidStiffness
-from .schwarz import EXACTLY, SchwarzLaplacian, SchwarzStiffness
 
 EXTENDED = 3e-4
 """Permitted residual of a first guess, relative to the forces of held components, in the energy norm."""
@@ -32,15 +29,11 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     if regions := getattr(force, "rigid", ()):
         found = RigidStiffness(body, moduli, free, regions)
     elif force.nearly_incompressible:
-        found = IncompressibleStiffness(force, _inverse_of_laplacian(body, moduli, free))
+        found = IncompressibleStiffness(force, inverse_of_laplacian(body, moduli, free))
     else:
-        found = (SchwarzStiffness if body.share.divided else NearestBondStiffness)(body, moduli, free)
+        found = inverse_of_springs(body, moduli, free)
     supports = getattr(force, "supports", None)
     return found if supports is None else SupportedPreconditioner(found, supports)
-
-
-def _inverse_of_laplacian(body: Body, moduli: float | np.ndarray, free: np.ndarray) -> Preconditioner:
-    return (SchwarzLaplacian if body.share.divided else NearestBondLaplacian)(body, moduli, free)
 
 
 class Extension:
@@ -60,12 +53,10 @@ class Extension:
         self._body, self._free = body, free
         self._network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
         if body.dimension == 3:
-            self._precondition = _inverse_of_laplacian(body, shear_moduli, free).solve
+            self._precondition = inverse_of_laplacian(body, shear_moduli, free).solve
             self._solve = self._by_conjugate_gradients
-        elif body.share.divided:
-            self._solve = partial(SchwarzStiffness(body, shear_moduli, free).solve, left=EXACTLY)
         else:
-            self._solve = NearestBondStiffness(body, shear_moduli, free).solve
+            self._solve = inverse_of_springs(body, shear_moduli, free, EXACTLY).solve
 
     def response(self, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         """Return the displacements of the body, shape (n, d), where held components and planes of reflection are displaced.
