@@ -125,10 +125,6 @@ class Bookkeeping:
             raise Diverging("the kinetic energy is not finite")
         return kinetic
 
-    def reactions(self) -> Reactions:
-        """Return the reactions of all supports, from the forces that move the body."""
-        return self._run.loading.reactions(self._run.force, self._integrator.forces)
-
     def count_release(self) -> None:
         """Add the energy that breaking bonds removed in the last step."""
         if self.every_step:
@@ -139,7 +135,7 @@ class Bookkeeping:
         """Add work and damped energy in a step that has no row."""
         if self.every_step:
             breaking = self.closes and self._integrator.steps - self.account.last_break < STEPS_PER_ROW
-            self.advance(self.reactions(), evaluate=breaking or self._uneven())
+            self.advance(self._run.loading.reactions(self._run.force, self._integrator.forces), evaluate=breaking or self._uneven())
 
     def _uneven(self) -> bool:
         """Return whether supports change velocity faster than the viscosity allows the elastic forces to be followed."""

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..body import Body
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
-from .nearest_bonds import greatest_bond_strain
+from .nearest_bonds import is_rigid, strain_rounding
 from .preconditioner import Preconditioner, preconditioner_of
 
 Report = Callable[[int, float], None]
@@ -35,15 +34,15 @@ IDLE = 5
 """Evaluations within which the forces left must fall by a third once they may be rounding errors, see `ROUNDED`."""
 
 
-RIGID = 1000
-"""Strain, over that of rounding, up to which a body counts as moved without deformation."""
-
-
 def no_report(evaluations: int, residual: float) -> None:
     """Ignore a report."""
 
 
-class NotConverged(RuntimeError):
+class NoEquilibrium(RuntimeError):
+    """Failure to find an equilibrium, which a shorter increment may avoid."""
+
+
+class NotConverged(NoEquilibrium):
     """The residual did not fall below the tolerance."""
 
 
@@ -51,7 +50,7 @@ class Unbalanced(NotConverged):
     """Loads and reactions that do not add up to zero."""
 
 
-class Diverging(RuntimeError):
+class Diverging(NoEquilibrium):
     """The iteration diverges."""
 
 
@@ -59,41 +58,24 @@ class TooSmall(RuntimeError):
     """A strain that the precision of the force, or of the positions, does not resolve."""
 
 
-class Unstable(RuntimeError):
+class Unstable(NoEquilibrium):
     """An equilibrium that is not stable, or not a continuation of the previous one."""
 
 
-class TooFar(RuntimeError):
+class TooFar(NoEquilibrium):
     """An increment whose first guess strains the body too much for a solver to converge."""
 
 
-class RanAway(RuntimeError):
+class RanAway(NoEquilibrium):
     """A body that loads move far away within one increment, as happens beyond its limit load."""
 
 
-def note_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
+def note_of_modes(force: InternalForce, consequence: str) -> str:
     """Return the note on zero-energy modes for an error message; empty if the force has no such modes."""
     if not force.zero_energy_modes:
         return ""
     others = "force=bond-energy" if force.body.dimension == 3 else "force=analytic or force=bond-energy"
     return f" (this force does not resist all displacements from point to point, {consequence}: {others} does)"
-
-
-def strain_rounding(body: Body) -> float:
-    """Return the strain that rounding of the positions makes in a bond as long as the spacing."""
-    farthest = body.share.greatest(np.abs(body.points))
-    return float(np.finfo(float).eps) * farthest / body.spacing
-
-
-def is_rigid(force: InternalForce) -> bool:
-    """Return whether the body has moved without deformation, up to rounding, in the state last evaluated."""
-    return strain_of(force) <= RIGID * strain_rounding(force.body)
-
-
-def strain_of(force: InternalForce) -> float:
-    """Return the greatest change of length of a bond over its length at rest, in the state last evaluated."""
-    n = len(force.body)
-    return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))
 
 
 @dataclass(frozen=True)
@@ -256,4 +238,4 @@ class EquilibriumSolver(ABC):
         if residual <= tolerance:
             left = f"the forces left on free points are in sum more than {self._share_left:.1g} of those that drive the body"
             reached = f"after {evaluations} force evaluations {left}"
-        return NotConverged(reached + note_of_zero_energy_modes(force, "which then never come to rest"))
+        return NotConverged(reached + note_of_modes(force, "which then never come to rest"))

@@ -13,6 +13,7 @@ from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
 from ..body.body import sums_at_points
+from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
 from .multigrid import Multigrid, Operator, conjugate_gradient_steps, conjugate_gradients, factor_of
@@ -60,6 +61,10 @@ LANCZOS_STEPS = 20
 
 MARGIN = 1.1
 """Factor of the greatest Ritz value: Chebyshev's method magnifies components beyond the end of its interval."""
+
+
+UNDEFORMED = 1000
+"""Strain, over that of rounding, up to which a body counts as moved without deformation."""
 
 
 class Preconditioner(ABC):
@@ -484,3 +489,20 @@ def strain_of_step(body: Body, step: np.ndarray) -> float:
     """Return the greatest strain of a bond that displacements (n, d) make, whose halo is filled first."""
     body.share.fill(step)
     return body.share.greatest(greatest_strain[step.shape[1]](step, body.points, body.bonds.first, body.bonds.second))
+
+
+def strain_rounding(body: Body) -> float:
+    """Return the strain that rounding of the positions makes in a bond as long as the spacing."""
+    farthest = body.share.greatest(np.abs(body.points))
+    return float(np.finfo(float).eps) * farthest / body.spacing
+
+
+def is_rigid(force: InternalForce) -> bool:
+    """Return whether the body has moved without deformation, up to rounding, in the state last evaluated."""
+    return strain_of(force) <= UNDEFORMED * strain_rounding(force.body)
+
+
+def strain_of(force: InternalForce) -> float:
+    """Return the greatest change of length of a bond over its length at rest, in the state last evaluated."""
+    n = len(force.body)
+    return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))
