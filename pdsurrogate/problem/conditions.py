@@ -12,14 +12,14 @@ from ..forces import InvalidState
 from ..scenes import Load, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
-from ..solvers.conditions import Loading, place_of
+from ..solvers.conditions import Loading
 from ..solvers.course import Paths, Pull
 from ..solvers.held import Held
 from ..solvers.increments import Motion
 from ..solvers.loads import DeadLoad, Loads, Pressure
 from ..solvers.rigid import rigid_motions
 from .programme import Prescription, Stage
-from .regions import BodyRegions
+from .regions import BodyRegions, text_of
 
 RIGID = 1e3
 """Stiffness of rigid regions over that of the rest in a first guess, which is then brought to where they can be."""
@@ -147,7 +147,7 @@ def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
                 row = rows[apart.argmax()]
                 point = every.point[row]
                 names = " and ".join(held[every.part[number]].name for number in (row, latest[point, component]))
-                raise ValueError(f"{names} move point {point} at {place_of(body, point)} differently along x{component + 1}")
+                raise ValueError(f"{names} move point {point} at {text_of(body.points[point])} differently along x{component + 1}")
 
 
 def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:
@@ -165,7 +165,7 @@ def _check_held(loading: Loading, key: str, advice: str, only: str | None = None
             continue
         loose = np.flatnonzero((piece == number) & share.own)
         size = share.total(len(loose))
-        where = f", at {place_of(body, loose[0])}," if len(loose) else ""
+        where = f", at {text_of(body.points[loose[0]])}," if len(loose) else ""
         what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"
         if count > 1:
             thin = f"as where a wall is thinner than the spacing, {body.spacing:.3g}, or a cut goes all the way"

@@ -12,8 +12,7 @@ from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
 from ..scenes import Part, Scene, SceneError
 from ..scenes.tip_diameter import tip_diameter
-from ..solvers.conditions import place_of
-from .regions import BodyRegions
+from .regions import BodyRegions, text_of
 
 LEAST_CELLS = 3
 """Thickness of a part in cells below which a warning is given: at a horizon of 3.15 cells its neighbours are bonded through it."""
@@ -183,7 +182,7 @@ def portions_of(
         same = [not part.rigid and laws[other] == laws[number] and models[other] is models[number] for other in before]
         error, twice = None, (before > 0) & ~np.array(same, dtype=bool)
         if twice.any():
-            first, where = before[twice.argmax()] - 1, place_of(body, points[twice.argmax()])
+            first, where = before[twice.argmax()] - 1, text_of(body.points[points[twice.argmax()]])
             taken = f"materials.{first} and {key} both take {int(twice.sum())} points, the first at {where}"
             error = ValueError(f"{taken}; regions of different materials must not overlap")
         body.share.agree(error)

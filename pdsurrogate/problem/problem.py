@@ -15,14 +15,14 @@ from ..ranks import ALONE, Communicator
 from ..scenes import Mesh, Part, Scene, SolverSpec, Units
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
-from ..solvers.conditions import Loading, place_of
+from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
 from .conditions import check_speeds, conditions_of, loads_of
 from .fracture import critical_stretch_in
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .programme import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
-from .regions import BodyRegions
+from .regions import BodyRegions, text_of
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class Problem:
         if len(alone):
             plane = self.body.dimension == 2
             where, what = ("on one line", "rows") if plane else ("in one plane", "layers")
-            lie = f"the bonds of {len(alone)} of its points, the first at {place_of(self.body, alone[0])}, lie {where}"
+            lie = f"the bonds of {len(alone)} of its points, the first at {text_of(self.body.points[alone[0]])}, lie {where}"
             needs = f"two {what} of points or more in {'either' if plane else 'every'} direction everywhere"
             raise ValueError(f"body: {lie}; the body needs {needs}, {self.body.spacing:.4g} apart: take {self.body.finer}")
 

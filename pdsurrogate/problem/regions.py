@@ -77,7 +77,7 @@ class _Points(_Parts):
     what = "no point of the body lies in it"
 
     def describe(self, number: int) -> str:
-        return f"point {number} at {_text(self.places[number])}"
+        return f"point {number} at {text_of(self.places[number])}"
 
     def edge(self, name: str) -> Found:
         distance = self.from_edge(name)
@@ -96,7 +96,7 @@ class _Points(_Parts):
             nearest = int(distance.argmin())
             least = min(share.everywhere(float(distance[nearest])))
             if least > NEAR * self.body.cell.max():
-                place, found = _text(np.array(region.near)), self.describe(nearest)
+                place, found = text_of(np.array(region.near)), self.describe(nearest)
                 raise ValueError(f"the nearest point to {place} is {found}, {distance[nearest]:.3g} away: too far")
             return self.numbered(np.flatnonzero(distance <= least + ALIKE * self.body.cell.min()))
         numbers, size = np.array(region.points, dtype=np.int64), share.size
@@ -111,7 +111,7 @@ class _Facets(_Parts):
     what = "no part of the boundary lies in it"
 
     def describe(self, number: int) -> str:
-        return f"a facet of {self.surface().parts[number]} with its middle at {_text(self.places[number])}"
+        return f"a facet of {self.surface().parts[number]} with its middle at {text_of(self.places[number])}"
 
     def edge(self, name: str) -> Found:
         return Found(self.surface().parts == name, np.abs(self.from_edge(name)))
@@ -185,7 +185,7 @@ class BodyRegions:
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
             few = f"where the points beside the boundary, with which it moves, are fewer than {too_few(self.body)}"
-            thin = f"the body is too thin at {_text(surface.nodes[lost[0]])}, {few}"
+            thin = f"the body is too thin at {text_of(surface.nodes[lost[0]])}, {few}"
             raise ValueError(f"{self._key(reference, key)}: {thin}; take {self.body.finer}")
         return found
 
@@ -216,8 +216,8 @@ class BodyRegions:
         surface = self.surface()
         if not surface.encloses(at)[0] and not np.isfinite(surface.distances(at, RIM * self.body.cell.max())[0]):
             distance, point = cKDTree(self.body.points).query(at[0])
-            nearest = f"its nearest point is {point} at {_text(self.body.points[point])}, {distance:.3g} away"
-            raise ValueError(f"{key}: {_text(at[0])} lies outside the body; {nearest}")
+            nearest = f"its nearest point is {point} at {text_of(self.body.points[point])}, {distance:.3g} away"
+            raise ValueError(f"{key}: {text_of(at[0])} lies outside the body; {nearest}")
 
     def _found(self, reference: str | Region, key: str | None, parts: _Points | _Facets) -> np.ndarray:
         try:
@@ -291,5 +291,6 @@ def _distance(region: Region, places: np.ndarray) -> np.ndarray:
     return np.maximum(0, (np.array(side.point) - places) @ (normal / np.linalg.norm(normal)))
 
 
-def _text(place: np.ndarray) -> str:
+def text_of(place: np.ndarray) -> str:
+    """Return the coordinates of a place, for messages."""
     return f"({', '.join(f'{coordinate:.4g}' for coordinate in place)})"

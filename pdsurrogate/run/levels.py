@@ -9,10 +9,10 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
-from ..solvers.automatic import SOLVERS
 from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, NoEquilibrium, NotConverged, RanAway, TooSmall, Unbalanced, note_of_modes
 from ..solvers.increments import Increments
 from ..solvers.nearest_bonds import is_rigid, strain_of, strain_rounding
+from ..solvers.quasi_newton import SOLVERS
 from ..solvers.stability import check_branch
 from .checkpoints import ACCEPTED
 from .interruption import Interrupted

@@ -43,11 +43,6 @@ class Reactions:
     levers: np.ndarray | None = None
 
 
-def place_of(body: Body, point: int) -> str:
-    """Return the place of a point, for messages."""
-    return f"({', '.join(f'{coordinate:.4g}' for coordinate in body.points[point])})"
-
-
 class Loading:
     """Conditions of a body: held points and planes, their positions at a value of the loading parameter, and the loads.
 

@@ -245,8 +245,14 @@ class Paths:
         farthest = self._share.greatest(np.abs(goals - places[rows]))
         if farthest == 0:
             return start.copy()
+
+        def spread(direction: np.ndarray) -> float:
+            along = start @ direction
+            along -= self._share.sum(along) / self._share.size
+            return float(np.sqrt(self._share.sum(np.square(along)) / self._share.size))
+
         everywhere = (self._share.joined(values, loading.point) for values in (places, loading.component, goals))
-        gradient, shift = affine_extension(*everywhere, lambda direction: self._spread(start @ direction))
+        gradient, shift = affine_extension(*everywhere, spread)
         guess = start @ gradient.T + shift
         left = goals - (places @ gradient.T + shift)[rows]
         if self._share.greatest(np.abs(left)) > 1e-6 * min(farthest, self.body.spacing):
@@ -267,11 +273,6 @@ class Paths:
             guess += self._stiffness.response(moved, of_planes, turns)
         guess[loading.there] = goals[loading.at_points]
         return guess
-
-    def _spread(self, values: np.ndarray) -> float:
-        """Return the standard deviation of values at the points, shape (n,)."""
-        mean = self._share.sum(values) / self._share.size
-        return float(np.sqrt(self._share.sum(np.square(values - mean)) / self._share.size))
 
     def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the places of held components, for planes those next to points of the body, and the values that the components go to."""

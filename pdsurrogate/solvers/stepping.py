@@ -3,6 +3,7 @@
 import math
 from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
@@ -26,15 +27,13 @@ class SteppingSolver(EquilibriumSolver):
         start, began = positions.copy(), force.evaluations
         # The state is new in every call, so that a resumed run repeats an uninterrupted one.
         self.frequency = FrequencyEstimate(self.volumes, self.free, self.share)
-        for restart in range(self.MOST_RESTARTS):
-            try:
-                return self._iterate(force, positions, tolerance or self.tolerance, 2.0**restart, began, report, least_drive)
-            except (InvalidState, Diverging):
-                # The tangent may stiffen beyond the stability limit of the step: restart with a larger fictitious mass.
-                if restart == self.MOST_RESTARTS - 1:
-                    raise
-                positions[:] = start
-        raise AssertionError("unreachable")
+        search = force, positions, tolerance or self.tolerance, began, report, least_drive
+        for restart in range(self.MOST_RESTARTS - 1):
+            # The tangent may stiffen beyond the stability limit of the step: restart with a larger fictitious mass.
+            with suppress(InvalidState, Diverging):
+                return self._iterate(*search, caution=2.0**restart)
+            positions[:] = start
+        return self._iterate(*search, caution=2.0 ** (self.MOST_RESTARTS - 1))
 
     @abstractmethod
     def prepare(self, force: InternalForce, positions: np.ndarray, caution: float) -> Callable[[np.ndarray], None]:
@@ -43,7 +42,7 @@ class SteppingSolver(EquilibriumSolver):
         `caution` multiplies the squared frequency for which the step must be stable.
         """
 
-    def _iterate(self, force, positions, tolerance, caution, began, report, least_drive) -> Equilibrium:
+    def _iterate(self, force, positions, tolerance, began, report, least_drive, caution) -> Equilibrium:
         step, forces = self.prepare(force, positions, caution), np.empty_like(positions)
         first, least, found = None, np.inf, 0
         self.begin(force, least_drive)
