@@ -1,7 +1,5 @@
 """Material of an artefact, for scenes that do not state their own."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import MISSING, fields
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Artefacts on disk: ``NAME/VERSION/`` with a card and its payloads, written once and never changed."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import io

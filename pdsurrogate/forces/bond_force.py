@@ -18,7 +18,8 @@ from ..kernels.bond_state import LEAST_NORMAL_STRETCH, along_and_across, lateral
 from ..kernels.plane_strain import plane_strain_bond_force
 from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
-from ..materials.stretches import principal_stretches
+from ..materials.response import volume_residual_block
+from ..materials.states import principal_stretches
 from .errors import at_point
 from .kinematics import matrices
 from .material_points import MaterialPoints
@@ -227,7 +228,7 @@ def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain
     The model must provide T_mm; the law determines the states of points outside the model's domain.
     """
     limits = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
-    tolerance, volumetric = THICKNESS_TOLERANCE[precision], plane_stress.volumetric_block(points.law)
+    tolerance, volumetric = THICKNESS_TOLERANCE[precision], volume_residual_block(points.law)
     force = volumetric.address, compiled.address, compiled.constants(points), limits, tolerance
     buffers = aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
     scratch = aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
@@ -240,7 +241,7 @@ def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBon
 
     Only the derivative of U comes from the law, so that an expensive law adds no cost in plane strain either.
     """
-    addresses = [compiled.address, plane_stress.volumetric_block(law).address]
+    addresses = [compiled.address, volume_residual_block(law).address]
     return replace(compiled, address=plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
 
 

@@ -7,7 +7,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
 from ..materials import PLANES, plane_stress
-from ..materials.stretches import principal_stretches
+from ..materials.states import principal_stretches
 from .bond_shares import BondShares
 from .errors import InvalidState, at_point, why_invalid
 from .kinematics import matrices, symmetric

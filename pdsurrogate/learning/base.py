@@ -1,7 +1,5 @@
 """Base classes of the regressors of this room: checked training data, activations, and predictions in the shape of the targets."""
 
-from __future__ import annotations
-
 from numbers import Integral, Real
 
 import numpy as np

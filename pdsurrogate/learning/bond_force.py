@@ -1,7 +1,5 @@
 """The bond force as a target: its samples, pipeline, errors, domain and surrogates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Polynomial regression in a Chebyshev basis, as a scikit-learn regressor."""
 
-from __future__ import annotations
-
 from itertools import islice
 from math import comb
 from numbers import Integral

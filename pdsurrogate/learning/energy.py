@@ -1,7 +1,5 @@
 """The energy of a sheet under plane stress as a target: its invariants, features, samples and stability."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

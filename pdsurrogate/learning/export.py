@@ -1,7 +1,5 @@
 """Conversion of a fitted model of a bond force to the plain arrays that a run needs, exactly or by resampling."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Samples, pipelines and surrogates by the name of a target; errors of fitted models, and whether they are small enough to use."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import replace

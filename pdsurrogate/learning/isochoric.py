@@ -1,7 +1,5 @@
 """The isochoric energy W(I1bar, I2bar) as a target: samples at three stretches of product 1, features and stability."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import product
 
@@ -120,7 +118,7 @@ class _IsochoricEnergy(EnergyTarget):
         }
 
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
-        squares = solid.principal_stretches((*X.T, np.ones(len(X))))[3:]
+        squares = solid.response.stretches((*X.T, np.ones(len(X))))[3:]
         return Domain(float(np.sqrt(np.min(squares))), float(np.sqrt(np.max(squares))), 1.0, 1.0)
 
 

@@ -1,7 +1,5 @@
 """Pipeline for a bond force: features, scaling, dimensionless target, regressor."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Resampling of functions of two or three features, or of bonds, onto a cubic spline that the kernels evaluate."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

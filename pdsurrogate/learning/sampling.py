@@ -1,7 +1,5 @@
 """Training data of bond forces: states of bonds, and the exact force in each of them."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

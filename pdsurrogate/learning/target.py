@@ -1,7 +1,5 @@
 """Regressor with a transformation of the target that depends on the inputs, and functions for such transformations."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from functools import update_wrapper

@@ -23,7 +23,7 @@ from ..learning import (
     surrogate_pipeline,
     training_samples,
 )
-from ..learning.marquardt import listening
+from ..learning.levenberg_marquardt import listening
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
 from ..results.provenance import processor
