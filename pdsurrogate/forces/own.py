@@ -2,7 +2,7 @@
 
 import ctypes
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -216,11 +216,9 @@ class OwnBondForce(ForceSurrogate):
         number, worst = np.unravel_index(off.argmax(), off.shape)
         I1, I2 = at[:, worst]
         self._judge(
-            off,
-            lambda _: (
-                f"{self.name}: dW/dI{number + 1}bar is not the derivative of its W: at I1bar = {I1:g}, I2bar = {I2:g} it is "
-                f"{derivatives[number, worst]:.6g}, and a difference quotient of W is {quotients[number, worst]:.6g}"
-            ),
+            off[number, worst],
+            f"{self.name}: dW/dI{number + 1}bar is not the derivative of its W: at I1bar = {I1:g}, I2bar = {I2:g} it is "
+            f"{derivatives[number, worst]:.6g}, and a difference quotient of W is {quotients[number, worst]:.6g}",
             NOTED_OF_QUOTIENTS,
         )
 
@@ -239,12 +237,12 @@ class OwnBondForce(ForceSurrogate):
         """Check that the force vanishes at rest for every length of the bond."""
         lengths = np.array(TRIAL[2])
         force = self._force(*bond_arrays(1.0, 0.0, lengths, 1.0, 1.0))
+        off = np.linalg.norm(force, axis=1)
+        worst = off.argmax()
         self._judge(
-            np.linalg.norm(force, axis=1),
-            lambda worst: (
-                f"{self.name} is not zero at rest: bond_force(stretch=1, rotation=0, length={lengths[worst]:g}, C33=1, J=1) is "
-                f"({force[worst, 0]:.3g}, {force[worst, 1]:.3g}) in units of the shear modulus; subtract its value there"
-            ),
+            off[worst],
+            f"{self.name} is not zero at rest: bond_force(stretch=1, rotation=0, length={lengths[worst]:g}, C33=1, J=1) is "
+            f"({force[worst, 0]:.3g}, {force[worst, 1]:.3g}) in units of the shear modulus; subtract its value there",
         )
 
     def _check_isotropy(self, found: np.ndarray) -> None:
@@ -252,34 +250,32 @@ class OwnBondForce(ForceSurrogate):
         stretch, rotation, length, C33, J = (np.array(quantity) for quantity in TRIAL)
         size = np.linalg.norm(found, axis=1).max()
         mirrored = self._force(stretch, -rotation, length, C33, J) * [1, -1]
+        off = np.linalg.norm(mirrored - found, axis=1) / size
+        worst = off.argmax()
         self._judge(
-            np.linalg.norm(mirrored - found, axis=1) / size,
-            lambda worst: (
-                f"{self.name} tells one way of turning from the other: at stretch {stretch[worst]:g} it is ({found[worst, 0]:.4g}, "
-                f"{found[worst, 1]:.4g}) for a rotation of {rotation[worst]:g}, and for {-rotation[worst]:g} not that with the second part "
-                f"negated, but ({mirrored[worst, 0]:.4g}, {-mirrored[worst, 1]:.4g}); isotropic rubber does not"
-            ),
+            off[worst],
+            f"{self.name} tells one way of turning from the other: at stretch {stretch[worst]:g} it is ({found[worst, 0]:.4g}, "
+            f"{found[worst, 1]:.4g}) for a rotation of {rotation[worst]:g}, and for {-rotation[worst]:g} not that with the second part "
+            f"negated, but ({mirrored[worst, 0]:.4g}, {-mirrored[worst, 1]:.4g}); isotropic rubber does not",
         )
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
         U_mm = (J + b * b) / a
         T_nn, T_nm, T_mm = self._tractions(a, b, U_mm, J, C33, length)
         off = np.abs(T_nm * (a - U_mm) - b * (T_nn - T_mm)) / size
+        worst = off.argmax()
         self._judge(
-            off,
-            lambda worst: (
-                f"{self.name} is not isotropic: the stress by the bond of stretch {stretch[worst]:g} and rotation {rotation[worst]:g} and "
-                f"that across it has not the axes of their stretch tensor (off by {off[worst]:.2g} of the force); the part of the force "
-                "across a bond follows from those along it and along the bond across it"
-            ),
+            off[worst],
+            f"{self.name} is not isotropic: the stress by the bond of stretch {stretch[worst]:g} and rotation {rotation[worst]:g} and that "
+            f"across it has not the axes of their stretch tensor (off by {off[worst]:.2g} of the force); the part of the force across a "
+            "bond follows from those along it and along the bond across it",
         )
 
-    def _judge(self, off: np.ndarray, what: Callable[[int], str], noted: float = NOTED) -> None:
-        """Raise ValueError for a large error, and warn about a small one, with the message for the state where it is greatest."""
-        worst = int(off.argmax())
-        if not off.max() <= MOST_OFF:
-            raise OwnForceInvalid(what(worst))
-        if off.max() > noted:
-            warnings.warn(what(worst), stacklevel=4)
+    def _judge(self, off: float, what: str, noted: float = NOTED) -> None:
+        """Raise ValueError for a large error, and warn about a small one."""
+        if not off <= MOST_OFF:
+            raise OwnForceInvalid(what)
+        if off > noted:
+            warnings.warn(what, stacklevel=4)
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         # Python code must run on the calling thread only.
