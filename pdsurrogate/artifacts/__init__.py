@@ -8,6 +8,8 @@ An artefact is a folder ``NAME/VERSION/`` of up to four files:
 * ``pipeline.joblib`` is the fitted scikit-learn pipeline, for refinement: a pickle, which can run code, loaded only on explicit trust.
 """
 
+# ruff: noqa: F401
+
 from .card import Card
 from .material import with_material
 from .store import (
@@ -27,23 +29,3 @@ from .store import (
     save_artifact,
     surrogate_for,
 )
-
-__all__ = [
-    "ArtifactError",
-    "Card",
-    "called",
-    "default_force",
-    "find_artifact",
-    "law_of",
-    "list_artifacts",
-    "load_card",
-    "load_pipeline",
-    "load_surrogate",
-    "new_artifact",
-    "next_version",
-    "own_folder",
-    "parted",
-    "save_artifact",
-    "surrogate_for",
-    "with_material",
-]

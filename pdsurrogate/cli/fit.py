@@ -14,7 +14,6 @@ from ..artifacts import load_card, load_surrogate, new_artifact, next_version, o
 from ..identification import figure, load_test_data
 from ..identification.regressor import N_TERMS
 from ..identification.settings import IdentificationSettings, Identified, identified, simulate_tests
-from ..learning import store
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
 from ..learning.settings import FitSettings
@@ -89,12 +88,11 @@ def fit(
         if refusals and not force_fit:
             raise ValueError(f"{'; '.join(refusals)}; --force-fit goes on all the same")
     with _training_bar() as progress:
-        trained = settings.train(material, members, hull, progress)
+        write = settings.train(material, members, hull, tests and tests.report, progress)
     try:
         with writing(folder):
-            text = settings.text(material, trained.cross_validation, tests and tests.report)
             # The next version is that of now: another fit of the same name may have ended since.
-            path = store(trained.pipeline, trained.samples, material, folder, name, version, text, trained.members)
+            path = write(folder, name, version)
     except TooInexact as error:
         raise ended(FAILED, str(error)) from None
     card = load_card(path)
@@ -103,7 +101,7 @@ def fit(
         found = {"artefact": f"{card.name}@{card.version}", "path": str(path), "errors": card.errors, "training": card.training}
         print_json({**found, **simulated})
     print_errors(card.errors["box"])
-    for row in trained.cross_validation:
+    for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on samples left out")
     for number, member in enumerate(card.members, 1):
         modulus = member.material.trained_with["shear_modulus"]
