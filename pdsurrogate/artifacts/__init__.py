@@ -8,8 +8,6 @@ An artefact is a folder ``NAME/VERSION/`` of up to four files:
 * ``pipeline.joblib`` is the fitted scikit-learn pipeline, for refinement: a pickle, which can run code, loaded only on explicit trust.
 """
 
-# ruff: noqa: F401
-
 from .card import Card
 from .material import with_material
 from .store import (

@@ -3,8 +3,6 @@
 Name and parameters are not enough: an expression of a user's own law may have changed since the model was fitted.
 """
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 
@@ -108,19 +106,17 @@ def isochoric_stresses(squares, by_1, by_2) -> np.ndarray:
     return (stresses - stresses.mean(axis=0)).T
 
 
-def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
+def check_agreement(model, law: Law, exact, remedy: str) -> None:
     """Check that a model gives the forces of a law.
 
     Parameters
     ----------
     model
-        With its `name`, `domain` and `stated`.
+        With its `name`, `domain`, `stated`, and `answer` to the arguments that `exact` returns.
     law : Law
     exact : {`bond_states`, `invariant_states`, `isochoric_states`}
-    answer : callable
-        Function of the arguments that `exact` returns: the model's answer there, shape (n, 2).
-    serves : str
-        Name of the force model that accepts every law, for the error message.
+    remedy : str
+        End of the error message.
 
     Raises
     ------
@@ -132,10 +128,7 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
     UserWarning
         If it has no card, and is further off than `NOTED`.
     """
-    advice = (
-        "the law has changed since, or the model is of another material, or its fit is too coarse; "
-        f"fit it again, or use force={serves}, which serves every law"
-    )
+    advice = f"the law has changed since, or the model is of another material, or its fit is too coarse; {remedy}"
     if model.stated is not None:
         # States lie on the plane-stress surface of training: the force at given C33 does not depend on the bulk modulus, the surface does.
         bulk = model.stated["bulk_ratio"] * law.shear_modulus
@@ -145,7 +138,7 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
     except ValueError as error:
         raise ValueError(f"{model.name} was trained where {error}: {advice}") from None
     size = np.linalg.norm(right, axis=1)
-    error = np.linalg.norm(answer(*arguments) - right, axis=1).max()
+    error = np.linalg.norm(model.answer(*arguments) - right, axis=1).max()
     if model.stated is None:
         reference, most, said = size.max(), MOST_UNSTATED, f"the greatest force, more than {100 * MOST_UNSTATED:g} %"
     else:

@@ -1,7 +1,5 @@
 """Learning bond forces and energies with scikit-learn; a simulation never imports this room."""
 
-# ruff: noqa: F401
-
 from .bond_force import algorithm_1
 from .chebyshev import ChebyshevRegressor
 from .fitting import cross_validate, evaluate, force_model_of, reachable_stretches, surrogate_of, surrogate_pipeline, training_samples

@@ -117,7 +117,7 @@ class _IsochoricEnergy(EnergyTarget):
         }
 
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
-        squares = solid.principal_stretches((*X.T, np.ones(len(X))))[3:]
+        squares = solid.response.stretches((*X.T, np.ones(len(X))))[3:]
         return Domain(float(np.sqrt(np.min(squares))), float(np.sqrt(np.max(squares))), 1.0, 1.0)
 
 

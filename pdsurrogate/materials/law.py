@@ -1,7 +1,7 @@
 """Interface of a material law.
 
 A law is a small frozen dataclass. It states its energy and the derivatives of its energy as elementwise expressions, which NumPy evaluates
-for checks and numba compiles for runs. The modules `plane_stress`, `plane_strain` and `solid` derive stresses and stiffness from them.
+for checks and numba compiles for runs. `expressions` and `states` derive stresses and stiffness from them.
 
 Energies and stresses are dimensionless, in units of the law's shear modulus.
 """

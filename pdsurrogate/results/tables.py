@@ -1,7 +1,5 @@
 """Tables of a run: history and convergence as CSV and HTML, with units in their headers, and the summary."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """VTU files with a PVD index, for ParaView."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr

@@ -1,6 +1,6 @@
 """Damage: bonds break irreversibly beyond a critical stretch (paper, Eqs. (29)-(31))."""
 
-from __future__ import annotations
+from functools import cached_property
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from ..body import Body, rows_of
 from ..engine.block_arrays import BLOCK
 from ..engine.threads import chunks_of
 from ..kernels.damage import find_overstretched
+from ..ranks import Rows
 
 
 class Damage:
@@ -41,16 +42,9 @@ class Damage:
         self._found = np.empty(len(first), dtype=np.uint32)
         chunks = chunks_of(len(bonds.first))
         self._counts = np.zeros(chunks.number, dtype=np.int64)
-        self._find = find_overstretched[body.dimension].bind(
-            body.all_points,
-            first,
-            second,
-            self._limits.reshape(-1, BLOCK),
-            np.zeros((chunks.threads, body.dimension, BLOCK)),
-            self._found,
-            self._counts,
-            chunks=chunks,
-        )
+        scratch = np.zeros((chunks.threads, body.dimension, BLOCK))
+        arrays = body.all_points, first, second, self._limits.reshape(-1, BLOCK), scratch, self._found, self._counts
+        self._find = find_overstretched[body.dimension].bind(*arrays, chunks=chunks)
         self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)
 
     def overstretched(self, positions: np.ndarray) -> np.ndarray:
@@ -79,6 +73,11 @@ class Damage:
         self._limits[: len(self.broken)][self.broken] = np.inf
         self._events = int(self.body.share.greatest(float(self.recent.max(initial=0))))
 
+    @cached_property
+    def _rows(self) -> Rows:
+        """Rows of the whole body that arrays of pairs hold."""
+        return rows_of(self.body, "pairs")
+
     def take_recent(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the middles (k, d) of all pairs that broke since the last call, and the rising numbers (k,) of their events."""
         found = self.in_order(np.flatnonzero(self.recent))
@@ -91,9 +90,8 @@ class Damage:
         Within an event the order is that of the pairs in the whole body, the same on any number of ranks.
         """
         body, share = self.body, self.body.share
-        rows = rows_of(body, "pairs")
-        pairs = pairs[rows.own[pairs]]
-        numbers = rows.numbers[pairs]
+        pairs = pairs[self._rows.own[pairs]]
+        numbers = self._rows.numbers[pairs]
         points, events = body.all_points, self.recent[pairs]
         places = (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2
         places, events, numbers = (np.concatenate(share.everywhere(rows)) for rows in (places, events, numbers))

@@ -123,17 +123,6 @@ class Region(StrictModel):
             raise ValueError("a box is given by its corners where all coordinates are least, and greatest")
         return self
 
-    def misfit(self, dimension: int) -> str | None:
-        """Return why the region is invalid in the given dimension, apart from numbers of components; None if it is valid."""
-        here, there = ("space", "the plane") if dimension == 3 else ("the plane", "space")
-        for pair in (("disc", "ball"), ("half_plane", "half_space")):
-            own, other = pair if dimension == 2 else pair[::-1]
-            if getattr(self, other) is not None:
-                return f"{other} is a region of {there}; in {here} give {own}"
-        if self.edge is not None and self.edge not in edge_names(dimension):
-            return f"a body in the plane has no {self.edge}; its edges are {', '.join(edge_names(dimension))}"
-        return None
-
     def members(self) -> Iterator[tuple[str, str | Region]]:
         """Yield the regions that this one combines, each with its key: and.0, and.1, or.0, not."""
         yield from ((f"and.{number}", member) for number, member in enumerate(self.both or ()))

@@ -1,7 +1,5 @@
 """Base of all parts of a scene's description."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
@@ -56,7 +54,8 @@ class _PartType(type(BaseModel)):
 class StrictModel(BaseModel, metaclass=_PartType):
     """Base of all parts of a scene: unknown keys are errors, and nothing changes once read.
 
-    A part composed in Python is refused with the same message as one in a file.
+    A part composed in Python is refused with the same message as one in a file. Fields that are valid alone and do not fit together are
+    refused in `model_post_init`: Pydantic reports a ValueError from there with the key of the part.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
