@@ -3,8 +3,6 @@
 Learnt forces, stresses and tangents use the stated derivatives alone, so a mistake in one of them shows nowhere else.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..engine.keys import code_digest

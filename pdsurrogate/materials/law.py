@@ -6,8 +6,6 @@ for checks and numba compiles for runs. `expressions` and `states` derive stress
 Energies and stresses are dimensionless, in units of the law's shear modulus.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
 from numbers import Real

@@ -4,8 +4,6 @@ A `Response` defines the numbers that describe a state, the invariants or princi
 computed from the derivatives of W and U. This module evaluates any law with any response, in NumPy or compiled over a block of states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
