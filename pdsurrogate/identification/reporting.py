@@ -51,16 +51,13 @@ def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
     ``difference`` is relative to the greatest stress measured in the mode, and ``stretch`` is the stretch along the stress; both are None
     if the stress of a state is not finite.
     """
-    found = {}
+    found: dict[str, dict] = {}
     for mode in data.modes:
-        rows = np.flatnonzero(data.mode == mode)
+        rows = data.mode == mode
         off = (stress[rows] - data.nominal_stress[rows]) / max(np.abs(data.nominal_stress[rows]).max(), 1e-300)
         place = int(np.argmax(np.abs(off)))  # argmax treats NaN as the greatest
-        known = np.isfinite(off[place])
-        found[mode] = {
-            "difference": float(off[place]) if known else None,
-            "stretch": float(data.stretches[rows[place], 0]) if known else None,
-        }
+        greatest = float(off[place]), float(data.stretches[rows][place, 0])
+        found[mode] = dict(zip(("difference", "stretch"), greatest if np.isfinite(off[place]) else (None, None), strict=True))
     return found
 
 
@@ -70,23 +67,23 @@ def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray 
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(2.6 * max(len(modes), 2), 2.9), layout="constrained")
         for axis, mode in zip(drawn.subplots(1, len(modes), squeeze=False)[0], modes, strict=True):
-            rows, crosses = data.of(mode), None if simulated is None else simulated[data.mode == mode]
-            axis.set(title=mode, xlabel="stretch")
+            rows = data.of(mode)
             axis.grid(alpha=0.3)
             if mode == BIAXIAL:
-                axis.plot(rows.nominal_stress, rows.nominal_stress, "-", color="0.6", lw=0.8)
-                for model in models:
-                    axis.plot(rows.nominal_stress, model.predict(rows.stretches), ".", ms=3, label=model.law)
-                if crosses is not None:
-                    axis.plot(rows.nominal_stress, crosses, "rx", ms=3, label="simulated")
-                axis.set(xlabel="measured stress", ylabel="stress of the law")
-                continue
-            axis.plot(rows.stretches[:, 0], rows.nominal_stress, "ko", ms=3, mfc="none", label="test")
-            stretch = np.linspace(min(1.0, rows.stretches[:, 0].min()), rows.stretches[:, 0].max(), 200)
+                axis.set(title=mode, xlabel="measured stress", ylabel="stress of the law")
+                places = along = rows.nominal_stress
+                stretches, style = rows.stretches, {"ls": "", "marker": ".", "ms": 3}
+                axis.plot(places, places, "-", color="0.6", lw=0.8)
+            else:
+                axis.set(title=mode, xlabel="stretch")
+                places = rows.stretches[:, 0]
+                along = np.linspace(min(1.0, places.min()), places.max(), 200)
+                stretches, style = np.stack([along, MODES[mode](along)], axis=1), {"lw": 1}
+                axis.plot(places, rows.nominal_stress, "ko", ms=3, mfc="none", label="test")
             for model in models:
-                axis.plot(stretch, nominal_stress(model.law_, np.stack([stretch, MODES[mode](stretch)], axis=1)), lw=1, label=model.law)
-            if crosses is not None:
-                axis.plot(rows.stretches[:, 0], crosses, "rx", ms=3, label="simulated")
+                axis.plot(along, nominal_stress(model.law_, stretches), label=model.law, **style)
+            if simulated is not None:
+                axis.plot(places, simulated[data.mode == mode], "rx", ms=3, label="simulated")
         drawn.axes[0].legend(fontsize=7)
         drawn.axes[0].set_ylabel(drawn.axes[0].get_ylabel() or "nominal stress")
         return drawn

@@ -139,6 +139,11 @@ class PrincipalStretchLaw(Law):
     def coefficients(parameters, k):
         """Return the constants of term k, a tuple of numbers."""
 
+    def sums(self, stretches: tuple, parameters: np.ndarray) -> list:
+        """Return the sums (W, g1, g2, g3, h) over all terms at (x1, x2, x3, s1, s2, s3), see `term`."""
+        terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(self.n_terms))
+        return [sum(parts) for parts in zip(*terms, strict=True)]
+
     @staticmethod
     @abstractmethod
     def term(x1, x2, x3, s1, s2, s3, coefficients):
