@@ -125,6 +125,8 @@ class Share:
         True on the one rank that counts values that all ranks have.
     agree, everywhere, total, greatest : callable
         Those of the communicator.
+    gather : callable
+        That of the `Rows` of the points.
     numbers, owners, size, ranks
     """
 
@@ -132,7 +134,7 @@ class Share:
         self.numbers, self.owners, self.size, self.ranks = numbers, owners, size, ranks
         self.own, self.divided, self.leads = owners == ranks.rank, ranks.size > 1, ranks.rank == 0
         self.agree, self.everywhere, self.total, self.greatest = ranks.agree, ranks.everywhere, ranks.total, ranks.greatest
-        self._halo, self._rows = Halo(ranks, numbers, owners), Rows(ranks, numbers, self.own, size)
+        self._halo, self.gather = Halo(ranks, numbers, owners), Rows(ranks, numbers, self.own, size).gather
         self._own = np.flatnonzero(self.own) if self.divided else slice(None)
         self._weights = self.own.astype(float) if self.divided else None
 
@@ -239,10 +241,6 @@ class Share:
         places = np.searchsorted(self.numbers, numbers)
         places[places == len(self.numbers)] = 0
         return np.unique(places[self.numbers[places] == numbers])
-
-    def gather(self, values: np.ndarray) -> np.ndarray | None:
-        """Return the values of all points of the whole body, in its order, on the first rank; None on the others."""
-        return self._rows.gather(values)
 
 
 def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:

@@ -12,6 +12,12 @@ from matplotlib.figure import Figure
 from ..body import CellMesh
 from .files import MARK, replacing
 
+Moved = list[tuple[CellMesh, np.ndarray]]
+"""Cells of states, each with the displacements of their nodes."""
+
+Limits = tuple[float, float]
+"""Values at the ends of a scale of colours."""
+
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -47,7 +53,7 @@ def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
     return np.concatenate([places[block[:, [0, 1, 2, 3] if block.shape[1] == 4 else [0, 1, 2, 2]]] for block in cells.blocks])
 
 
-def limits_of(values: np.ndarray) -> tuple[float, float]:
+def limits_of(values: np.ndarray) -> Limits:
     """Return the ends of a scale of colours, wide enough to show residuals of a solver in one colour."""
     low, high = float(values.min()), float(values.max())
     return low, low + max(high - low, ONE_COLOUR * max(abs(low), abs(high), 1e-300))
@@ -81,13 +87,7 @@ def curves_figure(
         return figure
 
 
-def contour_figure(
-    moved: list[tuple[CellMesh, np.ndarray]],
-    values: list[np.ndarray],
-    label: str,
-    titles: list[str],
-    scale: tuple[float, float] | None = None,
-) -> Figure:
+def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scale: Limits | None = None) -> Figure:
     """Return a figure of deformed bodies, to one scale of length, side by side or one below the other, whichever fits a page.
 
     Parameters
@@ -106,25 +106,19 @@ def contour_figure(
     extents = np.array([np.ptp(corners, axis=(0, 1)) for corners in bodies])
     width, height = extents.max(axis=0)
     wide = width > height
+    heights = extents[:, 1] * (6.0 / width if wide else 7.2 / (extents[:, 0].sum() * 1.3))
+    shape = (len(bodies), 1) if wide else (1, len(bodies))
+    ratios = {"height_ratios": heights} if wide else {"width_ratios": extents[:, 0]}
     with matplotlib.rc_context(STYLE):
-        if wide:
-            heights = extents[:, 1] * 6.0 / width
-            figure = Figure(figsize=(7.2, (heights + 0.35).sum()), layout="constrained")
-            axes = figure.subplots(len(bodies), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
-        else:
-            heights = extents[:, 1] * 7.2 / (extents[:, 0].sum() * 1.3)
-            figure = Figure(figsize=(7.2, heights.max() + 0.5), layout="constrained")
-            axes = figure.subplots(1, len(bodies), squeeze=False, gridspec_kw={"width_ratios": extents[:, 0]})[0]
+        figure = Figure(figsize=(7.2, (heights + 0.35).sum() if wide else heights.max() + 0.5), layout="constrained")
+        axes = figure.subplots(*shape, squeeze=False, gridspec_kw=ratios).flat
         if len(label) * INCHES_OF_A_LETTER > (heights.min() if wide else heights.max()):
             titles, label = [f"{label}, {title}" for title in titles], ""
         for axis, corners, value, title in zip(axes, bodies, values, titles, strict=True):
             drawn = draw_cells(axis, corners, value, clim=scale or limits_of(value))
             axis.set_title(title, pad=4)
             # One scale of length for all: every axis shows as much as the largest body needs along its common side.
-            middle = corners.mean(axis=(0, 1))
-            if wide:
-                axis.set_xlim(middle[0] - 0.5 * width, middle[0] + 0.5 * width)
-            else:
-                axis.set_ylim(middle[1] - 0.5 * height, middle[1] + 0.5 * height)
+            (x, y), half = corners.mean(axis=(0, 1)), 0.5 * max(width, height)
+            axis.set(**({"xlim": (x - half, x + half)} if wide else {"ylim": (y - half, y + half)}))
             figure.colorbar(drawn, ax=axis, label=label, fraction=0.05, pad=0.01)
         return figure

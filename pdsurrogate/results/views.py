@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from ..body import CellMesh
-from .figures import STYLE, limits_of
+from .figures import STYLE, Limits, Moved, limits_of
 
 ELEVATION, AZIMUTH = 22.0, -58.0
 """Direction of view in degrees: from the front right, a little above; x3 points up."""
@@ -24,13 +24,7 @@ EDGES_OF_CELLS = {
 """Pairs of corners that an edge joins, by the number of corners of a cell."""
 
 
-def contour_figure(
-    moved: list[tuple[CellMesh, np.ndarray]],
-    values: list[np.ndarray],
-    label: str,
-    titles: list[str],
-    scale: tuple[float, float] | None = None,
-) -> Figure:
+def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scale: Limits | None = None) -> Figure:
     """Return a figure with a row for each state: the body from outside, and its cut through the middle across the thinnest direction.
 
     Parameters

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.conditions import Reactions
-from ..solvers.dynamics import Power
-from ..solvers.minimiser import EnergyMinimiser
-from ..solvers.motion import Motion
+from ..solvers.dynamics import ExplicitDynamics, Power
+from ..solvers.equilibrium import Diverging
+from ..solvers.increments import Motion
+from ..solvers.quasi_newton import EnergyMinimiser
 from .run import Run
 
 STEPS_PER_ROW = 20
@@ -120,26 +120,22 @@ class Bookkeeping:
     def kinetic_energy(self) -> float:
         """Return the kinetic energy at the time of the positions if `every_step`, else that of the last half step."""
         integrator = self._integrator
-        kinetic = integrator.kept_energy(integrator.velocities_around())[1] if self.every_step else integrator.kinetic_energy()
+        kinetic = integrator.kept_energy()[1] if self.every_step else integrator.kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
         return kinetic
 
-    def reactions(self) -> Reactions:
-        """Return the reactions of all supports, from the forces that move the body."""
-        return self._run.loading.reactions(self._run.force, self._integrator.forces)
-
     def count_release(self) -> None:
         """Add the energy that breaking bonds removed in the last step."""
         if self.every_step:
-            arriving, leaving = self._integrator.kept_energy(self._integrator.velocities_around())
+            arriving, leaving = self._integrator.kept_energy()
             self.account.released_energy += arriving - leaving
 
     def between_rows(self) -> None:
         """Add work and damped energy in a step that has no row."""
         if self.every_step:
             breaking = self.closes and self._integrator.steps - self.account.last_break < STEPS_PER_ROW
-            self.advance(self.reactions(), evaluate=breaking or self._uneven())
+            self.advance(self._run.loading.reactions(self._run.force, self._integrator.forces), evaluate=breaking or self._uneven())
 
     def _uneven(self) -> bool:
         """Return whether supports change velocity faster than the viscosity allows the elastic forces to be followed."""

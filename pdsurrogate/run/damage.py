@@ -42,16 +42,9 @@ class Damage:
         self._found = np.empty(len(first), dtype=np.uint32)
         chunks = chunks_of(len(bonds.first))
         self._counts = np.zeros(chunks.number, dtype=np.int64)
-        self._find = find_overstretched[body.dimension].bind(
-            body.all_points,
-            first,
-            second,
-            self._limits.reshape(-1, BLOCK),
-            np.zeros((chunks.threads, body.dimension, BLOCK)),
-            self._found,
-            self._counts,
-            chunks=chunks,
-        )
+        scratch = np.zeros((chunks.threads, body.dimension, BLOCK))
+        arrays = body.all_points, first, second, self._limits.reshape(-1, BLOCK), scratch, self._found, self._counts
+        self._find = find_overstretched[body.dimension].bind(*arrays, chunks=chunks)
         self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)
 
     def overstretched(self, positions: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from ..arguments import check_is
 from ..body import Body
 from ..problem import Problem, compile_scene
-from ..problem.problem import scene_errors
+from ..problem.materials import scene_errors
 from ..results import figures, views
 from ..scenes import Load, Part, Prescribed, Scene
 from ..scenes.shapes import Precut
@@ -104,17 +104,12 @@ def _marks(problem: Problem) -> list[_Mark]:
         size = f"{value:g}" if load.kind == "pressure" else f"({', '.join(f'{component:g}' for component in value)})"
         points = regions.points(load.region) if load.kind != "body_force" else np.zeros(0, dtype=int)
         found.append((f"{label}: {load.kind.replace('_', ' ')} {size}", points, None if load.kind == "pressure" else np.array(value)))
-    palette, middle = matplotlib.colormaps["tab10"], (problem.regions.lower + problem.regions.upper) / 2
-    return [
-        _Mark(
-            text,
-            points,
-            palette(number % 10),
-            problem.body.points[points].mean(axis=0) if len(points) else middle,
-            vector / np.linalg.norm(vector) if vector is not None and vector.any() else None,
-        )
-        for number, (text, points, vector) in enumerate(found)
-    ]
+    palette, middle, marks = matplotlib.colormaps["tab10"], (regions.lower + regions.upper) / 2, []
+    for number, (text, points, vector) in enumerate(found):
+        place = problem.body.points[points].mean(axis=0) if len(points) else middle
+        arrow = vector / np.linalg.norm(vector) if vector is not None and vector.any() else None
+        marks.append(_Mark(text, points, palette(number % 10), place, arrow))
+    return marks
 
 
 def _colours(body: Body, marks: list[_Mark]) -> np.ndarray:

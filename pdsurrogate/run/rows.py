@@ -53,7 +53,10 @@ def state_columns(run: Run) -> dict[str, float]:
 
 def equilibrium_columns(run: Run, level: dict) -> dict:
     """Return the row of the history at an output in equilibrium, with the measures of its level."""
-    row = place_columns(run) | {key: level[key] for key in level if key == "nominal_stress"} | {"strain_energy": run.strain_energy()}
+    row = place_columns(run)
+    if "nominal_stress" in level:
+        row["nominal_stress"] = level["nominal_stress"]
+    row["strain_energy"] = run.strain_energy()
     row |= component_columns("force", level["forces"]) | component_columns("moment", level.get("moments", {}))
     for name, region in level.get("rigid", {}).items():
         for kind in ("force", "moment"):

@@ -1,5 +1,7 @@
 """One simulation under way: the problem, its forces, and the state that the stages of the programme advance."""
 
+import os
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -7,20 +9,20 @@ from typing import Any, Protocol, runtime_checkable
 import numba
 import numpy as np
 
+from ..body import Body, ReflectionPlane
+from ..body.body import Cells
 from ..engine.threads import threads_for
 from ..forces import ForceModel
-from ..problem import Stage, compile_scene
-from ..problem.problem import scene_errors
-from ..ranks import communicator
+from ..problem import Problem, Stage, compile_scene
+from ..problem.materials import scene_errors
+from ..ranks import Communicator, communicator
 from ..results import measures
 from ..results.contents import Contents
-from ..results.probes import Probes
 from ..results.states import Moment, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene
 from .checkpoints import Checkpoints, Record, State
 from .damage import Damage
 from .interruption import Interruption
-from .sharing import compile_first, threads_of
 
 MOST_GATHERED = 500_000
 """Points of a body on several ranks beyond which each rank writes its own piece of a state.
@@ -57,6 +59,10 @@ class Silent:
     level = residual = dynamics = account = compiling
 
 
+class Oversubscribed(RuntimeWarning):
+    """More threads than cores: ranks wait for each other in loops, and each keeps a core from those it waits for."""
+
+
 class Run:
     """Simulation in progress, with its body, force, loading and recorded results.
 
@@ -70,10 +76,11 @@ class Run:
         Where states and checkpoints are written as they are reached.
     threads : int, optional
         Threads of the kernels; by default as many as pay for the body.
-    interruption : Interruption, optional
 
     Attributes
     ----------
+    interruption : Interruption
+        What may end the run early; by default only a signal.
     problem : Problem
     force : InternalForce
     loaded : InternalForce or LoadedForce
@@ -102,28 +109,22 @@ class Run:
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        models: Sequence[ForceModel],
-        progress: Progress,
-        folder: Path | None = None,
-        threads: int | None = None,
-        interruption: Interruption | None = None,
+        self, scene: Scene, models: Sequence[ForceModel], progress: Progress, folder: Path | None = None, threads: int | None = None
     ) -> None:
         self.model, self.progress, self.folder = models[0], progress, folder
-        self.interruption, self.ranks = interruption or Interruption(), communicator()
+        self.interruption, self.ranks = Interruption(), communicator()
         self.problem = compile_scene(scene, models, self.ranks)
         self.contents = Contents.of(scene, models)
         self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loading.loads
         self.stages: tuple[Stage, ...] = self.problem.stages
         paying = threads_for(len(self.body.bonds.first))
-        self.threads = (threads or paying) if self.ranks.size == 1 else threads_of(self.ranks, threads, paying)
+        self.threads = (threads or paying) if self.ranks.size == 1 else _threads_of(self.ranks, threads, paying)
         numba.set_num_threads(self.threads)
         if self.ranks.size > 1:
-            compile_first(self.ranks, self.model, self.problem)
+            _compile_first(self.ranks, self.model, self.problem)
         self.force, self.loaded = self.problem.bind()
         with scene_errors(scene):
-            self.probes = Probes(self.problem.whole, scene.probes, self._portion_of(), self.body.share)
+            self.probes = measures.Probes(self.problem.whole, scene.probes, self._portion_of(), self.body.share)
         self.whole = None if self.ranks.rank else self.problem.whole
 
         self.positions = self.body.points.copy()
@@ -234,3 +235,27 @@ class Run:
         bonds, own = self.body.bonds, self.body.share.own
         within = bonds.second < len(self.body)
         return int(np.count_nonzero(own[bonds.first[within]]) + np.count_nonzero(own[bonds.second[within]]))
+
+
+def _threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
+    """Return the number of threads of this rank: the one given, or else as many as pay, at most the cores per rank of its machine."""
+    here = ranks.here()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads = asked or max(1, min(paying, cores // here))
+    if here * threads > cores and ranks.rank == 0:
+        what = f"{here} ranks of {threads} thread{'s' * (threads > 1)} each share {cores} cores"
+        warnings.warn(f"{what}: each keeps the others waiting; take as many ranks as cores", Oversubscribed, stacklevel=3)
+    return threads
+
+
+def _compile_first(ranks: Communicator, model: ForceModel, problem: Problem) -> None:
+    """Compile the kernels on the first rank, so that the others load them and do not compete for its cores."""
+    if ranks.rank == 0:
+        dimension = problem.body.dimension
+        cells = Cells.filling((0.0,) * dimension, (8.0 if dimension == 2 else 5.0,) * dimension, 1.0)
+        points = cells.centres()
+        planes = (ReflectionPlane(0, 0.0, -1, (-1,) * dimension),)
+        body = Body(points, np.full(len(points), cells.volume), 3.15 if dimension == 2 else 1.75, 1.0, planes=planes)
+        force = model.bind(body, problem.law, problem.settings)
+        force(points.copy(), np.empty_like(points))
+    ranks.barrier()

@@ -18,7 +18,7 @@ from ..engine.compile import compilation_clock
 from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
 from ..problem.materials import checked_models
-from ..ranks import communicator
+from ..ranks import Communicator, communicator
 from ..results import Result
 from ..results.contents import Contents
 from ..results.files import remove_leftovers
@@ -26,11 +26,10 @@ from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, ch
 from ..results.provenance import provenance
 from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
-from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.conditions import FoldedOver
+from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from .interruption import Interrupted, Interruption
 from .run import Progress, Run, Silent
-from .sharing import refuse_different
 from .stages import SinglePrecisionLeft, go
 
 if TYPE_CHECKING:
@@ -189,7 +188,7 @@ def simulate(
         raise ValueError("give resume or overwrite, not both")
     ranks = communicator()
     if ranks.size > 1:
-        refuse_different(ranks, scene, model, folder, resume)
+        _refuse_different(ranks, scene, model, folder, resume)
     with ranks.together():
         models = checked_models(scene, model)
     progress = Silent() if progress is None or ranks.rank else progress
@@ -204,8 +203,8 @@ def simulate(
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
     with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
-        run = Run(scene, models, progress, folder, threads and most, interruption)
+        run = Run(scene, models, progress, folder, threads and most)
+        run.interruption = interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
@@ -223,7 +222,7 @@ def simulate(
             return result
 
         try:
-            with run.interruption:
+            with interruption:
                 go(run, resume)
         except (Interrupted, KeyboardInterrupt) as error:
             if isinstance(error, KeyboardInterrupt) and not interruption.told:
@@ -298,6 +297,22 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         summary["critical_stretch"] = run.problem.critical_stretch
         summary["crack"] = state.crack | ({} if stress is None else {"peak": _peak(state.history)})
     return Result(run.problem.scene, run.body if run.whole is None else run.whole, summary, state.history, run.states, state.convergence)
+
+
+def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
+    """Refuse ranks that were given different input, which would wait for each other.
+
+    Raises
+    ------
+    SceneError
+        Names the key.
+    """
+    given = {"scene": scene.model_dump_json(), "force": model.name, "folder": str(folder), "resume": resume}
+    others = ranks.everywhere(given)
+    different = [what for what in given if any(other[what] != others[0][what] for other in others)]
+    if different:
+        what = f"the ranks were not given the same {' and '.join(different)}"
+        raise SceneError(f"scene {scene.name}: {what}; start all of them by one command")
 
 
 def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
-from ..solvers import Diverging, ExplicitDynamics
+from ..solvers.dynamics import ExplicitDynamics
+from ..solvers.equilibrium import Diverging
 from .account import STEPS_PER_ROW, Bookkeeping
 from .cracks import Cracks
 from .interruption import Interrupted
@@ -43,25 +44,18 @@ class Transient:
     """
 
     def __init__(self, run: Run, stage: Stage) -> None:
-        self.run, self.spec, self.most_outputs = run, stage.inertia, stage.outputs
-        self.motion, self.viscosity = self.spec.motion(run.state.begin, stage.to), self.spec.viscosity
+        self.run, self.most_outputs = run, stage.outputs
+        self.spec = spec = stage.inertia
+        self.motion, self.viscosity = spec.motion(run.state.begin, stage.to), spec.viscosity
         if self.viscosity is None:
-            of_cracks = CRACK_VISCOSITY * run.body.spacing * math.sqrt(self.spec.density / run.problem.law.shear_modulus)
+            of_cracks = CRACK_VISCOSITY * run.body.spacing * math.sqrt(spec.density / run.problem.law.shear_modulus)
             self.viscosity = 0.0 if run.damage is None else of_cracks
+        body = run.positions, np.zeros_like(run.positions), run.loading.free, spec.density * run.body.volumes
         self.integrator = ExplicitDynamics(
-            run.force,
-            self._hold,
-            run.positions,
-            np.zeros_like(run.positions),
-            run.loading.free,
-            self.spec.density * run.body.volumes,
-            damping=self.spec.damping,
-            viscosity=self.viscosity,
-            safety=self.spec.safety,
-            loads=run.loads,
+            run.force, self._hold, *body, damping=spec.damping, viscosity=self.viscosity, safety=spec.safety, loads=run.loads
         )
         # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
-        self._timed = self.spec.duration is not None
+        self._timed = spec.duration is not None
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)
         self.account = self._books.account
         self._cracks = None if run.damage is None else Cracks(run, self.integrator, self.account)
@@ -215,7 +209,7 @@ class Transient:
     def _row(self, first: bool = False) -> None:
         """Add a row to the history, and work and damped energy up to it to the account."""
         run, books, stress = self.run, self._books, self.run.problem.measures.nominal_stress
-        reactions, kinetic = books.reactions(), books.kinetic_energy()
+        reactions, kinetic = run.loading.reactions(run.force, self.integrator.forces), books.kinetic_energy()
         forces = forces_by_name(run, reactions)
         books.advance(reactions, evaluate=True)
         strain, row = run.strain_energy(), place_columns(run, run.state.elapsed + self.account.time)

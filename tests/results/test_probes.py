@@ -7,8 +7,7 @@ import pdsurrogate as pds
 from pdsurrogate.body.local_fit import MOST_AMPLIFICATION, fields_at, interpolation
 from pdsurrogate.discretisation import discretise
 from pdsurrogate.materials import plane_stress
-from pdsurrogate.results.measures import PointState
-from pdsurrogate.results.probes import Probes
+from pdsurrogate.results.measures import PointState, Probes
 from pdsurrogate.scenes import Probe
 
 F = np.array([[1.2, 0.3], [-0.1, 0.9]])
