@@ -1,7 +1,7 @@
 """Identifications as commands carry them out, and their reports, as dictionaries and as figures."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import NamedTuple
 
 import matplotlib
@@ -16,7 +16,7 @@ from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
 from .energy import EnergyRegressor
 from .examination import examine, standardised
-from .regressor import N_TERMS, LawRegressor, fitted_laws
+from .regressor import LawRegressor, fitted_laws
 from .stress_regressor import StressRegressor, committee, free_sides, nominal_stress, states
 
 EDGE = 1e-6
@@ -129,51 +129,29 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
     return rows
 
 
-@dataclass(frozen=True)
-class IdentificationSettings:
-    """Settings of an identification.
+def bulk_arguments(**given: float | None) -> dict[str, float]:
+    """Return those of the arguments `bulk_modulus` and `bulk_ratio` of a regressor that are given; raise ValueError for both or a bad one."""
+    found = {key: value for key, value in given.items() if value is not None}
+    if len(found) > 1:
+        raise ValueError("--bulk-modulus and --bulk-ratio say the same: choose one")
+    for key, value in found.items():
+        if not 0 < value < float("inf"):
+            raise ValueError(f"--{key.replace('_', '-')} must be positive and finite, not {value:g}")
+    return found
 
-    Parameters
-    ----------
-    n_terms : int
-        Terms of Ogden's law.
-    bulk_modulus, bulk_ratio : float, optional
-        Bulk modulus of the law, or its ratio to the shear modulus; at most one of them.
 
-    Raises
-    ------
-    ValueError
-        If both are given, or one is not positive.
-    """
-
-    n_terms: int = N_TERMS
-    bulk_modulus: float | None = None
-    bulk_ratio: float | None = None
-
-    def __post_init__(self) -> None:
-        if len(self.bulk) > 1:
-            raise ValueError("--bulk-modulus and --bulk-ratio say the same: choose one")
-        for key, value in self.bulk.items():
-            if not 0 < value < float("inf"):
-                raise ValueError(f"--{key.replace('_', '-')} must be positive and finite, not {value:g}")
-
-    @property
-    def bulk(self) -> dict[str, float]:
-        """Arguments of a regressor for the bulk modulus, without those that are not given."""
-        return {key: value for key in ("bulk_modulus", "bulk_ratio") if (value := getattr(self, key)) is not None}
-
-    def fitted(self, data: TestData, law: str | None) -> StressRegressor:
-        """Return a regressor of a law, or for None of an energy without a law, fitted to test data; raise ValueError for other names."""
-        if law is not None and law not in LAWS:
-            raise ValueError(f"unknown law {law!r}; there are {', '.join(sorted(LAWS))}")
-        if law is not None and law not in fitted_laws():
-            raise ValueError(f"the terms of {law} are found from test data by fit --free, which names no law")
-        regressor = EnergyRegressor(**self.bulk) if law is None else LawRegressor(law, n_terms=self.n_terms, **self.bulk)
-        return regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
+def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]) -> StressRegressor:
+    """Return a regressor of a law, or for None of an energy without a law, fitted to test data; raise ValueError for other names."""
+    if law is not None and law not in LAWS:
+        raise ValueError(f"unknown law {law!r}; there are {', '.join(sorted(LAWS))}")
+    if law is not None and law not in fitted_laws():
+        raise ValueError(f"the terms of {law} are found from test data by fit --free, which names no law")
+    regressor = EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
+    return regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
 
 
 def identify(
-    data: TestData, laws: Sequence[str], settings: IdentificationSettings, hold_out: bool, progress: Callable[[float, str], None]
+    data: TestData, laws: Sequence[str], n_terms: int, bulk: dict[str, float], hold_out: bool, progress: Callable[[float, str], None]
 ) -> tuple[list[StressRegressor], list[dict], list[dict]]:
     """Fit laws to test data.
 
@@ -182,7 +160,10 @@ def identify(
     data : TestData
     laws : sequence of str
         Names of laws.
-    settings : IdentificationSettings
+    n_terms : int
+        Terms of Ogden's law.
+    bulk : dict
+        See `bulk_arguments`.
     hold_out : bool
         Whether each mode is held out in turn from further fits.
     progress : callable
@@ -200,7 +181,7 @@ def identify(
     models, held_out = [], []
     for number, law in enumerate(laws):
         progress(number, law)
-        models.append(settings.fitted(data, law))
+        models.append(fitted(data, law, n_terms, bulk))
         if hold_out:
             progress(number + 0.5, f"{law}, each mode held out in turn")
             held_out += held_out_modes([clone(models[-1])], data)
@@ -234,9 +215,9 @@ class Identified(NamedTuple):
     members: list[Law]
 
 
-def identified(data: TestData, law: str | None, settings: IdentificationSettings, n_members: int | None, seed: int) -> Identified:
+def identified(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float], n_members: int | None, seed: int) -> Identified:
     """Return a law, or for None an energy without a law, fitted to test data, with a `committee` of `n_members`."""
-    model = settings.fitted(data, law)
+    model = fitted(data, law, n_terms, bulk)
     found, members = examined(model, data), []
     if n_members:
         weights = data.balanced_weights()
@@ -246,32 +227,19 @@ def identified(data: TestData, law: str | None, settings: IdentificationSettings
     return Identified(data, model, found, [member.law_ for member in members])
 
 
-class SimulatedTests(NamedTuple):
-    """Test data simulated with a force model.
+def simulate_tests(force: ForceModel, data: TestData, model: StressRegressor) -> tuple[np.ndarray, float, int]:
+    """Simulate test data with a force model.
 
-    Attributes
-    ----------
+    Returns
+    -------
     stress : ndarray
         Nominal stresses.
-    differences : dict
-        Greatest difference from the stresses measured, by mode (`differences`).
     off_law : float
-        Greatest difference from the law, relative to the greatest stress; NaN if a state has no stress.
+        Greatest difference from the law of `model`, relative to the greatest stress; NaN if a state has no stress.
     outside : int
         Number of rows outside the domain of the force model.
     """
-
-    stress: np.ndarray
-    differences: dict[str, dict]
-    off_law: float
-    outside: int
-
-
-def simulate_tests(force: ForceModel, tests: Identified) -> SimulatedTests:
-    """Return the nominal stresses of a force model in the states of test data, compared with data and law."""
-    data, model = tests.data, tests.model
     first, second = data.stretches.T
     stress, beyond = nominal_states(force, model.law_, np.column_stack([first, np.where(free_sides(first, second), np.nan, second)]))
     law = model.predict(data.stretches)
-    off_law = np.abs(stress - law).max() / np.abs(law).max()
-    return SimulatedTests(stress, differences(data, stress), float(off_law), int((beyond > EDGE).sum()))
+    return stress, float(np.abs(stress - law).max() / np.abs(law).max()), int((beyond > EDGE).sum())
