@@ -61,7 +61,7 @@ class QuasiNewton(EquilibriumSolver):
             try:
                 following = self._advance(force, positions, step, forces, trial)
             except Diverging:
-                if not self.at_rounding:
+                if self.least_left == np.inf:  # the forces left are more than rounding errors
                     raise
                 self.evaluate(force, positions, forces)
                 break
