@@ -18,7 +18,7 @@ from ..materials import Gent, Law, NeoHookean, homogeneous
 from ..results import Result
 from ..scenes import load_scene
 from ..solvers.equilibrium import Diverging, NotConverged
-from ..solvers.quasi_newton import Automatic
+from ..solvers.methods import Automatic
 from .bodies import HORIZONS, SPACING, crack, inner_points, middle_point, of_points, of_simplices
 from .case import STOPS, WEAK, Ended, Outcome, Subject, case, cases_of, forces_at, required
 from .tangents import CELLS, resistance, why_not_resisted
