@@ -14,8 +14,8 @@ from ..artifacts import load_card, load_surrogate, new_artifact, next_version, o
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data
 from ..identification.regressor import N_TERMS
-from ..identification.settings import IdentificationSettings, Identified, identified, simulate_tests
-from ..identification.settings import identify as identify_laws
+from ..identification.reporting import IdentificationSettings, Identified, identified, simulate_tests
+from ..identification.reporting import identify as identify_laws
 from ..learning import store
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening

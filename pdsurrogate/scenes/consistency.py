@@ -87,10 +87,8 @@ def _way_of_loading(scene: Scene) -> None:
     general = [key for key in ("prescribed", "loads", "steps") if getattr(scene, key)]
     short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(scene, key)]
     if general and short:
-        raise ValueError(
-            f"{short[0]} and {general[0]} are two ways of saying the loading: give grips and stretches (with holds and dynamics), or "
-            "prescribed and loads with steps (dynamics within a step)"
-        )
+        ways = "give grips and stretches (with holds and dynamics), or prescribed and loads with steps (dynamics within a step)"
+        raise ValueError(f"{short[0]} and {general[0]} are two ways of saying the loading: {ways}")
     if general and not scene.steps:
         raise ValueError(f"{general[0]} need steps: the values of the loading parameter t to go to, as steps=1")
     if general == ["steps"]:

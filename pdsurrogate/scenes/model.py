@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
 from ..html_tables import html_facts
@@ -14,8 +14,8 @@ from .consistency import check_consistency
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
 from .problems import SceneError, suggestion
 from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
-from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle, with_shape
-from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Sphere, Tube, cut_of
+from .shapes import Mesh
+from .solids import AnyBody, AnyPrecut, AnyShape
 from .strict_model import Finite, Positive, StrictModel, Vector, Whole
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
@@ -60,10 +60,8 @@ class MaterialSpec(StrictModel):
         for key in ("shear_modulus", "bulk_modulus"):
             value = getattr(law, key)
             if not LEAST_MODULUS <= value <= MOST_MODULUS:
-                raise ValueError(
-                    f"{key} is {value:g}: forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}; "
-                    "take other units of stress"
-                )
+                taken = f"forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}"
+                raise ValueError(f"{key} is {value:g}: {taken}; take other units of stress")
 
     @property
     def rigid(self) -> bool:
@@ -201,13 +199,14 @@ class Dynamics(DynamicsSettings):
     outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 30
 
 
-_Shape = Rectangle | Circle | Ellipse | Polygon | Box | Cylinder | Sphere | Tube | Extrusion
-AnyShape = Annotated[_Shape, Field(discriminator="shape"), BeforeValidator(with_shape)]
-AnyBody = Annotated[_Shape | Mesh, Field(discriminator="shape"), BeforeValidator(with_shape)]
-AnyPrecut = Annotated[
-    Annotated[Precut, Tag("line")] | Annotated[ParallelogramCut, Tag("parallelogram")] | Annotated[DiscCut, Tag("disc")],
-    Discriminator(cut_of),
-]
+_OneOrMany = BeforeValidator(lambda value: (value,) if isinstance(value, int | float | dict) else value)
+"""Lets one entry stand for a list of one."""
+
+
+def _known_weight(value: str) -> str:
+    if value not in WEIGHT_FUNCTIONS:
+        raise ValueError(f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
+    return value
 
 
 def _dimension_of(data: Mapping[str, Any]) -> int:
@@ -273,7 +272,7 @@ class Scene(StrictModel):
     name: SceneName
     title: str = ""
     spacing: Annotated[Positive, Field(ge=LEAST_SPACING, le=MOST_SPACING)] | None
-    stretches: tuple[Level, ...] = ()
+    stretches: Annotated[tuple[Level, ...], _OneOrMany] = ()
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()
     precuts: tuple[AnyPrecut, ...] = ()
@@ -285,11 +284,11 @@ class Scene(StrictModel):
     regions: Annotated[dict[RegionName, Region], Field(default_factory=dict)]
     prescribed: tuple[Prescribed, ...] = ()
     loads: tuple[Load, ...] = ()
-    steps: tuple[Step, ...] = ()
+    steps: Annotated[tuple[Step, ...], _OneOrMany] = ()
     probes: tuple[Probe, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
-    weight: str = "inverse"
+    weight: Annotated[str, AfterValidator(_known_weight)] = "inverse"
     correction: Literal["tensor", "scalar", "none"] | None = None
     rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
@@ -299,18 +298,6 @@ class Scene(StrictModel):
     dynamics: Dynamics | None = None
     units: Units = Units()
     reference: Literal["uniaxial", "finite-elements"] | None = None
-
-    @field_validator("stretches", "steps", mode="before")
-    @classmethod
-    def _one_or_many(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, int | float | dict) else value
-
-    @field_validator("weight")
-    @classmethod
-    def _known_weight(cls, value: str) -> str:
-        if value not in WEIGHT_FUNCTIONS:
-            raise ValueError(f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
-        return value
 
     @field_validator("plane", "horizon_ratio", mode="before")
     @classmethod

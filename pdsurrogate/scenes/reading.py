@@ -58,12 +58,9 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise SceneError(f"{source}: not valid TOML: {error}") from None
-    if isinstance(changes, Mapping):
-        pairs = list(changes.items())
-    elif isinstance(changes, str):
+    if isinstance(changes, str):
         raise SceneError(f"changes must be a list of key=value, or a mapping, not the text {changes!r}")
-    else:
-        pairs = [parse_change(change) for change in changes]
+    pairs = changes.items() if isinstance(changes, Mapping) else map(parse_change, changes)
     for key, value in [*pairs, *parameters.items()]:
         apply_change(data, key, value)
     body = data.get("body")

@@ -166,9 +166,8 @@ def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
     """Return nodes along the sides of a polygon, each divided into the equal pieces that are nearest to a cell."""
     sides = np.roll(corners, -1, axis=0) - corners
     pieces = [max(1, round(float(np.hypot(*(side / cell))))) for side in sides]
-    return np.concatenate(
-        [corner + np.arange(count)[:, None] / count * side for corner, side, count in zip(corners, sides, pieces, strict=True)]
-    )
+    divided = zip(corners, sides, pieces, strict=True)
+    return np.concatenate([corner + np.arange(count)[:, None] / count * side for corner, side, count in divided])
 
 
 def _crossing(corners: np.ndarray) -> str | None:
@@ -296,15 +295,9 @@ class Precut(StrictModel):
         """
         a, b = np.array(self.start), np.array(self.end)
         along = b - a
-        tolerance = 1e-9 * np.linalg.norm(along)
-
-        def left_of(points, origin, direction):
-            offset = points - origin
-            return direction[..., 0] * offset[..., 1] - direction[..., 1] * offset[..., 0]
-
-        sides = [left_of(points, a, along) >= -tolerance * np.linalg.norm(along) for points in (starts, ends)]
+        sides = [_cross(along, points - a) >= -1e-9 * (along @ along) for points in (starts, ends)]
         apart = np.flatnonzero(sides[0] != sides[1])
         crossing = np.zeros(len(starts), dtype=bool)
         origin, direction = starts[apart], ends[apart] - starts[apart]
-        crossing[apart] = (left_of(a, origin, direction) >= 0) != (left_of(b, origin, direction) >= 0)
+        crossing[apart] = (_cross(direction, a - origin) >= 0) != (_cross(direction, b - origin) >= 0)
         return crossing

@@ -1,11 +1,12 @@
 """Three-dimensional shapes of bodies and holes, and flat cuts."""
 
 from abc import abstractmethod
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from .shapes import AnyOutline, Circle, Ellipse, Outline, Rectangle, Shape
+from .shapes import AnyOutline, Circle, Ellipse, Mesh, Outline, Polygon, Precut, Rectangle, Shape, with_shape
 from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictModel
 
 
@@ -294,8 +295,17 @@ class DiscCut(FlatCut):
         return np.linalg.norm(places - np.array(self.centre), axis=1) <= self.radius
 
 
-def cut_of(value: Any) -> str:
+def _cut_of(value: Any) -> str:
     """Return the kind of cut as which a part is read, by its keys: a straight cut of a sheet unless it has those of another kind."""
     given = value if isinstance(value, dict) else getattr(value, "__dict__", {})
     kinds = {"parallelogram": ParallelogramCut, "disc": DiscCut}
     return next((kind for kind, cut in kinds.items() if cut.model_fields.keys() & given), "line")
+
+
+_Shape = Rectangle | Circle | Ellipse | Polygon | Box | Cylinder | Sphere | Tube | Extrusion
+AnyShape = Annotated[_Shape, Field(discriminator="shape"), BeforeValidator(with_shape)]
+AnyBody = Annotated[_Shape | Mesh, Field(discriminator="shape"), BeforeValidator(with_shape)]
+AnyPrecut = Annotated[
+    Annotated[Precut, Tag("line")] | Annotated[ParallelogramCut, Tag("parallelogram")] | Annotated[DiscCut, Tag("disc")],
+    Discriminator(_cut_of),
+]

@@ -66,17 +66,15 @@ class Outcome:
     weakness: str | None = None
 
     @classmethod
-    def below(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure: str = "{:.1e}") -> Outcome:
-        """Return an outcome that is passed if the value, or the greatest of several by their names, is at most the limit."""
-        return cls._compared(value, max, operator.le, limit, weakness, figure)
-
-    @classmethod
-    def above(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure: str = "{:.2g}") -> Outcome:
+    def above(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure="{:.2g}") -> Outcome:
         """Return an outcome that is passed if the value, or the least of several by their names, is at least the limit."""
-        return cls._compared(value, min, operator.ge, limit, weakness, figure)
+        return cls.below(value, limit, weakness, figure, min, operator.ge)
 
     @classmethod
-    def _compared(cls, value, worst: Callable, holds: Callable, limit: float, weakness: str, figure: str) -> Outcome:
+    def below(
+        cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure="{:.1e}", worst=max, holds=operator.le
+    ) -> Outcome:
+        """Return an outcome that is passed if the value, or the greatest of several by their names, is at most the limit."""
         if isinstance(value, Mapping):
             name = worst(value, key=value.get)
             value, figure = value[name], f"{figure} ({name})"
@@ -146,8 +144,13 @@ class Case:
 
 
 def case(title: str, asked: str, **options) -> Callable[[Callable[..., Outcome]], Case]:
-    """Return a decorator that makes a `Case` of a function, which must still be listed in `CASES`."""
+    """Return a decorator that makes a `Case` of a function."""
     return lambda function: Case(title, asked, function, **options)
+
+
+def cases_of(module: Mapping[str, Any]) -> tuple[Case, ...]:
+    """Return the cases that a module defines, in their order, from its `globals`."""
+    return tuple(found for found in module.values() if isinstance(found, Case) and found.function.__module__ == module["__name__"])
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ The tests run every pair of a row and a property, and ``pdsurrogate stress-test`
     Row("yeoh", MOMENTS),
 
 The second argument states the properties that the model lacks, with the bounds that it keeps instead; a model with every property is
-``Row("yeoh")``. A new property is a `case`, and a name in `PROPERTIES`.
+``Row("yeoh")``. A new property is a `case`.
 """
 
 import re
@@ -14,10 +14,10 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -34,7 +34,7 @@ from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent
 from ..scenes import load_scene
 from .bodies import crack, disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
-from .case import PASS, WEAK, Case, Outcome, Subject, case, forces_at, required
+from .case import PASS, WEAK, Case, Outcome, Subject, case, cases_of, forces_at, required
 from .deformations import force_densities, mean_stress_at, turn, wavy, why_inaccurate
 from .runs import energy_account, force_balance, in_units_of, scale_of_units, small_loads
 
@@ -42,8 +42,7 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 """Diagonal of a reflection; a body of dimension d uses the first d entries."""
 
 
-@dataclass(frozen=True)
-class Departure:
+class Departure(NamedTuple):
     """Statement that a model lacks a property, with the bound that it keeps instead.
 
     Attributes
@@ -62,8 +61,7 @@ class Departure:
         return self.bound(reference) if callable(self.bound) else self.bound
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """Force model of the table, tested on every property in its own material (`Subject.law`).
 
     Attributes
@@ -77,7 +75,7 @@ class Row:
     """
 
     reference: str
-    departures: Mapping[str, Departure] = field(default_factory=dict)
+    departures: Mapping[str, Departure] = MappingProxyType({})
     plane: str = "stress"
 
     @property
@@ -86,8 +84,7 @@ class Row:
         return self.reference + WHERE[self.plane]
 
 
-@dataclass(frozen=True)
-class Deformation:
+class Deformation(NamedTuple):
     """Stretch along rotated axes, rotated again, with superposed waves in a drawn direction; in three dimensions the volume is kept."""
 
     first: float
@@ -521,11 +518,7 @@ def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:
             return "stops"
 
 
-PROPERTIES = (
-    *(rigid_rotation, objectivity, another_start, mirror, linear_momentum, angular_momentum, order_of_points, units),
-    *(homogeneous_stress, single_precision, kernel_and_numpy, threads, reflected_half, pair_forces, broken_bonds, unbreakable),
-    *(checkpoint, impossible_states, settings_refused, small_loads, force_balance, scale_of_units, energy_account),
-)
+PROPERTIES = (*cases_of(globals()), small_loads, force_balance, scale_of_units, energy_account)
 """All properties, in the order of the report."""
 
 

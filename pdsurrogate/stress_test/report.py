@@ -13,7 +13,7 @@ from ..results.provenance import processor
 from . import conformance, deformations, runs, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
 
-CASES: tuple[Case, ...] = (*tangents.CASES, *conformance.PROPERTIES, *deformations.CASES, *runs.CASES)
+CASES: tuple[Case, ...] = tuple(dict.fromkeys((*tangents.CASES, *conformance.PROPERTIES, *deformations.CASES, *runs.CASES)))
 """All cases in the order of the table: the hard ones, then the properties of `conformance`."""
 
 

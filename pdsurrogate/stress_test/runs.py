@@ -19,7 +19,7 @@ from ..materials import PLANES, Law
 from ..scenes import MaterialSpec, Scene
 from ..solvers import FrequencyEstimate
 from .bodies import SPACING
-from .case import PASS, WEAK, Ended, Outcome, Subject, case, forces_at, required
+from .case import PASS, WEAK, Ended, Outcome, Subject, case, cases_of, forces_at, required
 from .deformations import force_densities
 
 STEPS = 100_000
@@ -53,9 +53,8 @@ class Motion:
     def advance(self, steps: int) -> None:
         for _ in range(steps):
             forces = forces_at(self.force, self.positions) + self.load
-            central_difference_step[self.positions.shape[1]](
-                self.positions, self.velocities, forces, self.free, self.mass, self.damping, self.step, self.step
-            )
+            scheme = self.free, self.mass, self.damping, self.step, self.step
+            central_difference_step[self.positions.shape[1]](self.positions, self.velocities, forces, *scheme)
 
 
 SIDES = (1.2, 0.8), (1.0, 0.8, 0.8)
@@ -90,10 +89,8 @@ POWERS = (-9, 9)
 def in_units_of(law: Law, stress: float) -> Law:
     """Return the material with every modulus multiplied by a factor."""
     described = law.describe()
-    for key in described:
-        if "modul" in key:
-            described[key] = (np.asarray(described[key]) * stress).tolist()
-    return MaterialSpec.model_validate(described).build()
+    moduli = {key: np.multiply(value, stress).tolist() for key, value in described.items() if "modul" in key}
+    return MaterialSpec.model_validate(described | moduli).build()
 
 
 def _why_no_equilibrium(subject: Subject) -> str:
@@ -276,9 +273,8 @@ def time_step(subject: Subject) -> Outcome:
         motion = Motion(subject.bind(body), share)
         first = motion.kinetic_energy
         motion.advance(100)
-        growth = Outcome.below(
-            (motion.kinetic_energy / first) ** 0.01, 1.1, "not conservative", f"at {share} the energy grew {{:.2g}} times a step"
-        )
+        a_step, figure = (motion.kinetic_energy / first) ** 0.01, f"at {share} the energy grew {{:.2g}} times a step"
+        growth = Outcome.below(a_step, 1.1, "not conservative", figure)
         if growth.weakness:
             return growth
     for share in (1.1, 2.0):
@@ -372,4 +368,4 @@ def sudden_load(subject: Subject) -> Outcome:
     return Outcome.below(moved, 0.01, "not conservative")
 
 
-CASES = (sheared_layer, confined_layer, time_step, damped_steps, undamped_steps, sudden_load)
+CASES = cases_of(globals())
