@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from ..arguments import check_is
 from ..problem import Problem, compile_scene
 from ..problem.problem import scene_errors
-from ..results import figures, views
+from ..results import figures
 from ..scenes import Load, Part, Prescribed, Scene
 from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
@@ -154,7 +154,7 @@ def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tupl
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    views.draw_outside(axes, body.cells, nodes, colours)
+    figures.draw_outside(axes, body.cells, nodes, colours)
     for mark in marks:
         if mark.arrow is not None:
             axes.quiver(*mark.place, *(2 * ARROW * (high - low).max() * mark.arrow), color=mark.colour, lw=2, zorder=5)
@@ -176,7 +176,7 @@ def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tupl
 
 def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
     """Return whether a place lies inside the body or on its far side: whether points lie between it and the eye."""
-    way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * views.EYE
+    way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * figures.EYE
     return bool((points.query(place + way)[0] < WITHIN * cell).any())
 
 
