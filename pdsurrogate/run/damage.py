@@ -45,9 +45,9 @@ class Damage:
         scratch = np.zeros((chunks.threads, body.dimension, BLOCK))
         arrays = body.all_points, first, second, self._limits.reshape(-1, BLOCK), scratch, self._found, self._counts
         self._find = find_overstretched[body.dimension].bind(*arrays, chunks=chunks)
-        cut = body.bonds.cut.T
+        one, other = body.bonds.cut.T
         self._whole = _by_points(body, bonds.first, bonds.second, self._weights)
-        self._whole += _by_points(body, *cut, body.weigh(_lengths(body, *cut)))
+        self._whole += _by_points(body, one, other, body.weigh(_lengths(body, one, other)))
 
     def overstretched(self, positions: np.ndarray) -> np.ndarray:
         """Return the numbers of the intact pairs whose stretch exceeds the critical one, in ascending order.
