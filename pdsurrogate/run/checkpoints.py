@@ -160,7 +160,7 @@ class Checkpoints:
         """Return the arrays that every checkpoint of the run holds."""
         run = self.run
         damage = {} if run.damage is None else {"broken": run.damage.broken, "recent": run.damage.recent}
-        return {"positions": run.positions, **run.force.state_arrays(), **damage}
+        return {**run.arrays(), **damage}
 
     def _rows_of(self, key: str) -> Rows:
         """Return the rows of the whole body that an array of a checkpoint holds."""
