@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from ..arguments import check_is
 from ..problem import Problem, compile_scene
-from ..problem.problem import scene_errors
+from ..problem.materials import scene_errors
 from ..results import figures
 from ..scenes import Load, Part, Prescribed, Scene
 from ..scenes.shapes import Precut
