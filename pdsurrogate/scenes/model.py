@@ -120,13 +120,8 @@ class Part(StrictModel):
     material: MaterialSpec
     force: str | None = None
 
-    @property
-    def rigid(self) -> bool:
-        """Return whether the region moves as one body."""
-        return self.material.rigid
-
     def model_post_init(self, _) -> None:
-        if self.rigid and self.force is not None:
+        if self.material.rigid and self.force is not None:
             raise ValueError("a rigid region is not deformed and takes no force: leave it out")
 
 
