@@ -4,9 +4,9 @@ import signal
 from contextlib import contextmanager
 
 import pytest
-from pdsurrogate.run.progress import Silent
 
 from pdsurrogate.run.checkpoints import Checkpoints
+from pdsurrogate.run.run import Silent
 
 
 class Killed(Exception):

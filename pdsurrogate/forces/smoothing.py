@@ -1,7 +1,5 @@
 """Smoothing of the dilatations of the points, theory (50)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 

@@ -1,7 +1,5 @@
 """Terms of the internal force, with the quantities that each needs of the points and the state that it keeps."""
 
-from __future__ import annotations
-
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -9,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator
 
 from ..body import Body
 from ..materials import PLANES
@@ -20,10 +19,8 @@ from .settings import OUTSIDE, ForceSettings
 from .steps import Step, Steps
 
 if TYPE_CHECKING:
-    from scipy.sparse.linalg import LinearOperator
-
-    from .dilatation import LinearisedDilatation
     from .protocol import ForceModel, Portion
+    from .volume_energy import LinearisedDilatation
 
 
 @dataclass(frozen=True)
@@ -99,7 +96,7 @@ class Binding:
     """
 
     kinematics: Kinematics
-    portions: Sequence[Portion]
+    portions: Sequence["Portion"]
     settings: ForceSettings
     precision: str
     portion_of: np.ndarray | None
@@ -169,7 +166,7 @@ class Term(ABC):
         self.state.append(StateArray(f"volume_ratios{end}", "images", points.kept_ratios))
         return points
 
-    def watch(self, model: ForceModel, points: MaterialPoints, quantity: str, stand_in: str) -> None:
+    def watch(self, model: "ForceModel", points: MaterialPoints, quantity: str, stand_in: str) -> None:
         """Count the pairs of some points that are outside the domain of a model, see `DomainWatch`."""
         first, share = self.body.bonds.first[points.pairs], self.body.share
         n_pairs = int(np.count_nonzero(share.own[first]))
@@ -243,7 +240,7 @@ class Term(ABC):
         """Implement `InternalForce.tangent`."""
         raise TypeError(f"{type(self).__name__} has no tangent")
 
-    def linearised_dilatation(self) -> LinearisedDilatation:
+    def linearised_dilatation(self) -> "LinearisedDilatation":
         """Implement `InternalForce.linearised_dilatation`."""
         raise TypeError(f"{type(self).__name__} has no dilatation of its own")
 
@@ -321,7 +318,7 @@ class DomainWatch:
         Pairs outside in the last evaluation.
     """
 
-    def __init__(self, model: ForceModel, n_pairs: int, outside: str, names: tuple[str, str], share: Share) -> None:
+    def __init__(self, model: "ForceModel", n_pairs: int, outside: str, names: tuple[str, str], share: Share) -> None:
         self._model, self.n_pairs, self._share, self._policy, self._names = model, n_pairs, share, outside, names
         self.found, self._warned = 0, False
 
@@ -343,6 +340,14 @@ class DomainWatch:
         if not self._warned:
             self._warned = True
             warnings.warn(f"{what}: its {quantity} there is extrapolated", OutsideDomainWarning, stacklevel=3)
+
+
+def sum_on_pairs(target: np.ndarray, parts: Sequence, quantity: str) -> None:
+    """Write the sum of a quantity of the pairs of several materials, which each part has in units of its own, for the body's pairs."""
+    target[:] = 0.0
+    for part in parts:
+        pairs = part.points.pairs
+        target[pairs] += part.unit * getattr(part, quantity)[: len(pairs)]
 
 
 def whole_volume(body: Body) -> float:

@@ -1,25 +1,25 @@
-"""Conditions of a body made from the prescriptions of a scene: held points, planes of reflection and supports, and checks of them."""
+"""Conditions and loads of a body made from those of a scene: held points, planes of reflection, supports, forces, and checks of them."""
 
-from __future__ import annotations
-
+import math
 import warnings
 from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
 
-from ..body import Body
+from ..body import Body, ReflectionPlane
 from ..forces import InvalidState
-from ..scenes import Scene
-from ..solvers.conditions import Held, Loading, place_of
+from ..scenes import Load, Scene
+from ..scenes.amplitudes import amplitude_of
+from ..scenes.model import EDGES
+from ..solvers.conditions import Loading
 from ..solvers.course import Paths, Pull
-from ..solvers.loads import Loads
-from ..solvers.rigid_motions import displaced, rigid_motions
-from ..solvers.supports import SupportAtPlace
-from .loads import edge_of
-from .prescriptions import Prescription
-from .programme import Stage
-from .regions import BodyRegions
+from ..solvers.held import Held
+from ..solvers.increments import Motion
+from ..solvers.loads import DeadLoad, Loads, Pressure
+from ..solvers.rigid import rigid_motions
+from .programme import Prescription, Stage
+from .regions import BodyRegions, text_of
 
 RIGID = 1e3
 """Stiffness of rigid regions over that of the rest in a first guess, which is then brought to where they can be."""
@@ -29,6 +29,10 @@ SAMPLES = 5
 
 LEAST_SPREAD = 1e-6
 """Singular value of the constraints below which a rigid motion is free: two points a thousandth of the body apart yield more."""
+
+
+ON_A_PLANE = 1e-6
+"""Distance in spacings within which a facet counts as lying in a plane of reflection."""
 
 
 def conditions_of(
@@ -60,10 +64,10 @@ def conditions_of(
     body, stretched = regions.body, scene.stretched
     of_rigid = np.concatenate([np.empty(0, dtype=np.int64), *rigid])
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
-    planes, held, along_planes, keys, reflected = [], [], [], [], []
-    for number, plane in enumerate(body.planes):
-        edge = edge_of(plane)
-        points, sources = regions.along_edge(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
+    edges = [edge_of(plane) for plane in body.planes]
+    planes, held, along_planes, keys = [], [], [], []
+    for number, (edge, plane) in enumerate(zip(edges, body.planes, strict=True)):
+        points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
         feet = body.points[sources].copy()
         feet[:, plane.axis] = plane.position
         rigid_points = np.intersect1d(points, of_rigid)  # a plane's images hold no region that nothing deforms
@@ -76,28 +80,24 @@ def conditions_of(
             if len(rigid_points):
                 held.append(one.held(names, rigid_points, body.points[rigid_points]))
         keys.append(holding[0].key)
-        reflected += holding
     moving = any(stage.inertia is not None for stage in stages)
-    held += [_points_of(one, names, regions, moving) for one in prescriptions if not any(one is other for other in reflected)]
-    plane_names = tuple(f"{edge_of(plane)} {'grip' if stretched else 'edge'}" for plane in body.planes)
+    held += [_points_of(one, names, regions, moving) for one in prescriptions if regions.edge(one.region) not in edges]
+    plane_names = tuple(f"{edge} {'grip' if stretched else 'edge'}" for edge in edges)
     parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
     loading = Loading(body, parameter, rest, names, plane_names, (*held, *planes), loads)
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
     _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
-    for number, (key, name) in enumerate(zip(keys, plane_names, strict=True)):
+    for number, (key, edge) in enumerate(zip(keys, edges, strict=True)):
         if not body.share.any((loading.crossing[1] == number).any()):
-            edge = f"{name.split()[0]} {'edge' if body.dimension == 2 else 'face'}"
-            raise ValueError(f"{key}: no bond of the body crosses its {edge}; do holes take all that is there?")
+            raise ValueError(f"{key}: no bond of the body crosses its {words_for(edge, body)}; do holes take all that is there?")
     if stretched:
         axis, travels = scene.loaded_axis, np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
         loading.course = Pull(loading, axis, regions.lower[axis], float(regions.upper[axis] - regions.lower[axis]), travels)
         _check_held(loading, "grips", "add a hold", f"moving along x{axis + 1}")
         return loading
     modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
-    springs: float | np.ndarray = modulus
-    if len(of_rigid):
-        springs = np.full(len(body), modulus)
-        springs[of_rigid] *= RIGID
+    springs = np.full(len(body), modulus)
+    springs[of_rigid] *= RIGID
     loading.course = Paths(loading, springs, modulus, scene.solver.largest_increment)
     if loading.supports is not None:
         loading.supports.response = loading.course.response
@@ -109,53 +109,45 @@ def conditions_of(
 
 def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> Held:
     """Return the points that a prescription holds, in a programme that may be `moving` in dynamics."""
-    body = regions.body
+    body, share = regions.body, regions.body.share
     points = regions.points(one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key)
-    support = _support(body, points) if regions.is_place(one.region) else None
-    if support is None:
+    found = {}
+    if regions.is_place(one.region):
+        rows = [(int(share.numbers[point]), tuple(body.points[point])) for point in points]
+        found = dict(sorted(row for of_part in share.everywhere(rows) for row in of_part))
+    if len(found) < 2:
         return one.held(names, points, body.points[points])
     if moving:
-        why = f"{support.count} points are equally near to this place, and a support between points is not followed in dynamics"
+        why = f"{len(found)} points are equally near to this place, and a support between points is not followed in dynamics"
         raise ValueError(f"{one.key}.region: {why}; give points by their numbers, or a box around them")
-    return one.held(names, np.setdiff1d(points, support.others), support.place[None], support=support)
-
-
-def _support(body: Body, points: np.ndarray) -> SupportAtPlace | None:
-    """Return the support that points near to a place make, if there are several."""
-    share = body.share
-    rows = [(int(share.numbers[point]), tuple(body.points[point])) for point in points]
-    found = dict(sorted(row for of_part in share.everywhere(rows) for row in of_part))
-    if len(found) == 1:
-        return None
-    return SupportAtPlace(np.mean(list(found.values()), axis=0), len(found), share.local(np.array(list(found)[1:])))
+    others = share.local(np.array(list(found)[1:]))
+    place = np.mean(list(found.values()), axis=0, keepdims=True)
+    return one.held(names, np.setdiff1d(points, others), place, others=others, count=len(found))
 
 
 def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
     """Refuse amplitudes that are not zero at rest, and conditions that move a point differently: it would go with the later one."""
     samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
+    every, error = Loading(body, "t", 0.0, (), (), tuple(held), None), 1e-9 * body.spacing
     try:
-        for part in held:
-            at_rest = displaced(part.motion(ends[0]), part.places)
-            if np.abs(at_rest[:, part.components]).max(initial=0.0) > 1e-9 * body.spacing:
-                raise ValueError(f"{part.name}.amplitude: it must be 0 at t = 0, where the body is at rest, as ramp and sine are")
-        for component in range(body.dimension):
-            for sample in samples:
-                _check_agreement(body, [part for part in held if component in part.components], component, sample)
-    except InvalidState as error:
-        raise ValueError(str(error)) from None
-
-
-def _check_agreement(body: Body, held: list[Held], component: int, parameter: float) -> None:
-    """Refuse two conditions on a component that move a point differently at a value of the parameter."""
-    travel, holder = np.zeros(len(body)), np.full(len(body), -1)
-    for number, part in enumerate(held):
-        goes = np.broadcast_to(displaced(part.motion(parameter), part.places)[:, component], len(part.points))
-        apart = np.abs(travel[part.points] - goes) > 1e-9 * body.spacing
-        twice = part.points[(holder[part.points] >= 0) & apart]
-        if len(twice):
-            names = f"{held[holder[twice[0]]].name} and {part.name}"
-            raise ValueError(f"{names} move point {twice[0]} at {place_of(body, twice[0])} differently along x{component + 1}")
-        travel[part.points], holder[part.points] = goes, number
+        moves, at_rest = [every.moves(sample) for sample in samples], np.abs(every.moves(ends[0])) > error
+    except InvalidState as invalid:
+        raise ValueError(str(invalid)) from None
+    if at_rest.any():
+        name = held[every.part[at_rest.argmax()]].name
+        raise ValueError(f"{name}.amplitude: it must be 0 at t = 0, where the body is at rest, as ramp and sine are")
+    latest = np.full((len(body), body.dimension), -1)
+    latest[every.there] = np.arange(len(every.part))
+    for component in range(body.dimension):
+        rows = np.flatnonzero(every.component == component)
+        later = latest[every.point[rows], component]
+        for move in moves:
+            apart = np.abs(move[rows] - move[later]) > error
+            if apart.any():
+                row = rows[apart.argmax()]
+                point = every.point[row]
+                names = " and ".join(held[every.part[number]].name for number in (row, latest[point, component]))
+                raise ValueError(f"{names} move point {point} at {text_of(body.points[point])} differently along x{component + 1}")
 
 
 def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:
@@ -173,7 +165,7 @@ def _check_held(loading: Loading, key: str, advice: str, only: str | None = None
             continue
         loose = np.flatnonzero((piece == number) & share.own)
         size = share.total(len(loose))
-        where = f", at {place_of(body, loose[0])}," if len(loose) else ""
+        where = f", at {text_of(body.points[loose[0]])}," if len(loose) else ""
         what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"
         if count > 1:
             thin = f"as where a wall is thinner than the spacing, {body.spacing:.3g}, or a cut goes all the way"
@@ -192,3 +184,100 @@ def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
         return []
     words = [f"moving along x{axis + 1}" for axis in range(dimension) if not (np.abs(rows[:, axis]) > 0).any()]
     return [*words, "turning"] if rows.shape[1] - rank > len(words) else words
+
+
+def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
+    """Refuse held parts that move apart faster than the slowest shear waves: the result would depend on the motion at the start."""
+    units = scene.units
+    unit = f" {units.length}/{units.time}" if units.length and units.time else ""
+    for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
+        inertia = stage.inertia
+        if inertia is None:
+            continue
+        speed, wave = _greatest_speed(loading, inertia.motion(begin, stage.to)), math.sqrt(modulus / inertia.density)
+        if speed <= wave:
+            continue
+        if inertia.duration is None:
+            what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
+        else:
+            what, least = "parts that are held", units.amount(inertia.duration * speed / wave, "time", ".4g")
+            slowest = f"the least duration is {least}"
+        apart = f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}"
+        raise ValueError(f"{inertia.key}.{inertia.pace}: {apart}; {slowest}")
+
+
+def _greatest_speed(loading: Loading, motion: Motion) -> float:
+    """Return the greatest difference of the velocities of any two held parts, in a component, during a stage in dynamics."""
+    share, places, fastest = loading.body.share, loading.body.points[loading.point], 0.0
+    for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
+        changes = loading.moves(motion.at(end), places) - loading.moves(motion.at(begin), places)
+        for component in range(loading.body.dimension):
+            own = changes[loading.component == component]
+            apart = share.greatest(own.max(initial=-np.inf)) + share.greatest(-own.min(initial=np.inf))
+            fastest = max(fastest, apart / (end - begin))
+    return fastest
+
+
+def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads | None:
+    """Return the loads of a scene; None where it has none.
+
+    Raises
+    ------
+    ValueError
+        For a region that is empty, or a load on an edge that is held by reflection; names the key.
+    """
+    found: list[DeadLoad | Pressure] = []
+    for number, load in enumerate(scene.loads):
+        # Several loads may share a name, as traction and pressure on one edge do; results sum them.
+        name = load.name or regions.label(load.region, f"loads.{number}")
+        key, amplitude = f"loads.{number}.region", amplitude_of(load.amplitude)
+        if load.kind == "pressure":
+            deformed = scene.plane == "stress" and load.thickness != "undeformed"
+            found.append(Pressure(name, amplitude, _facets_of(key, load, body, regions), load.pressure, deformed))
+        else:
+            found.append(DeadLoad(name, amplitude, *_dead_forces(key, load, body, regions)))
+    return Loads(body, found, regions.surface) if found else None
+
+
+def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:
+    """Return the facets that a traction or pressure acts on; raise ValueError where one lies in a plane of reflection."""
+    facets, surface = regions.facets(load.region, key), regions.surface()
+    for plane in body.planes:
+        distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
+        if (distance < ON_A_PLANE * body.spacing).all(axis=1).any():
+            edge = words_for(edge_of(plane), body)
+            why = f"which is held by reflection, so that a {load.kind} there goes into what holds it"
+            raise ValueError(f"{key}: it takes in facets of the {edge}, {why}; leave the {edge} out, or hold points (support=points)")
+    return facets
+
+
+def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points that a dead load acts on and its forces on them (theory (43))."""
+    if load.kind == "traction":
+        facets, surface = _facets_of(key, load, body, regions), regions.surface()
+        corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
+        spread = [sum(others, first).T for first, *others in zip(*(one.rows for one in corners), strict=True)]
+        sizes = np.stack([rows @ surface.areas()[facets] / len(corners) for rows in spread], axis=1)
+        points = np.flatnonzero(sizes.any(axis=1))
+        return points, sizes[points] * np.array(load.traction)
+    if load.kind == "force" and regions.edge(load.region) in map(edge_of, body.planes):
+        # It would pull at points half a cell inside the edge, which are free.
+        edge = words_for(regions.edge(load.region), body)
+        why = f"the {edge} is held by reflection, so that a force there goes into what holds it"
+        raise ValueError(f"{key}: {why}; give another region, or hold points (support=points)")
+    points = regions.points(load.region, key)
+    points = points[body.share.own[points]]
+    if load.kind == "body_force":
+        return points, body.volumes[points, None] * np.array(load.body_force)
+    part = np.array(load.force) / body.share.total(len(points))
+    return points, np.tile(part, (len(points), 1))
+
+
+def edge_of(plane: ReflectionPlane) -> str:
+    """Return the name of the edge that a plane holds."""
+    return next(edge for edge, place in EDGES.items() if place == (plane.axis, plane.side))
+
+
+def words_for(edge: str, body: Body) -> str:
+    """Return the name of an edge or face in messages."""
+    return f"{edge} {'edge' if body.dimension == 2 else 'face'}"

@@ -1,9 +1,8 @@
 """Materials of a scene: force model and points of each, and warnings about their combination."""
 
-from __future__ import annotations
-
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
 from ..scenes import Part, Scene, SceneError
 from ..scenes.tip_diameter import tip_diameter
-from ..solvers.conditions import place_of
-from .regions import BodyRegions
+from .regions import BodyRegions, text_of
 
 LEAST_CELLS = 3
 """Thickness of a part in cells below which a warning is given: at a horizon of 3.15 cells its neighbours are bonded through it."""
@@ -94,57 +92,39 @@ def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
         _warn(scene, f"{thin}: {errors}; give the load as a force on the region, or take a smaller spacing")
 
 
+@contextmanager
+def scene_errors(scene: Scene, key: str = "") -> Iterator[None]:
+    """Context in which errors of values are those of a scene, and name it, and a key of it."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except ValueError as error:
+        raise SceneError(f"scene {scene.name}: {key}{error}") from None
+
+
 def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
-    """Return the models of all materials of a scene, that of the remaining body first; raise SceneError for one that does not fit.
-
-    Raises
-    ------
-    SceneError
-        If a model does not describe its material, or cannot honour a setting of the scene.
-    """
-    try:
-        settings_of(scene).check(model.name, model.honoured(scene.plane))
-        model.check_material(scene.law())
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None
-    check_fracture(scene, model)
-    return [model, *models_of(scene, model)]
-
-
-def check_fracture(scene: Scene, model: ForceModel) -> None:
-    """Raise SceneError for a fracture energy from which no critical stretch follows with this model."""
-    if scene.fracture is None or scene.fracture.energy is None:
-        return
-    try:
-        tip_diameter(scene.plane, scene.horizon_ratio, model.family)
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None
-
-
-def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
-    """Return the force models of the scene's `materials`.
+    """Return the models of all materials of a scene, that of the remaining body first.
 
     A part has the model that it names, or else that of the rest if it describes the part's law, or else its law's surrogate of the same
     kind.
 
-    Parameters
-    ----------
-    scene : Scene
-    model : ForceModel
-        Model of the rest of the body.
-
     Raises
     ------
     SceneError
-        If a part's artefact cannot be read, is of another kind than the model of the rest, or does not describe its law, or a rigid region
-        is beside a force that has no energy.
+        If a model does not describe its material, or cannot honour a setting of the scene, a part's artefact cannot be read or is of
+        another kind than the model of the rest, a rigid region is beside a force that has no energy, or no critical stretch follows from
+        the fracture energy with this model.
     """
-    found = []
+    with scene_errors(scene):
+        settings_of(scene).check(model.name, model.honoured(scene.plane))
+        model.check_material(scene.law())
+        if scene.fracture is not None and scene.fracture.energy is not None:
+            tip_diameter(scene.plane, scene.horizon_ratio, model.family)
+    found = [model]
     for number, part in enumerate(scene.materials):
-        try:
+        with scene_errors(scene, f"materials.{number}{'.force' if part.force else ''}: "):
             found.append(_model_of(part, model, scene.plane))
-        except ValueError as error:
-            raise SceneError(f"scene {scene.name}: materials.{number}{'.force' if part.force else ''}: {error}") from None
     return found
 
 
@@ -202,7 +182,7 @@ def portions_of(
         same = [not part.material.rigid and laws[other] == laws[number] and models[other] is models[number] for other in before]
         error, twice = None, (before > 0) & ~np.array(same, dtype=bool)
         if twice.any():
-            first, where = before[twice.argmax()] - 1, place_of(body, points[twice.argmax()])
+            first, where = before[twice.argmax()] - 1, text_of(body.points[points[twice.argmax()]])
             taken = f"materials.{first} and {key} both take {int(twice.sum())} points, the first at {where}"
             error = ValueError(f"{taken}; regions of different materials must not overlap")
         body.share.agree(error)

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.conditions import Reactions
-from ..solvers.dynamics import Power
-from ..solvers.minimiser import EnergyMinimiser
-from ..solvers.motion import Motion
+from ..solvers.dynamics import ExplicitDynamics, Power
+from ..solvers.equilibrium import Diverging
+from ..solvers.increments import Motion
+from ..solvers.quasi_newton import EnergyMinimiser
 from .run import Run
 
 STEPS_PER_ROW = 20
@@ -120,7 +120,7 @@ class Bookkeeping:
     def kinetic_energy(self) -> float:
         """Return the kinetic energy at the time of the positions if `every_step`, else that of the last half step."""
         integrator = self._integrator
-        kinetic = integrator.kept_energy(integrator.velocities_around())[1] if self.every_step else integrator.kinetic_energy()
+        kinetic = integrator.kept_energy()[1] if self.every_step else integrator.kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
         return kinetic
@@ -128,7 +128,7 @@ class Bookkeeping:
     def count_release(self) -> None:
         """Add the energy that breaking bonds removed in the last step."""
         if self.every_step:
-            arriving, leaving = self._integrator.kept_energy(self._integrator.velocities_around())
+            arriving, leaving = self._integrator.kept_energy()
             self.account.released_energy += arriving - leaving
 
     def between_rows(self) -> None:

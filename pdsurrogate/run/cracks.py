@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from ..forces import InvalidState
 from ..ranks.share import connected
-from ..solvers import ExplicitDynamics
+from ..solvers.dynamics import ExplicitDynamics
 from .account import Account
 from .run import Run
 

@@ -9,9 +9,11 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
-from ..solvers import SOLVERS, Equilibrium, EquilibriumSolver, Increments, NoEquilibrium, NotConverged, RanAway, TooSmall, Unbalanced
-from ..solvers.branch import Branch
-from ..solvers.equilibrium import is_rigid, note_of_zero_energy_modes, strain_of, strain_rounding
+from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, NoEquilibrium, NotConverged, RanAway, TooSmall, Unbalanced, note_of_modes
+from ..solvers.increments import Increments
+from ..solvers.nearest_bonds import is_rigid, strain_of, strain_rounding
+from ..solvers.quasi_newton import SOLVERS
+from ..solvers.stability import check_branch
 from .checkpoints import ACCEPTED
 from .interruption import Interrupted
 from .rows import equilibrium_columns, output_row
@@ -86,7 +88,7 @@ class Equilibria:
 
     def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
         self.run, self.stage, self.solver = run, stage, solver
-        self._branch, self._course = Branch(run.loading, run.loaded, solver), run.loading.course
+        self._course = run.loading.course
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
         self._evaluations: list[int] = []  # evaluations of every successful increment of the stage
@@ -182,7 +184,7 @@ class Equilibria:
         run.loading.apply(target, run.loaded, start)
         run.positions[:] = start
         equilibrium = self._solve(target, tolerance, guess, patience, increments)
-        self._branch.check(state.parameter, target, guess, run.positions)
+        check_branch(run.loading, run.loaded, self.solver, state.parameter, target, guess, run.positions)
         if increments.ends:
             _check_resolved(run, target)
         state.parameter = target
@@ -253,7 +255,7 @@ class Equilibria:
                 raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
             moved = 0.0 if run.loads is None else run.body.share.greatest(np.abs(run.positions - guess))
             if moved > self._farthest:
-                weak = note_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
+                weak = note_of_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
 
         least_drive = run.state.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0

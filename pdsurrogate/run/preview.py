@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from ..arguments import check_is
 from ..body import Body
 from ..problem import Problem, compile_scene
-from ..problem.problem import scene_errors
+from ..problem.materials import scene_errors
 from ..results import figures, views
 from ..scenes import Load, Part, Prescribed, Scene
 from ..scenes.shapes import Precut

@@ -14,7 +14,7 @@ from ..body.body import Cells
 from ..engine.threads import threads_for
 from ..forces import ForceModel
 from ..problem import Problem, Stage, compile_scene
-from ..problem.problem import scene_errors
+from ..problem.materials import scene_errors
 from ..ranks import Communicator, communicator
 from ..results import measures
 from ..results.contents import Contents

@@ -26,8 +26,8 @@ from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, ch
 from ..results.provenance import provenance
 from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
-from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.conditions import FoldedOver
+from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from .interruption import Interrupted, Interruption
 from .run import Progress, Run, Silent
 from .stages import SinglePrecisionLeft, go

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 
 from ..results.checkpoint import CheckpointError
-from ..solvers import EquilibriumSolver, TooSmall, Unstable
+from ..solvers.equilibrium import EquilibriumSolver, TooSmall, Unstable
 from .levels import Equilibria, solver_of
 from .run import Run
 from .transient import Transient

@@ -10,7 +10,8 @@ import numpy as np
 from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
-from ..solvers import Diverging, ExplicitDynamics
+from ..solvers.dynamics import ExplicitDynamics
+from ..solvers.equilibrium import Diverging
 from .account import STEPS_PER_ROW, Bookkeeping
 from .cracks import Cracks
 from .interruption import Interrupted

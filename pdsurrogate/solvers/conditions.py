@@ -1,6 +1,5 @@
 """Conditions of a body: held points and planes, their positions at a value of the loading parameter, and the reaction forces."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +9,9 @@ from ..body import Body
 from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
+from .held import Held, Supports
 from .loads import AT_REST, Loads
-from .rigid_motions import displaced, moment_of
-from .supports import SupportAtPlace, Supports
+from .rigid import displaced, moment_of
 
 ONE_SIDED = 0.1
 """Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the
@@ -21,47 +20,6 @@ point, halves 0.4 away."""
 
 class FoldedOver(InvalidState):
     """A free side has bulged over the plane that it is bonded to, where it would lie against it."""
-
-
-@dataclass(frozen=True)
-class Held:
-    """Points, or a plane of reflection, some components of which follow the loading parameter.
-
-    Attributes
-    ----------
-    name : str
-        Name of the condition in messages.
-    holder : int or None
-        Number of the holder that its force counts for; None where results do not report it.
-    components : tuple of int
-    motion : callable
-        [Q - I, c] at a value of the parameter, shape (d, d + 1): a place X moves by u(X) = (Q - I) X + c. Only held components are read.
-    points : ndarray of int, shape (k,)
-        The points; of a plane those that have images in it.
-    places : ndarray, shape (k, d) or (1, d)
-        Places at rest that move so: those of the points, their feet on the plane, or the place of a support.
-    angle : callable, optional
-        Angle in degrees by which the part has turned at a value of the parameter, of one that turns; all its components are held.
-    plane : int, optional
-        Number of the plane.
-    support : SupportAtPlace, optional
-        Support at a place: the point is one of several that move so only in the mean.
-    """
-
-    name: str
-    holder: int | None
-    components: tuple[int, ...]
-    motion: Callable[[float], np.ndarray]
-    points: np.ndarray
-    places: np.ndarray
-    angle: Callable[[float], float] | None = None
-    plane: int | None = None
-    support: SupportAtPlace | None = None
-
-    @property
-    def every(self) -> np.ndarray:
-        """Return the points, and for a support at a place also the others that are equally near."""
-        return self.points if self.support is None else np.concatenate([self.points, self.support.others])
 
 
 @dataclass(frozen=True)
@@ -83,11 +41,6 @@ class Reactions:
     on_planes: np.ndarray
     at_points: np.ndarray | None
     levers: np.ndarray | None = None
-
-
-def place_of(body: Body, point: int) -> str:
-    """Return the place of a point, for messages."""
-    return f"({', '.join(f'{coordinate:.4g}' for coordinate in body.points[point])})"
 
 
 class Loading:
@@ -142,22 +95,24 @@ class Loading:
     ) -> None:
         self.body, self.parameter, self.rest, self.names, self.loads, self._share = body, parameter, rest, names, loads, body.share
         self.planes, self.held = planes, held
-        at_places = tuple(part for part in held if part.support is not None)
+        at_places = tuple(part for part in held if part.others is not None)
         self.supports = Supports(body, at_places) if at_places else None
+        self._of_points = [part for part in held if part.plane is None]
+        self._of_planes = [part for part in held if part.plane is not None]
+        self.turning = {part.plane for part in self._of_planes if part.angle is not None}
+        each = [(part.plane, component, part.holder) for part in self._of_planes for component in part.components]
+        self._plane, self._plane_component, self._plane_holder = np.array(each, dtype=int).reshape(-1, 3).T
         self.plane_components = np.zeros((len(planes), body.dimension), dtype=bool)
-        self.turning = {part.plane for part in held if part.plane is not None and part.angle is not None}
+        self.plane_components[self._plane, self._plane_component] = True
         rows = [(np.zeros(0, dtype=int),) * 4 + (np.zeros((0, body.dimension)),)]
         for number, part in enumerate(held):
             places = np.broadcast_to(part.places, (len(part.points), body.dimension))
             for component in part.components:
                 numbers = number, component, -1 if part.plane is None else part.plane
                 rows.append((*(np.full(len(places), value) for value in numbers), part.points, places))
-            if part.plane is not None:
-                self.plane_components[part.plane, list(part.components)] = True
         self.part, self.component, self.plane, self.point, self.place = map(np.concatenate, zip(*rows, strict=True))
         self.at_points = self.plane < 0
         self.there = self.point[self.at_points], self.component[self.at_points]
-        self._placed = self.at_points & ~np.array([part.support is not None for part in held], dtype=bool)[self.part]
         self.free = np.ones((len(body), body.dimension))
         self.free[self.there] = 0
 
@@ -177,19 +132,18 @@ class Loading:
         """Return words for a value of the parameter."""
         return f"t = {parameter:g}" if self.parameter == "t" else f"{self.parameter} {parameter:g}"
 
-    def moves(self, parameter: float) -> np.ndarray:
-        """Return the displacements of all held components at a value of the parameter, shape (k,)."""
+    def moves(self, parameter: float, places: np.ndarray | None = None) -> np.ndarray:
+        """Return the displacements of all held components at a value of the parameter, shape (k,), or as of other places (k, d)."""
         dimension = self.body.dimension
         motions = np.array([part.motion(parameter) for part in self.held]).reshape(-1, dimension, dimension + 1)
         rows = motions[self.part, self.component]
-        return (rows[:, :-1] * self.place).sum(axis=1) + rows[:, -1]
+        return (rows[:, :-1] * (self.place if places is None else places)).sum(axis=1) + rows[:, -1]
 
     def plane_motions(self, parameter: float) -> np.ndarray:
         """Return the motions of all planes, see `Held.motion`, shape (p, d, d + 1); 0 in free components."""
         found = np.zeros((len(self.planes), self.body.dimension, self.body.dimension + 1))
-        for part in self.held:
-            if part.plane is not None:
-                found[part.plane, part.components] = part.motion(parameter)[list(part.components)]
+        for part in self._of_planes:
+            found[part.plane, part.components] = part.motion(parameter)[list(part.components)]
         return found
 
     def at_rest(self, parameter: float) -> bool:
@@ -205,8 +159,7 @@ class Loading:
 
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter."""
-        there = self.point[self._placed], self.component[self._placed]
-        positions[there] = self.body.points[there] + self.moves(parameter)[self._placed]
+        positions[self.there] = self.body.points[self.there] + self.moves(parameter)[self.at_points]
         if self.supports is not None:
             self.supports.set(parameter)
             self.supports.place(positions)
@@ -217,7 +170,7 @@ class Loading:
         """Return the deviation of held parts from their velocity since the `last` value, relative to their way to a value `ahead`."""
         if now == last:
             return 0.0
-        before, present, after = map(self.moves, (last, now, ahead))
+        before, present, after = (np.append(self.moves(t)[self.at_points], self.plane_motions(t)) for t in (last, now, ahead))
         way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
         off, *ways = (self._share.greatest(np.abs(change)) for change in (way - evenly, way, evenly))
         return off / max(ways) if off > 0 else 0.0
@@ -272,14 +225,14 @@ class Loading:
         crossing, on_planes = force.pair_forces(bonds), np.zeros(self.plane_components.shape)
         np.add.at(on_planes, planes, crossing * shares)
         levers = self._share.total(self._levers_on_planes(force, crossing)) if self.turning else None
-        if on_points is None and self._holds_points:
+        if on_points is None and self._of_points:
             on_points = self._on_points(force)
         return self.reactions_of(self._share.total(on_planes), levers, on_points)
 
     def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
         """Return the forces of all holders from those on planes, with their levers, and from internal force and loads on every point."""
         forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
-        if self._holds_points:
+        if self._of_points:
             at_points = -on_points * (1 - self.free)
             if self.supports is not None:
                 self.supports.spread(at_points)
@@ -309,9 +262,8 @@ class Loading:
 
     def _add_planes(self, of_holders: np.ndarray, of_planes: np.ndarray) -> None:
         """Add values of planes, shape (planes, d, ...), to those of the holders that hold their components."""
-        for part in self.held:
-            if part.plane is not None:
-                of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
+        component = self._plane_component
+        np.add.at(of_holders, (self._plane_holder, component), of_planes[self._plane, component])
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
         """Return the sum of f (x) y over every plane, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""
@@ -342,17 +294,11 @@ class Loading:
         return total if beside is None else total + beside
 
     @cached_property
-    def _holds_points(self) -> bool:
-        """Whether any condition is one of points, on any rank."""
-        return any(part.plane is None for part in self.held)
-
-    @cached_property
     def _counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Components of own points whose force counts for a holder: its number, the point and the component."""
         holder = np.full(self.free.shape, -1)
-        for part in self.held:
-            if part.plane is None:
-                holder[part.every[:, None], part.components] = -1 if part.holder is None else part.holder
+        for part in self._of_points:
+            holder[part.every[:, None], part.components] = -1 if part.holder is None else part.holder
         holder[~self._share.own] = -1
         there = np.nonzero(holder >= 0)
         return holder[there], *there
@@ -373,11 +319,9 @@ class Loading:
 
     def _by_holder(self, points: list[np.ndarray]) -> list[np.ndarray]:
         """Return the points that each holder holds, from those of every entry of `held`."""
-        found: list[list[np.ndarray]] = [[np.zeros(0, dtype=int)] for _ in self.names]
-        for part, numbers in zip(self.held, points, strict=True):
-            if part.holder is not None:
-                found[part.holder].append(numbers)
-        return [np.unique(np.concatenate(parts)) for parts in found]
+        holders = np.repeat([-1 if part.holder is None else part.holder for part in self.held], [len(numbers) for numbers in points])
+        every = np.concatenate([np.zeros(0, dtype=int), *points])
+        return [np.unique(every[holders == number]) for number in range(len(self.names))]
 
     def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
         """Return the mean displacement of each holder, shape (holders, d): that of its points, or of the middle of its plane.
@@ -391,11 +335,10 @@ class Loading:
             sums[number] = np.concatenate([(positions[points] - places).sum(axis=0), places.sum(axis=0), [len(points)]])
         sums = self._share.total(sums)
         found, places = np.split(sums[:, :-1] / np.maximum(sums[:, -1:], 1), 2, axis=1)
-        for part in self.held:
-            if part.plane is not None:
-                plane, middle = self.body.planes[part.plane], places[part.holder].copy()
-                middle[plane.axis] = plane.position
-                found[part.holder, part.components] = displaced(part.motion(parameter), middle)[list(part.components)]
+        for part in self._of_planes:
+            plane, middle = self.body.planes[part.plane], places[part.holder].copy()
+            middle[plane.axis] = plane.position
+            found[part.holder, part.components] = displaced(part.motion(parameter), middle)[list(part.components)]
         return found
 
     @cached_property

@@ -1,8 +1,7 @@
 """Course of a body along its loading: first guesses and velocities from the held parts, and the power of the holders."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable
 from functools import cached_property
 from itertools import pairwise
 
@@ -12,10 +11,10 @@ from ..body.body import sums_at_points
 from ..forces import InternalForce
 from .conditions import Loading, Reactions
 from .equilibrium import TooFar
-from .extension import Samples, affine_extension, greatest_bond_strain
-from .motion import Motion
+from .increments import Motion
+from .nearest_bonds import greatest_bond_strain
 from .preconditioner import Extension
-from .rigid_motions import displaced
+from .rigid import displaced
 
 COMPRESSED = 0.05
 """Compression anywhere, over the greatest tension in the body, beyond which the body may buckle: free edges, whose horizons are incomplete,
@@ -34,6 +33,10 @@ HALVINGS = 10
 AHEAD = 1e-6
 """Change of the stretch, or share of a stage, over which velocities are formed as difference quotients; the rounding of the result, the
 root of that of the positions, is as small as its error."""
+
+
+LEAST_SPREAD = 0.5
+"""Least spread of places along a direction in which they determine a gradient, over that of the body: across a thin edge it is noise."""
 
 
 class Pull:
@@ -237,15 +240,21 @@ class Paths:
         """
         loading, goal_planes = self._loading, self._loading.plane_motions(t)
         self._share.fill(start)
-        samples = self._samples(start, planes, goal_planes, t)
-        rows = np.arange(len(samples.goals)), samples.components
-        farthest = self._share.greatest(np.abs(samples.goals - samples.places[rows]))
+        places, goals = self._samples(start, planes, goal_planes, t)
+        rows = np.arange(len(goals)), loading.component
+        farthest = self._share.greatest(np.abs(goals - places[rows]))
         if farthest == 0:
             return start.copy()
-        everywhere = Samples(*(self._share.joined(values, loading.point) for values in (samples.places, samples.components, samples.goals)))
-        gradient, shift = affine_extension(everywhere, lambda direction: self._spread(start @ direction))
+
+        def spread(direction: np.ndarray) -> float:
+            along = start @ direction
+            along -= self._share.sum(along) / self._share.size
+            return float(np.sqrt(self._share.sum(np.square(along)) / self._share.size))
+
+        everywhere = (self._share.joined(values, loading.point) for values in (places, loading.component, goals))
+        gradient, shift = affine_extension(*everywhere, spread)
         guess = start @ gradient.T + shift
-        left = samples.goals - (samples.places @ gradient.T + shift)[rows]
+        left = goals - (places @ gradient.T + shift)[rows]
         if self._share.greatest(np.abs(left)) > 1e-6 * min(farthest, self.body.spacing):
             moved, of_planes = np.zeros_like(start), np.zeros(goal_planes.shape[:2])
             moved[loading.there] = left[loading.at_points]
@@ -262,23 +271,18 @@ class Paths:
                 turns[~held] = 0.0
                 of_planes[held] = (goal_planes[:, :, -1] - planes[:, :, -1] @ gradient.T - shift)[held]
             guess += self._stiffness.response(moved, of_planes, turns)
-        guess[loading.there] = samples.goals[loading.at_points]
+        guess[loading.there] = goals[loading.at_points]
         return guess
 
-    def _spread(self, values: np.ndarray) -> float:
-        """Return the standard deviation of values at the points, shape (n,)."""
-        mean = self._share.sum(values) / self._share.size
-        return float(np.sqrt(self._share.sum(np.square(values - mean)) / self._share.size))
-
-    def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> Samples:
-        """Return the held components and where they go: those of points, and those of planes at the places next to points of the body."""
+    def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the places of held components, for planes those next to points of the body, and the values that the components go to."""
         loading, displacements = self._loading, start - self.body.points
         there = loading.point, loading.component
         places, goals = start[loading.point], self.body.points[there] + loading.moves(t)
         for number, part in enumerate(loading.held):
-            if part.support is not None:  # the point of a support goes as far as the mean of all its points does
+            if part.others is not None:  # the point of a place between points goes as far as the mean of all its points does
                 own = loading.part == number
-                mean = displacements[part.every].sum(axis=0) / part.support.count
+                mean = displacements[part.every].sum(axis=0) / part.count
                 goals[own] += displacements[loading.point[own], loading.component[own]] - mean[loading.component[own]]
         beside = ~loading.at_points
         number, component, at_rest = loading.plane[beside], loading.component[beside], loading.place[beside]
@@ -286,4 +290,59 @@ class Paths:
         there = np.where(loading.plane_components[number], at_rest + now, places[beside])
         rows = np.arange(len(number)), component
         places[beside], goals[beside] = there, there[rows] + (then - now)[rows]
-        return Samples(places, loading.component, goals)
+        return places, goals
+
+
+def affine_extension(
+    places: np.ndarray, components: np.ndarray, goals: np.ndarray, spread_along: Callable[[np.ndarray], float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the affine map y -> A y + b that takes some components of places nearest to their goals: the gradient A and the shift b.
+
+    Along directions in which the places do not determine the gradient it is that of the identity. Where all of them lie on one line, in
+    space on one plane, as on a single clamped edge or face, the direction across it turns with them.
+
+    Parameters
+    ----------
+    places : ndarray, shape (k, d)
+    components : ndarray of int, shape (k,)
+        Component of each place that has a goal.
+    goals : ndarray, shape (k,)
+        Value of that component in the end.
+    spread_along : callable
+        Standard deviation of the positions of the body along a direction (d,).
+
+    Returns
+    -------
+    gradient : ndarray, shape (d, d)
+    shift : ndarray, shape (d,)
+    """
+    dimension = places.shape[1]
+    gradient, told = np.eye(dimension), [[] for _ in range(dimension)]
+    shift, middles = np.zeros(dimension), np.zeros((dimension, dimension))
+    for component in range(dimension):
+        own = components == component
+        if not own.any():
+            continue
+        middles[component] = middle = places[own].mean(axis=0)
+        changes = goals[own] - places[own, component]
+        _, spreads, directions = np.linalg.svd(places[own] - middle, full_matrices=False)
+        for spread, direction in zip(spreads / np.sqrt(own.sum()), directions, strict=True):
+            if spread > LEAST_SPREAD * spread_along(direction) and spread > 0:
+                arms = (places[own] - middle) @ direction
+                gradient[component] += (arms @ changes) / (arms @ arms) * direction
+                told[component].append(direction)
+        shift[component] = middle[component] + changes.mean() - gradient[component] @ middle
+    if all(len(directions) == dimension - 1 for directions in told):
+        normals = [_normal(np.array(directions)) for directions in told]
+        wanted = _normal(np.array(told[0]) @ gradient.T)
+        length = np.linalg.norm(wanted)
+        if all(abs(normals[0] @ normal) > 0.99 for normal in normals[1:]) and length > 0:
+            change = np.outer(wanted / length - gradient @ normals[0], normals[0])
+            shift -= (change * middles).sum(axis=1)
+            gradient += change
+    return gradient, shift
+
+
+def _normal(directions: np.ndarray) -> np.ndarray:
+    """Return the normal to one direction in the plane (1, 2), or to two in three dimensions (2, 3), which rotates with them."""
+    return np.array([-directions[0, 1], directions[0, 0]]) if directions.shape[1] == 2 else np.cross(*directions)

@@ -1,10 +1,9 @@
 """Equilibrium by stepping: adaptive dynamic relaxation, and the paper's damped central differences."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
@@ -28,15 +27,13 @@ class SteppingSolver(EquilibriumSolver):
         start, began = positions.copy(), force.evaluations
         # The state is new in every call, so that a resumed run repeats an uninterrupted one.
         self.frequency = FrequencyEstimate(self.volumes, self.free, self.share)
-        for restart in range(self.MOST_RESTARTS):
-            try:
-                return self._iterate(force, positions, tolerance or self.tolerance, 2.0**restart, began, report, least_drive)
-            except (InvalidState, Diverging):
-                # The tangent may stiffen beyond the stability limit of the step: restart with a larger fictitious mass.
-                if restart == self.MOST_RESTARTS - 1:
-                    raise
-                positions[:] = start
-        raise AssertionError("unreachable")
+        search = force, positions, tolerance or self.tolerance, began, report, least_drive
+        for restart in range(self.MOST_RESTARTS - 1):
+            # The tangent may stiffen beyond the stability limit of the step: restart with a larger fictitious mass.
+            with suppress(InvalidState, Diverging):
+                return self._iterate(*search, caution=2.0**restart)
+            positions[:] = start
+        return self._iterate(*search, caution=2.0 ** (self.MOST_RESTARTS - 1))
 
     @abstractmethod
     def prepare(self, force: InternalForce, positions: np.ndarray, caution: float) -> Callable[[np.ndarray], None]:
@@ -45,35 +42,29 @@ class SteppingSolver(EquilibriumSolver):
         `caution` multiplies the squared frequency for which the step must be stable.
         """
 
-    def _iterate(self, force, positions, tolerance, caution, began, report, least_drive) -> Equilibrium:
-        step = self.prepare(force, positions, caution)
-        forces = np.empty_like(positions)
+    def _iterate(self, force, positions, tolerance, began, report, least_drive, caution) -> Equilibrium:
+        step, forces = self.prepare(force, positions, caution), np.empty_like(positions)
+        first, least, found = None, np.inf, 0
         self.begin(force, least_drive)
-        self.evaluate(force, positions, forces)
-        residual, settled = self.judge(force, forces, tolerance)
-        first, least, found = residual, residual, 0
-        while not settled:
-            step(forces)
+        while True:
             self.evaluate(force, positions, forces)
             residual, settled = self.judge(force, forces, tolerance)
-            evaluations = force.evaluations - began
+            evaluations, first = force.evaluations - began, first or residual
             if not residual < self.MOST_GROWTH * max(first, 1.0):
                 raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
             if residual < 0.9 * least:
                 least, found = residual, evaluations
+            if settled or evaluations % 10 == 0:
+                report(evaluations, residual)
             if settled:
-                break
+                return Equilibrium(residual, evaluations, self.name, self._drive)
             if force.precision == "float32" and evaluations - found >= self.PATIENCE:
                 if residual <= tolerance:
                     raise TooSmall("the forces that drive the body are too small for single precision")
                 raise self.not_converged(force, least, evaluations, tolerance)
             if evaluations >= self.most_evaluations:
                 raise self.not_converged(force, residual, evaluations, tolerance)
-            if evaluations % 10 == 0:
-                report(evaluations, residual)
-        evaluations = force.evaluations - began
-        report(evaluations, residual)
-        return Equilibrium(residual, evaluations, self.name, self._drive)
+            step(forces)
 
 
 class DynamicRelaxation(SteppingSolver):

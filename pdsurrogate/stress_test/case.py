@@ -19,7 +19,7 @@ from ..materials import PLANES, Law, NeoHookean, dimension_of, homogeneous, plan
 from ..results import Result
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene
-from ..solvers import Diverging, NotConverged, Unstable
+from ..solvers.equilibrium import Diverging, NotConverged, Unstable
 from .bodies import regular
 
 PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"

@@ -17,7 +17,8 @@ from ..forces import FORCES, ForceSurrogate, InternalForce, InvalidState, Learnt
 from ..materials import Gent, Law, NeoHookean, homogeneous
 from ..results import Result
 from ..scenes import load_scene
-from ..solvers import Automatic, Diverging, NotConverged
+from ..solvers.equilibrium import Diverging, NotConverged
+from ..solvers.quasi_newton import Automatic
 from .bodies import HORIZONS, SPACING, crack, inner_points, middle_point, of_points, of_simplices
 from .case import STOPS, WEAK, Ended, Outcome, Subject, case, cases_of, forces_at, required
 from .tangents import CELLS, resistance, why_not_resisted

@@ -17,7 +17,7 @@ from ..forces.settings import WHERE
 from ..kernels.steps import central_difference_step
 from ..materials import PLANES, Law
 from ..scenes import MaterialSpec, Scene
-from ..solvers import FrequencyEstimate
+from ..solvers.stability import FrequencyEstimate
 from .bodies import SPACING
 from .case import PASS, WEAK, Ended, Outcome, Subject, case, cases_of, forces_at, off, required
 from .deformations import force_densities

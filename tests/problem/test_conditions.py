@@ -8,7 +8,7 @@ from runs import started
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.run.simulate import simulate
-from pdsurrogate.solvers.extension import Samples, affine_extension
+from pdsurrogate.solvers.course import affine_extension
 from pdsurrogate.stress_test.case import Subject
 from pdsurrogate.stress_test.conformance import TABLE
 
@@ -168,7 +168,7 @@ def test_a_round_end_is_no_plane():
 
 
 def extended(samples, positions):
-    gradient, shift = affine_extension(samples, lambda direction: (positions @ direction).std())
+    gradient, shift = affine_extension(*samples, lambda direction: (positions @ direction).std())
     return positions @ gradient.T + shift
 
 
@@ -176,9 +176,9 @@ def test_what_single_lines_do_turns_the_body_and_what_they_do_not_tell_stays():
     line = np.array([[0.0, 0.0], [0.0, 0.5], [0.0, 1.0]])
     body = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
     turned = line @ rotation(0.7).T + [0.1, 0.2]
-    both = Samples(np.vstack([line, line]), np.repeat([0, 1], 3), turned.T.ravel())
+    both = np.vstack([line, line]), np.repeat([0, 1], 3), turned.T.ravel()
     np.testing.assert_allclose(extended(both, body), body @ rotation(0.7).T + [0.1, 0.2], atol=1e-14)
-    one = Samples(line, np.zeros(3, dtype=int), line[:, 0] + 0.3)
+    one = line, np.zeros(3, dtype=int), line[:, 0] + 0.3
     np.testing.assert_allclose(extended(one, body), body + np.array([0.3, 0.0]), atol=1e-14)
 
 

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 import pdsurrogate as pds
 from pdsurrogate.run.levels import solver_of
 from pdsurrogate.scenes import Box
-from pdsurrogate.solvers.extension import Samples, affine_extension
+from pdsurrogate.solvers.course import affine_extension
 
 AXIS = (1.0, 2.0, 0.5)
 TURN = {"rotation": 90.0, "about": (0.3, 0.2, 0.1), "axis": AXIS}
@@ -172,8 +172,8 @@ def test_what_one_face_does_turns_the_body():
     face = np.array([[0.0, a, b] for a in (0.0, 0.5, 1.0) for b in (0.0, 1.0)])
     body = np.array([[a, b, c] for a in (0.0, 2.0) for b in (0.0, 1.0) for c in (0.0, 1.0)])
     Q = rotation(AXIS, 40.0)
-    samples = Samples(np.vstack([face] * 3), np.repeat([0, 1, 2], 6), (face @ Q.T + [0.1, 0.2, 0.3]).T.ravel())
-    gradient, shift = affine_extension(samples, lambda direction: (body @ direction).std())
+    samples = np.vstack([face] * 3), np.repeat([0, 1, 2], 6), (face @ Q.T + [0.1, 0.2, 0.3]).T.ravel()
+    gradient, shift = affine_extension(*samples, lambda direction: (body @ direction).std())
     np.testing.assert_allclose(gradient, Q, atol=1e-14)
     np.testing.assert_allclose(shift, [0.1, 0.2, 0.3], atol=1e-14)
 

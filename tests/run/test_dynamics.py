@@ -18,8 +18,9 @@ from pdsurrogate.results.checkpoint import NAME, CheckpointError
 from pdsurrogate.run import account, checkpoints, transient
 from pdsurrogate.run.damage import Damage
 from pdsurrogate.run.simulate import simulate
-from pdsurrogate.solvers import Diverging, ExplicitDynamics
 from pdsurrogate.solvers.conditions import Loading
+from pdsurrogate.solvers.dynamics import ExplicitDynamics
+from pdsurrogate.solvers.equilibrium import Diverging
 
 LAW = pds.materials.NeoHookean()
 

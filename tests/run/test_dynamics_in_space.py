@@ -37,7 +37,7 @@ def thrown(points):
 
 def energies(block):
     """Of motion and of strain, at the positions; their forces are found again, so that a next step is as it would have been."""
-    kinetic = block.kept_energy(block.velocities_around())[1]
+    kinetic = block.kept_energy()[1]
     forces = np.empty_like(block.forces)
     block.force(block.positions, forces)
     return kinetic, measures.strain_energy(block.force)

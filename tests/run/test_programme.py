@@ -10,8 +10,7 @@ from stopping import killed_with_levels
 import pdsurrogate as pds
 from pdsurrogate.run import transient
 from pdsurrogate.run.simulate import SimulationFailed, simulate
-from pdsurrogate.solvers import Increments
-from pdsurrogate.solvers.motion import Motion
+from pdsurrogate.solvers.increments import Increments, Motion
 
 SHEET = {"name": "sheet", "spacing": 0.1, "body": pds.shapes.Rectangle(size=(1.0, 0.8)), "material": "neo-hookean"}
 CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 1.0, "x2": 0.0})

@@ -20,7 +20,9 @@ from pdsurrogate.cli import app
 from pdsurrogate.learning import force_model_of
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import SceneError
-from pdsurrogate.solvers import SOLVERS, Diverging, Increments, QuasiNewton
+from pdsurrogate.solvers.equilibrium import Diverging
+from pdsurrogate.solvers.increments import Increments
+from pdsurrogate.solvers.quasi_newton import SOLVERS, QuasiNewton
 
 VERTICAL = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
 
