@@ -200,12 +200,10 @@ class LawRegressor(StressRegressor):
 def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return candidates for the dimensionless parameters of a law, shape (number of candidates, number of parameters)."""
     per_axis = 60 if len(low) == 1 else 25
-    axes = []
-    for least, greatest in zip(low, high, strict=True):
-        if least > 0:
-            axes.append(np.geomspace(least, greatest, per_axis))
-        else:
-            # Dense about 0, where most dimensionless coefficients of rubber lie.
-            spread = np.geomspace(1e-5, 1, per_axis // 2)
-            axes.append(np.unique(np.concatenate([-spread * max(-least, 0), [0.0], spread * max(greatest, 0)])))
+    # Dense about 0 where bounds contain it: most dimensionless coefficients of rubber lie there.
+    spread = np.geomspace(1e-5, 1, per_axis // 2)
+    axes = [
+        np.geomspace(least, greatest, per_axis) if least > 0 else np.unique([*least * spread, 0.0, *greatest * spread])
+        for least, greatest in zip(low, high, strict=True)
+    ]
     return np.array(list(product(*axes)))
