@@ -16,7 +16,6 @@ from ..identification import figure, fitted_laws, load_test_data
 from ..identification.regressor import N_TERMS
 from ..identification.reporting import Identified, bulk_arguments, differences, identified, simulate_tests
 from ..identification.reporting import identify as identify_laws
-from ..learning import store
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
 from ..learning.settings import FitSettings
@@ -173,18 +172,17 @@ def fit(
         if refusals and not force_fit:
             raise ValueError(f"{'; '.join(refusals)}; --force-fit goes on all the same")
     with _training_bar() as progress:
-        trained = settings.train(material, members, hull, progress)
+        write = settings.train(material, members, hull, tests and tests.report, progress)
     with writing(folder), bad_input(TooInexact, status=FAILED):
-        text = settings.text(material, trained.cross_validation, tests and tests.report)
         # The next version is that of now: another fit of the same name may have ended since.
-        path = store(trained.pipeline, trained.samples, material, folder, name, version, text, trained.members)
+        path = write(folder, name, version)
     card = load_card(path)
     simulated = {} if tests is None else _simulate_tests(path, tests)
     print_json(
         {"artefact": f"{card.name}@{card.version}", "path": str(path), "errors": card.errors, "training": card.training, **simulated}
     )
     print_errors(card.errors["box"])
-    for row in trained.cross_validation:
+    for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on samples left out")
     for number, member in enumerate(card.members, 1):
         modulus = member.material.trained_with["shear_modulus"]

@@ -130,7 +130,10 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
 
 
 def bulk_arguments(**given: float | None) -> dict[str, float]:
-    """Return the given ones of `bulk_modulus` and `bulk_ratio`, arguments of regressors; raise ValueError for both or a bad one."""
+    """Return those of the arguments `bulk_modulus` and `bulk_ratio` of a regressor that are given.
+
+    Raise ValueError if both are given, or a bad one.
+    """
     found = {key: value for key, value in given.items() if value is not None}
     if len(found) > 1:
         raise ValueError("--bulk-modulus and --bulk-ratio say the same: choose one")
