@@ -309,11 +309,10 @@ def _size(data: TestData, predicted: np.ndarray) -> float:
 
 def _greatest_of_mode(data: TestData) -> np.ndarray:
     """Return the greatest absolute stress of the mode of each row."""
-    greatest = np.zeros(len(data))
-    for mode in data.modes:
-        rows = data.mode == mode
-        greatest[rows] = np.abs(data.nominal_stress[rows]).max()
-    return greatest
+    modes, mode = np.unique(data.mode, return_inverse=True)
+    greatest = np.zeros(len(modes))
+    np.maximum.at(greatest, mode, np.abs(data.nominal_stress))
+    return greatest[mode]
 
 
 def _falling(data: TestData):
