@@ -132,9 +132,8 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     poorly = []
     for mode, value in scores.items():
         if value < 0:
-            refusals.append(
-                f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0): take another law, or mend the data"
-            )
+            worse = f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0)"
+            refusals.append(f"{worse}: take another law, or mend the data")
         elif not value >= POOR:
             poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
     # Laws cannot be compared by data that contradict each other.
