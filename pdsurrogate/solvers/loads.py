@@ -298,7 +298,7 @@ class LoadedForce:
 
     All other attributes are those of the internal force. A call moves its positions, in place, to the nearest ones in which regions are
     rigid. Forces on the points of a region are replaced by forces of the same resultant that move it as one body, so that any solver that
-    divides them by volumes, or by `RigidStiffness`, steps in the rigid motions of the region.
+    divides them by volumes, or by `inverse_with_regions`, steps in the rigid motions of the region.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ from ..forces import InternalForce
 from .held import Supports
 from .multigrid import conjugate_gradient_steps, conjugate_gradients
 from .nearest_bonds import EXACTLY, Preconditioner, inverse_of_laplacian, inverse_of_springs, laplacian_of, springs_of
-from .rigid import RigidStiffness
+from .rigid import inverse_with_regions
 
 EXTENDED = 3e-4
 """Permitted residual of a first guess, relative to the forces of held components, in the energy norm."""
@@ -25,15 +25,14 @@ EXPONENT_ERROR = 0.5
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner for the tangent of a force, with the given free components (n, d)."""
     body, moduli = force.body, force.stiffness_moduli
-    found: Preconditioner
     if regions := getattr(force, "rigid", ()):
-        found = RigidStiffness(body, moduli, free, regions)
+        found = inverse_with_regions(body, moduli, free, regions)
     elif force.nearly_incompressible:
         found = IncompressibleStiffness(force, inverse_of_laplacian(body, moduli, free))
     else:
         found = inverse_of_springs(body, moduli, free)
     supports = getattr(force, "supports", None)
-    return found if supports is None else SupportedPreconditioner(found, supports)
+    return found if supports is None else supported(found, supports)
 
 
 class Extension:
@@ -103,17 +102,13 @@ class IncompressibleStiffness(Preconditioner):
     def __init__(self, force: InternalForce, laplacian: Preconditioner) -> None:
         self._laplacian, self._share = laplacian, force.body.share
         self._dilatation = force.linearised_dilatation()
+        super().__init__(self._solution, self._dilatation.take)
         self._volumes, self._modulus = force.body.volumes, force.law.shear_modulus
         self._compliance = force.law.shear_modulus / force.law.bulk_modulus
         self._inverse = self._dilatation.polynomial(_inverse_polynomial(self._compliance))
         self.steps = 0
 
-    def update(self) -> None:
-        """Update the operator to the state in which the force was last evaluated."""
-        self._dilatation.take()
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d)."""
+    def _solution(self, forces: np.ndarray) -> np.ndarray:
         laplacian, dilatation = self._laplacian, self._dilatation
         compliance = 1 / dilatation.stiffness
         displacements = laplacian.solve(forces)
@@ -149,24 +144,20 @@ def _inverse_polynomial(compliance: float) -> np.ndarray:
     return coefficients
 
 
-class SupportedPreconditioner(Preconditioner):
-    """Preconditioner R M R^T of a body held at places between points, from M of the same body held at points; R u moves no such place.
+def supported(inner: Preconditioner, supports: Supports) -> Preconditioner:
+    """Return the preconditioner R M R^T of a body held at places between points, from M of the same body held at points.
 
-    Parameters
-    ----------
-    inner : Preconditioner
-    supports : Supports
+    R u moves no such place.
     """
+    fields, dot = supports.fields, supports.share.dot
 
-    def __init__(self, inner: Preconditioner, supports: Supports) -> None:
-        self._inner, self._fields, self._share, self.update = inner, supports.fields, supports.share, inner.update
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d), which move no supported place."""
+    def solve(forces: np.ndarray) -> np.ndarray:
         balanced = forces.copy()
-        for weights, follows in self._fields:
-            balanced -= weights * self._share.dot(follows, balanced)
-        moved = self._inner.solve(balanced)
-        for weights, follows in reversed(self._fields):
-            moved -= follows * self._share.dot(weights, moved)
+        for weights, follows in fields:
+            balanced -= weights * dot(follows, balanced)
+        moved = inner.solve(balanced)
+        for weights, follows in reversed(fields):
+            moved -= follows * dot(weights, moved)
         return moved
+
+    return Preconditioner(solve, inner.update)

@@ -10,7 +10,7 @@ from pdsurrogate.materials import NeoHookean
 from pdsurrogate.solvers import stability
 from pdsurrogate.solvers.methods import Automatic
 from pdsurrogate.solvers.multigrid import Multigrid
-from pdsurrogate.solvers.nearest_bonds import NearestBondLaplacian
+from pdsurrogate.solvers.nearest_bonds import inverse_of_laplacian
 from pdsurrogate.solvers.preconditioner import Extension, IncompressibleStiffness
 
 PLANE = {2: "strain", 3: "space"}
@@ -61,8 +61,8 @@ def test_the_preconditioner_solves_what_it_says():
     free = np.ones_like(force.body.points)
     free[:3] = 0
     stiffness, laplacian = (
-        IncompressibleStiffness(force, NearestBondLaplacian(force.body, 2.0, free)),
-        NearestBondLaplacian(force.body, 2.0, free),
+        IncompressibleStiffness(force, inverse_of_laplacian(force.body, 2.0, free)),
+        inverse_of_laplacian(force.body, 2.0, free),
     )
     stiffness.update()
     dilatation = force.linearised_dilatation()
@@ -146,7 +146,7 @@ def test_the_least_curvature_of_a_stable_body_is_soon_known(monkeypatch):
     body, free = force.body, np.ones_like(force.body.points)
     positions, counts, values = body.points.copy(), [], []
     force(positions, np.empty_like(positions))
-    stiffness = IncompressibleStiffness(force, NearestBondLaplacian(force.body, 2.0, free))
+    stiffness = IncompressibleStiffness(force, inverse_of_laplacian(force.body, 2.0, free))
     stiffness.update()
     for known in (stability.KNOWN, 0.0):
         monkeypatch.setattr(stability, "KNOWN", known)
