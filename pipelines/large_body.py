@@ -31,7 +31,7 @@ PARTS = {
     "pressure steps: D": ("forces/dilatation.py", "changes"),
     "pressure steps: transpose of D": ("forces/dilatation.py", "forces"),
     "pressure steps: a cycle of multigrid for A": ("solvers/multigrid.py", "cycle"),
-    "pressure steps: their preconditioner": ("solvers/preconditioner.py", "_precondition"),
+    "pressure steps: their preconditioner": ("solvers/preconditioner.py", "precondition"),
 }
 """Functions whose time is told, by file and name; none of them calls another."""
 

@@ -13,7 +13,7 @@ from .conditions import Loading, Reactions
 from .equilibrium import TooFar
 from .increments import Motion
 from .nearest_bonds import greatest_bond_strain
-from .preconditioner import Extension
+from .preconditioner import extension_of
 from .rigid import displaced
 
 COMPRESSED = 0.05
@@ -212,12 +212,11 @@ class Paths:
 
     def response(self, displacements: np.ndarray) -> np.ndarray:
         """Return the displacements of the body, shape (n, d), near held components that are displaced by (n, d)."""
-        still = np.zeros((len(self._loading.planes), self.body.dimension))
-        return self._stiffness.response(displacements, still)
+        return self._extend(displacements, np.zeros((len(self._loading.planes), self.body.dimension)))
 
     @cached_property
-    def _stiffness(self) -> Extension:
-        return Extension(self.body, self._springs, self._loading.free)
+    def _extend(self) -> Callable[..., np.ndarray]:
+        return extension_of(self.body, self._springs, self._loading.free)
 
     def _followed(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
         """Return the guess that follows held parts, in enough portions of the way that none turns far and points move along arcs."""
@@ -270,7 +269,7 @@ class Paths:
                 turns = identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
                 turns[~held] = 0.0
                 of_planes[held] = (goal_planes[:, :, -1] - planes[:, :, -1] @ gradient.T - shift)[held]
-            guess += self._stiffness.response(moved, of_planes, turns)
+            guess += self._extend(moved, of_planes, turns)
         guess[loading.there] = goals[loading.at_points]
         return guess
 
