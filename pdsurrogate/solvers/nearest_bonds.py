@@ -245,15 +245,12 @@ def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.n
     for components, matrix in laplacian_of(body, shear_moduli).matrices():
         for own in alike(free, components):
             held = free[:, own[0]]
-            inverses.append((own, _inverse(body, held_matrix(matrix, held), held, len(own))))
+            system = held_matrix(matrix, held)
+            if len(body) > MOST_FACTORISED[body.dimension]:
+                inverses.append((own, Multigrid(system.tocsr(), body.points, body.spacing, held > 0, len(own)).cycle))
+            else:
+                inverses.append((own, factor_of(system).solve))
     return lambda forces: balanced(by_components(inverses, forces * free)) * free
-
-
-def _inverse(body: Body, matrix: sparse.sparray, free: np.ndarray, width: int) -> Operator:
-    """Return an operator that solves with a Laplacian, for `width` right-hand sides at once."""
-    if len(body) > MOST_FACTORISED[body.dimension]:
-        return Multigrid(matrix.tocsr(), body.points, body.spacing, free > 0, width).cycle
-    return factor_of(matrix).solve
 
 
 class TwoLevels:
