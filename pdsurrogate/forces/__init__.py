@@ -10,8 +10,7 @@ from .learnt_energy import EnergyNetwork, IsochoricNetwork, LearntEnergy
 from .learnt_force import LearntBondForce, NetworkForce, PolynomialForce, SplineForce
 from .nosb import NOSBForce
 from .own import OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from .portions import bind_portions
-from .protocol import Domain, ForceModel, Member, Portion
+from .protocol import Domain, ForceModel, Member, Portion, bind_portions
 from .settings import ForceSettings
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}

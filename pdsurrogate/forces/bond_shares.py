@@ -1,7 +1,7 @@
 """Volume shares of the bonds of a body, and assembly of the forces and moments of its pairs at the points."""
 
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -76,8 +76,7 @@ class BondShares:
         if body.share.divided:
             body.bond_halo.fill(self.bond_shares)
             around = np.union1d(around, body.share.beside_halo(bonds.first, bonds.second))
-        entries, starts = kinematics.pair_entries
-        one, other = entries[starts[around]], entries[starts[around + 1] - 1]
+        one, other = (bonds[around] for bonds in kinematics.bonds_of_pairs)
         self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
         _, neighbours, weighted_bonds, volumes = self._of_ghosts
         ratio = volumes[neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
@@ -99,23 +98,8 @@ class BondShares:
         """Return flags of the pairs that carry forces; a pair with a ghost only if its mirrored pair does, for V_i W_ij to be symmetric."""
         carries = self.bond_weights > 0
         if breakable and len(self._body.ghosts):
-            outer, mirrored = self.mirrored_pairs
-            carries[outer] &= carries[mirrored]
+            carries[self._kinematics.outer_pairs] &= carries[self._kinematics.mirrored_pairs]
         return carries
-
-    @cached_property
-    def mirrored_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of a point i and the ghost of a point k, and for each that of k and the ghost of i under the same reflections."""
-        bonds, ghosts, n = self._body.bonds, self._body.ghosts, len(self._body)
-        outer = np.flatnonzero(bonds.second >= n)
-        ghost = bonds.second[outer].astype(np.int64) - n
-        number = np.full((int(ghosts.image.max()) + 1, n), -1)
-        number[ghosts.image, ghosts.source] = np.arange(len(ghosts))
-        partner = ghosts.source[ghost].astype(np.int64), n + number[ghosts.image[ghost], bonds.first[outer]]
-        total = n + len(ghosts)
-        keys = bonds.first[outer].astype(np.int64) * total + bonds.second[outer]
-        order = np.argsort(keys)
-        return outer, outer[order[np.searchsorted(keys[order], partner[0] * total + partner[1])]]
 
     def geometry(self, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
         """Return reference data of pairs in blocks, shape (n_blocks, d + 2 or d + 3, BLOCK).
@@ -150,12 +134,12 @@ class BondShares:
         own : ndarray of bool, shape (n_bonds,), optional
             Directed bonds that count.
         """
-        entries, starts = self._kinematics.pair_entries
+        one, other = self._kinematics.bonds_of_pairs
         shares = self.bond_shares if own is None else self.bond_shares * own
-        end_shares[places // BLOCK, 0, places % BLOCK] = shares[entries[starts[pairs]]]
+        end_shares[places // BLOCK, 0, places % BLOCK] = shares[one[pairs]]
         within = self._body.bonds.second[pairs] < len(self._body)
         places, pairs = places[within], pairs[within]
-        end_shares[places // BLOCK, 1, places % BLOCK] = shares[entries[starts[pairs + 1] - 1]]
+        end_shares[places // BLOCK, 1, places % BLOCK] = shares[other[pairs]]
 
     def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step) -> list[Step]:
         """Return the steps that add the forces of the points' moments to those on points and ghosts, and fold all onto the body's points.

@@ -1,9 +1,8 @@
 """Bond forces and energies that users write in Python, evaluated block by block in NumPy and therefore slower than compiled models."""
 
-from __future__ import annotations
-
 import ctypes
 import warnings
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..materials import InvariantLaw, Law
 from .bond_force import ForceSurrogate, bond_arrays, exact_bond_force
 from .errors import InvalidState
 from .internal_force import InternalForce
-from .protocol import CompiledBondForce, Domain
+from .protocol import CompiledBondForce
 from .settings import ForceSettings
 
 _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
@@ -83,18 +82,12 @@ class OwnBondForce(ForceSurrogate):
     <OwnBondForce Mine>
     """
 
-    features = ("stretch", "rotation", "length", "C33", "J")
-    domain: Domain | None = None
-    gives_transverse = True
-    default_precision = "float64"
+    domain = None
     several_materials = ()
-    honours: ClassVar = {
-        "precision": ("float64",),
-        "correction": ("tensor", "scalar", "none"),
-        "rotation": ("polar", "convected"),
-        "breakable": (True,),
-        "plane": ("stress",),
-    }
+
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        return {**super().honours, "precision": ("float64",), "plane": ("stress",)}
 
     def __init__(self, thing) -> None:
         if not is_own_force(thing):

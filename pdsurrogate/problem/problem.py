@@ -184,7 +184,7 @@ def _together(rigid: dict[str, np.ndarray]) -> np.ndarray:
 def _describe_part(part: Part, model: ForceModel) -> dict:
     """Return the entry of a summary about a region of another material."""
     region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
-    if part.rigid:
+    if part.material.rigid:
         return {**region, "material": {"law": RIGID}}
     return {**region, "material": part.material.build().describe(), "force": model.name}
 

@@ -217,11 +217,11 @@ def is_marked(path: Path) -> bool:
 def _scenes_in(folder: Path) -> set[str]:
     """Return the names of the scenes whose runs a folder holds."""
     scenes = {path.stem for path in folder.glob("*.pvd") if _is_index(path)}
-    summary = read_summary(folder)
-    if summary is not None:
-        return scenes | {summary["scene"]}
-    begun = Contents.read(identity_in(folder))
-    return scenes if begun is None else scenes | {begun.scene["name"]}
+    if summary := read_summary(folder):
+        scenes.add(summary["scene"])
+    elif begun := Contents.read(identity_in(folder)):
+        scenes.add(begun.scene["name"])
+    return scenes
 
 
 def _is_index(path: Path) -> bool:

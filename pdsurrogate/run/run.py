@@ -144,6 +144,10 @@ class Run:
         self.force(self.positions, np.empty_like(self.positions))
         self.force.seconds, self.force.timed = 0.0, 0
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the positions and the arrays of state of the force, by name."""
+        return {"positions": self.positions, **self.force.state_arrays()}
+
     def takes_double(self) -> bool:
         """Return whether the force models can be evaluated in double instead of single precision."""
         settings = self.problem.settings

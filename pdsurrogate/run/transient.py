@@ -134,16 +134,13 @@ class Transient:
         return True
 
     def _time_due(self, outputs: int) -> float:
-        """Return the time of the output after `outputs` others, in a stage with a duration."""
+        """Return the time of the output after `outputs` others."""
         return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
-        """Return whether the next output is due."""
-        if self._timed:
-            return self.account.time >= self._time_due(self.account.outputs)
-        motion = self.motion
-        due = motion.begin + (motion.end - motion.begin) * (self.account.outputs + 1) / self.most_outputs
-        return motion.at(self.account.time) >= due - 1e-12 * (motion.end - motion.begin)
+        """Return whether the next output is due; where times of steps are sums, rounding does not add a step."""
+        rounding = 0.0 if self._timed else 1e-12 * self.motion.duration
+        return self.account.time >= self._time_due(self.account.outputs) - rounding
 
     def save_last_state(self) -> None:
         """Undo the failed step, and record the state before it unless it has been recorded."""
