@@ -230,10 +230,8 @@ class Transient:
         """
         run, account = self.run, self.account
         self._last_row()
-        through = self._cracks is not None and self._cracks.through()
+        through = self._cracks is not None and self._cracks.output()
         self._apply()
-        if self._cracks is not None:
-            self._cracks.output()
         if run.problem.measures.nominal_stress is None:
             run.loaded(run.positions, np.empty_like(run.positions))
             row = output_row(run, run.state.elapsed + account.time)
