@@ -25,7 +25,7 @@ from .kinematics import matrices
 from .material_points import MaterialPoints
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .term import Binding, Term, sum_on_pairs
+from .term import Binding, DomainWatch, Term, sum_on_pairs
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
 """Relative step of J3 at which the iteration ends: a few times the error from rounding in the force at K = 10 mu."""
@@ -148,7 +148,7 @@ class BondForces(Term):
         for number, model in enumerate(models):
             points = self.points_of(number, pairs[number])
             self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction))
-            self.watch(model, points, "force", "bond force")
+            self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         self.learnt_thickness = any(part.learns_thickness for part in self._parts)
         self._model, self._domain = models[0], models[0].domain if binding.whole else None
         if binding.whole:

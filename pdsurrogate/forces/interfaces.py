@@ -1,5 +1,7 @@
 """Jumps of the deformation gradient at interfaces between materials, and the body as either material sees it."""
 
+from typing import TypeAlias
+
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
@@ -48,6 +50,9 @@ energies of both sides depend on each other's points. That is more accurate: hom
 WORST_CONDITION = 1e6
 """Condition number up to which a fit is accepted, with lengths in units of its reach. For a layer of two rows it is 1e3."""
 
+Near: TypeAlias = tuple[float, np.ndarray, int, float]
+"""Distance and direction of the interface near a point, the material beyond it, and the share of volume on the wrong side."""
+
 
 class Interfaces:
     """Interfaces between the materials of a body, as far as they are straight within a horizon.
@@ -61,9 +66,7 @@ class Interfaces:
 
     Parameters
     ----------
-    body : Body
     kinematics : Kinematics
-        Of the body.
     portion_of : ndarray of int, shape (n + m,)
         Material of every point and image.
     moduli : ndarray, shape (n + m,)
@@ -93,17 +96,15 @@ class Interfaces:
         Forces on the points by which an energy acts on the jumps, as last found by `hand_on`.
     """
 
-    def __init__(
-        self, body: Body, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool
-    ) -> None:
-        self._body, self._portion_of, self._by_gradient = body, portion_of, 2.0 * volumes_held
+    def __init__(self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool) -> None:
+        self._body, self._portion_of, self._by_gradient = kinematics.body, portion_of, 2.0 * volumes_held
+        body, share = self._body, self._body.share
         n, total, bonds, owners = len(body), len(body.all_points), body.bonds, kinematics.owners()
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbours[across]])])
         rows, mirrored = [], []
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
-        share = body.share
         for i in near[share.own[near]]:
             found = _interface_beside(body, everywhere, portion_of, i)
             if quadratic and (found is None or found[3] > ASTRAY):
@@ -302,8 +303,8 @@ def _columns(normals: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return (normals[:, :, None] * vectors[:, None]).reshape(len(normals), -1)
 
 
-def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> tuple[float, np.ndarray, int, float] | None:
-    """Return distance and direction of the interface near a point, the material beyond, and the share of volume on the wrong side."""
+def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
+    """Return the straight interface near a point that divides the volume around it as the materials do; None if there is none."""
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
@@ -333,10 +334,8 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
     return (float(depth), normal, int(kinds[0]), float(astray)) if depth > 0 else None
 
 
-def _nearest_softer(
-    body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int
-) -> tuple[float, np.ndarray, int, float] | None:
-    """Return the tuple of `_interface_beside`, from the nearest points of a much softer material, half a cell beyond the interface."""
+def _nearest_softer(body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int) -> Near | None:
+    """Return the interface near a point from the nearest points of a much softer material, half a cell beyond it."""
     around = np.array(tree.query_ball_point(body.points[i], body.horizon * (1 + 1e-9), return_sorted=True), dtype=np.int64)
     softer = around[moduli[around] * YIELDING < moduli[i]]
     if not len(softer):

@@ -56,15 +56,7 @@ class MaterialPoints:
         Pass that finds volume ratios and records with a learnt force, in place of the law.
     """
 
-    def __init__(
-        self,
-        kinematics: Kinematics,
-        law: Law,
-        precision: str,
-        rotation: str | None = None,
-        own: np.ndarray | None = None,
-        pairs: np.ndarray | None = None,
-    ) -> None:
+    def __init__(self, kinematics: Kinematics, law: Law, precision: str, rotation: str | None = None, own=None, pairs=None) -> None:
         body = kinematics.body
         self._kinematics, self.law, self.whole = kinematics, law, own is None
         self.response, self.parameters = PLANES[kinematics.plane].response.block(law), law.parameters

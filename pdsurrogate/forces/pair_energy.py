@@ -13,7 +13,7 @@ from .errors import InvalidState, at_point, why_invalid
 from .kinematics import matrices, symmetric
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
-from .term import Binding, Term, sum_on_pairs, whole_volume
+from .term import Binding, DomainWatch, Term, sum_on_pairs, whole_volume
 from .volume_energy import LinearisedDilatation, VolumeEnergy
 
 
@@ -51,7 +51,7 @@ class PairEnergy(Term):
             # A material has energy in its own bonds.
             weights = self.shares.bond_weights if whole else np.bincount(bonds.pair_of, self.shares.bond_shares * own, len(bonds.first))
             points = self.points_of(number, None if whole else np.flatnonzero(weights))
-            self.watch(model, points, "energy", "energy")
+            self.watches.append(DomainWatch(binding, model, points, "energy", "energy"))
             each.append((binding, self.shares, model, points, weights[points.pairs]))
             own_bonds.append(own)
         if self.selective:

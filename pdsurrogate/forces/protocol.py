@@ -139,7 +139,7 @@ class CompiledBondForce:
     needs_length: bool = False
     asks_law: bool = False
 
-    def constants(self, points: MaterialPoints) -> tuple[np.ndarray, np.ndarray, int, np.ndarray]:
+    def constants(self, points: MaterialPoints) -> tuple:
         """Return the constants of this function and of the law of some points, an argument of passes."""
         return self.sizes, self.weights, points.response.address, points.parameters
 

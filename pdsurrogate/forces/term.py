@@ -11,7 +11,6 @@ from scipy.sparse.linalg import LinearOperator
 
 from ..body import Body
 from ..materials import PLANES
-from ..ranks import Share
 from .errors import InvalidState, OutsideDomain, OutsideDomainWarning, locate
 from .kinematics import Kinematics
 from .material_points import MaterialPoints, have_states
@@ -166,12 +165,6 @@ class Term(ABC):
         self.state.append(StateArray(f"volume_ratios{end}", "images", points.kept_ratios))
         return points
 
-    def watch(self, model: "ForceModel", points: MaterialPoints, quantity: str, stand_in: str) -> None:
-        """Count the pairs of some points that are outside the domain of a model, see `DomainWatch`."""
-        first, share = self.body.bonds.first[points.pairs], self.body.share
-        n_pairs = int(np.count_nonzero(share.own[first]))
-        self.watches.append(DomainWatch(model, n_pairs, self.binding.outside, (quantity, stand_in), share))
-
     _find_forces: Callable[[], list[int]]
 
     def bind_steps(self, *steps: Step) -> None:
@@ -303,23 +296,24 @@ class DomainWatch:
 
     Parameters
     ----------
-    model : ForceSurrogate or EnergySurrogate
-    n_pairs : int
-        Pairs in one evaluation of the model.
-    outside : str
-        See `ForceSettings`.
-    names : tuple of str
+    binding : Binding
+    model : ForceModel
+    points : MaterialPoints
+        Points whose pairs the model evaluates.
+    quantity, stand_in : str
         Names, for messages, of the quantity that the model computes and of its replacement outside the domain.
-    share : Share
 
     Attributes
     ----------
+    n_pairs : int
+        Pairs in one evaluation of the model.
     found : int
         Pairs outside in the last evaluation.
     """
 
-    def __init__(self, model: "ForceModel", n_pairs: int, outside: str, names: tuple[str, str], share: Share) -> None:
-        self._model, self.n_pairs, self._share, self._policy, self._names = model, n_pairs, share, outside, names
+    def __init__(self, binding: Binding, model: "ForceModel", points: MaterialPoints, quantity: str, stand_in: str) -> None:
+        body, self._policy, self._model, self._names = binding.kinematics.body, binding.outside, model, (quantity, stand_in)
+        self._share, self.n_pairs = body.share, int(np.count_nonzero(body.share.own[body.bonds.first[points.pairs]]))
         self.found, self._warned = 0, False
 
     def settle(self) -> None:

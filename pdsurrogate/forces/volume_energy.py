@@ -101,7 +101,7 @@ class VolumeEnergy:
     def renew(self, pairs: np.ndarray) -> None:
         """Update shares and smoothing of a body of one material after a change of the weights of given pairs."""
         self.shares.fill_end_shares(self.parts[0].end_shares, pairs, pairs)
-        self.smoothing.renew(self.shares.carrying(self.binding.settings.breakable), pairs)
+        self.smoothing.renew(self.shares.carrying(self.binding.settings.breakable))
 
 
 class LinearisedDilatation:

@@ -73,9 +73,8 @@ class TestData:
 
     def of(self, *modes: str) -> Self:
         """Return the rows of the given modes; raise ValueError for a mode of which there are none."""
-        unknown = sorted(set(modes) - set(self.mode.tolist()))
-        if unknown:
-            raise ValueError(f"{self.name}: no rows of {', '.join(unknown)}; there are {', '.join(sorted(set(self.mode.tolist())))}")
+        if unknown := sorted({*modes} - {*self.modes}):
+            raise ValueError(f"{self.name}: no rows of {', '.join(unknown)}; there are {', '.join(sorted(self.modes))}")
         return self._taken(np.isin(self.mode, modes))
 
     def up_to(self, stretch: float) -> Self:

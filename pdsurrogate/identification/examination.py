@@ -147,8 +147,6 @@ def wrong_signs(data: TestData) -> list[str]:
     Isotropic rubber pulls along the greater of two stretches (Baker, Ericksen 1954): with a stress-free thickness the stress has the sign
     of log(stretch/thickness).
     """
-    if not len(data):
-        return []
     first, second = data.stretches.T
     along = np.log(first * first * second)
     wrong = (along * data.nominal_stress < 0) & (np.abs(along) > NEAR_REST)
@@ -340,13 +338,13 @@ def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     own = off(model)
     if own < NOISE:
         return
-    candidates = list(others)
-    if not any(isinstance(one, EnergyRegressor) for one in [model, *others]):
+    candidates = [model, *others]
+    if not any(isinstance(one, EnergyRegressor) for one in candidates):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             candidates.append(EnergyRegressor().fit(data.stretches, data.nominal_stress, data.balanced_weights()))
-    best = min((one for one in candidates if one is not model), key=off, default=None)
-    if best is not None and off(best) < own / BETTER:
+    best = min(candidates, key=off)
+    if off(best) < own / BETTER:
         name = "an energy without a law (--free, EnergyRegressor)" if isinstance(best, EnergyRegressor) else best.law
         better = f"{name} describes these data {own / max(off(best), 1e-9):.0f} times better than {model.law}"
         yield f"{better}; {NOT_TOLD}"

@@ -6,24 +6,3 @@ from .states import PLANES, SHEETS, dimension_of, plane_strain, plane_stress, so
 from .stretch_laws import FullNetwork, Ogden, Polyconvex
 
 LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork, Polyconvex)}
-
-__all__ = [
-    "LAWS",
-    "PLANES",
-    "SHEETS",
-    "ArrudaBoyce",
-    "FullNetwork",
-    "Gent",
-    "InvariantLaw",
-    "Law",
-    "MooneyRivlin",
-    "NeoHookean",
-    "Ogden",
-    "Polyconvex",
-    "PrincipalStretchLaw",
-    "Yeoh",
-    "dimension_of",
-    "plane_strain",
-    "plane_stress",
-    "solid",
-]

@@ -74,14 +74,13 @@ class Ogden(PrincipalStretchLaw):
             object.__setattr__(self, key, tuple(float(value) for value in values))
         self._check_terms()
         modulus = self._stiffness()
-        given = self.shear_modulus
-        if given is not None:
-            check_number(given, f"{self.name}: shear_modulus")
-        if given is not None and not (np.isfinite(given) and abs(given - modulus) <= 1e-6 * modulus):
+        given = modulus if self.shear_modulus is None else self.shear_modulus
+        check_number(given, f"{self.name}: shear_modulus")
+        if not (np.isfinite(given) and abs(given - modulus) <= 1e-6 * modulus):
             raise ValueError(
                 f"{self.name}: {' and '.join(self.lists)} make the shear_modulus {modulus:g}, not {given:g}; leave it out, or scale them"
             )
-        object.__setattr__(self, "shear_modulus", modulus if given is None else float(given))
+        object.__setattr__(self, "shear_modulus", float(given))
         if self.bulk_modulus is None:
             object.__setattr__(self, "bulk_modulus", 100 * self.shear_modulus)
         super().__post_init__()

@@ -121,7 +121,7 @@ class Problem:
         """
         settings = self.settings if precision is None else replace(self.settings, precision=precision)
         with scene_errors(self.scene):
-            force = bind_portions(self.body, self.portions, settings, np.concatenate([np.zeros(0, np.int64), *self.rigid.values()]))
+            force = bind_portions(self.body, self.portions, settings, _together(self.rigid))
             loaded = force
             if self.loading.loads is not None or self.loading.supports is not None or self.rigid:
                 loaded = LoadedForce(force, self.loading.loads, self.loading.supports, self._rigid_regions(force) if self.rigid else ())
@@ -159,7 +159,7 @@ class Problem:
         """Refuse a rigid region that is neither held nor bonded to anything that is deformed: loads would carry it anywhere."""
         first, second = self.body.bonds.first, self.body.bonds.second
         every = np.arange(len(self.body.all_points))
-        rigid = np.isin(every, np.concatenate(list(self.rigid.values())))
+        rigid = np.isin(every, _together(self.rigid))
         for name, numbers in self.rigid.items():
             own = np.isin(every, numbers)
             pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
@@ -178,10 +178,15 @@ class Problem:
             raise ValueError(f"body: {lie}; the body needs {needs}, {self.body.spacing:.4g} apart: take {self.body.finer}")
 
 
+def _together(rigid: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the points of all rigid regions."""
+    return np.concatenate([np.zeros(0, np.int64), *rigid.values()])
+
+
 def _describe_part(part: Part, model: ForceModel) -> dict:
     """Return the entry of a summary about a region of another material."""
     region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
-    if part.rigid:
+    if part.material.rigid:
         return {**region, "material": {"law": RIGID}}
     return {**region, "material": part.material.build().describe(), "force": model.name}
 
@@ -225,7 +230,7 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         if rigid and ranks.size > 1:
             raise ValueError("materials: rigid regions are taken on one rank only; run it without mpiexec, or give them a law")
         prescriptions = prescriptions_of(scene, regions, stages)
-        loading = conditions_of(scene, prescriptions, regions, loads, stages, rigid.values())
+        loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
             check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))

@@ -11,8 +11,8 @@ from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
 from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, NoEquilibrium, NotConverged, RanAway, TooSmall, Unbalanced, note_of_modes
 from ..solvers.increments import Increments
+from ..solvers.methods import SOLVERS
 from ..solvers.nearest_bonds import is_rigid, strain_of, strain_rounding
-from ..solvers.quasi_newton import SOLVERS
 from ..solvers.stability import check_branch
 from .checkpoints import ACCEPTED
 from .interruption import Interrupted

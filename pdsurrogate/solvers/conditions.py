@@ -84,18 +84,11 @@ class Loading:
     """
 
     def __init__(
-        self,
-        body: Body,
-        parameter: str,
-        rest: float,
-        names: tuple[str, ...],
-        planes: tuple[str, ...],
-        held: tuple[Held, ...],
-        loads: Loads | None,
+        self, body: Body, parameter: str, rest: float, names: tuple[str, ...], planes: list[str], held: list[Held], loads: Loads | None
     ) -> None:
         self.body, self.parameter, self.rest, self.names, self.loads, self._share = body, parameter, rest, names, loads, body.share
         self.planes, self.held = planes, held
-        at_places = tuple(part for part in held if part.others is not None)
+        at_places = [part for part in held if part.others is not None]
         self.supports = Supports(body, at_places) if at_places else None
         self._of_points = [part for part in held if part.plane is None]
         self._of_planes = [part for part in held if part.plane is not None]

@@ -317,7 +317,6 @@ class TwoLevels:
         share.fill(of_owners)
         self.inside = self._around * (degrees == of_owners)[:, None]
         self._without_drift = drift_remover(body, self._around)
-        self._coarse: tuple[np.ndarray, np.ndarray] | None = None
 
     def balanced(self, values: np.ndarray) -> np.ndarray:
         """Subtract, in place, the mean of values along the axes in which the body is not held, set the halo to zero, and return the values.
@@ -338,34 +337,32 @@ class TwoLevels:
         self._share.fill(around)
         found = self.invert(around * self.inside) * self.inside
         self._share.fold(found)
-        modes, inverse = self._affine()
+        modes, inverse = self._affine
         pulls = np.concatenate(self._share.everywhere(modes.T @ forces.ravel()))
         k = modes.shape[1]
         found += (modes @ (inverse @ pulls)[k * self._share.ranks.rank : k * (self._share.ranks.rank + 1)]).reshape(forces.shape)
         return found * self._free
 
+    @cached_property
     def _affine(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the affine motions of own free components, shape (d n, k), and the inverse stiffness of those of all parts."""
-        if self._coarse is None:
-            points, share, (n, d) = self._body.points, self._share, self._free.shape
-            middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
-            # All ranks use the same unit, since each forms the motions of its neighbours as well.
-            arms = (points - middle) / self._body.extent
-            functions = np.column_stack([np.ones(n), arms])
-            motions = np.zeros((d, d + 1, n, d))
-            for axis in range(d):
-                motions[axis, :, :, axis] = functions.T * self._around[:, axis]
-            motions = motions.reshape(-1, n, d)
-            k, count = len(motions), share.ranks.size
-            own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
-            rows = np.zeros((k, k * count))
-            for rank in np.unique(share.owners):
-                theirs = (share.owners == rank)[:, None]
-                for number, motion in enumerate(motions):
-                    rows[:, k * rank + number] = own.T @ self._multiply(motion * theirs).ravel()
-            stiffness = np.concatenate(share.everywhere(rows))
-            self._coarse = own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
-        return self._coarse
+        """Affine motions of own free components, shape (d n, k), and the inverse stiffness of those of all parts."""
+        points, share, (n, d) = self._body.points, self._share, self._free.shape
+        middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
+        # All ranks use the same unit, since each forms the motions of its neighbours as well.
+        functions = np.column_stack([np.ones(n), (points - middle) / self._body.extent])
+        motions = np.zeros((d, d + 1, n, d))
+        for axis in range(d):
+            motions[axis, :, :, axis] = functions.T * self._around[:, axis]
+        motions = motions.reshape(-1, n, d)
+        k, count = len(motions), share.ranks.size
+        own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
+        rows = np.zeros((k, k * count))
+        for rank in np.unique(share.owners):
+            theirs = (share.owners == rank)[:, None]
+            for number, motion in enumerate(motions):
+                rows[:, k * rank + number] = own.T @ self._multiply(motion * theirs).ravel()
+        stiffness = np.concatenate(share.everywhere(rows))
+        return own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
 
     def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
         """Return the solution of conjugate gradients that leaves a share of the forces."""

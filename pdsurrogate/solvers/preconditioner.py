@@ -52,11 +52,10 @@ class Extension:
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
         self._body, self._free = body, free
         self._network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
-        if body.dimension == 3:
-            self._precondition = inverse_of_laplacian(body, shear_moduli, free).solve
-            self._solve = self._by_conjugate_gradients
+        if body.dimension == 2:
+            self._inverse = inverse_of_springs(body, shear_moduli, free, EXACTLY)
         else:
-            self._solve = inverse_of_springs(body, shear_moduli, free, EXACTLY).solve
+            self._inverse = inverse_of_laplacian(body, shear_moduli, free)
 
     def response(self, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         """Return the displacements of the body, shape (n, d), where held components and planes of reflection are displaced.
@@ -71,13 +70,14 @@ class Extension:
             Rotations of planes, see `pdsurrogate.body.Ghosts.shifts`.
         """
         held, of_images = held.copy(), self._body.ghosts.moved_by_planes(self._body.points, planes, turns)
-        found = self._solve(self._network.forces(held, of_images)) + held
+        forces = self._network.forces(held, of_images)
+        if self._body.dimension == 2:
+            found = self._inverse.solve(forces) + held
+        else:
+            image_of, dot = (lambda moved: -self._network.forces(moved) * self._free), self._body.share.dot
+            found = conjugate_gradients(forces * self._free, self._inverse.solve, image_of, dot, EXTENDED, MOST_STEPS) + held
         self._body.share.fill(found)
         return found
-
-    def _by_conjugate_gradients(self, forces: np.ndarray) -> np.ndarray:
-        settings = self._precondition, lambda moved: -self._network.forces(moved) * self._free, self._body.share.dot, EXTENDED, MOST_STEPS
-        return conjugate_gradients(forces * self._free, *settings)
 
 
 class IncompressibleStiffness(Preconditioner):
@@ -124,7 +124,10 @@ class IncompressibleStiffness(Preconditioner):
             moved = laplacian.solve(dilatation.forces(pressures))
             return compliance * pressures + dilatation.changes(moved)
 
-        asked = self._precondition, image_of, self._dot, NEARLY_SOLVED * self._compliance, MOST_STEPS
+        def dot(one: np.ndarray, other: np.ndarray) -> float:
+            return self._share.dot(one[:, None], other[:, None])
+
+        asked = self._precondition, image_of, dot, NEARLY_SOLVED * self._compliance, MOST_STEPS
         for share, _, _ in conjugate_gradient_steps(dilatation.changes(displacements), *asked):
             displacements -= share * moved
             self.steps += 1
@@ -133,10 +136,6 @@ class IncompressibleStiffness(Preconditioner):
     def _precondition(self, left: np.ndarray) -> np.ndarray:
         """Return about V mu (mu/K + W^4)^-1 of a rest: D has the smoothing W, and the bonds' means smooth about as much again."""
         return self._modulus * self._volumes * self._inverse(left)
-
-    def _dot(self, first: np.ndarray, second: np.ndarray) -> float:
-        """Return the inner product of values at the points, shape (n,)."""
-        return self._share.dot(first[:, None], second[:, None])
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -227,13 +226,7 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
     else:
         check_path(given, "a study")
         source, folder = str(given), Path(given).parent
-        try:
-            data = tomllib.loads(read_description(Path(given)))
-        except OSError as error:
-            raise SceneError(f"cannot read study file {source}: {error.strerror}") from None
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-            what = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else error
-            raise SceneError(f"{source}: not valid TOML: {what}") from None
+        data = read_description(Path(given), "study")
     try:
         return Study.model_validate(data), source, folder
     except ValidationError as error:

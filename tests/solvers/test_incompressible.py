@@ -8,10 +8,10 @@ from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.solvers import stability
+from pdsurrogate.solvers.methods import Automatic
 from pdsurrogate.solvers.multigrid import Multigrid
 from pdsurrogate.solvers.nearest_bonds import NearestBondLaplacian
 from pdsurrogate.solvers.preconditioner import Extension, IncompressibleStiffness
-from pdsurrogate.solvers.quasi_newton import Automatic
 
 PLANE = {2: "strain", 3: "space"}
 
