@@ -91,8 +91,6 @@ class PointState:
     ----------
     plane : str
         State of stress or strain: "stress", "strain" or "space".
-    laws : list of tuple
-        Material laws, each with its points.
     position, displacement : ndarray, shape (n, d)
         Places in the undeformed body, and displacements from them.
     F : ndarray, shape (n, d, d)
@@ -112,7 +110,7 @@ class PointState:
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
         force.place(positions)
-        self.laws, self.plane, self.displacement, self.damage = force.laws, force.plane, positions - force.body.points, damage
+        self.plane, self.displacement, self.damage = force.plane, positions - force.body.points, damage
         self.position = force.body.points
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
@@ -155,10 +153,6 @@ class PointState:
         deviator = self.cauchy_stress + self.pressure()[:, None, None] * np.eye(3)
         return np.sqrt(1.5 * (deviator * deviator).sum(axis=(1, 2)))
 
-    def thickness(self) -> np.ndarray | None:
-        """Return C33, the squared stretch of the thickness of a sheet, shape (n,); None of a solid."""
-        return None if self.plane == "space" else self.deformation_gradient[:, 2, 2] ** 2
-
 
 @dataclass(frozen=True)
 class PointField:
@@ -190,7 +184,7 @@ POINT_FIELDS = {
     "principal_stretch": PointField(lambda state: state.stretches[:, 0].copy()),
     "principal_stretches": PointField(PointState.principal_stretches, 3),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
-    "C33": PointField(PointState.thickness),
+    "C33": PointField(lambda state: None if state.plane == "space" else state.deformation_gradient[:, 2, 2] ** 2),
     "stress": PointField(lambda state: state.stress, 9, "stress"),
     "cauchy_stress": PointField(lambda state: state.cauchy_stress, 9, "stress"),
     "von_mises": PointField(PointState.von_mises, unit="stress"),

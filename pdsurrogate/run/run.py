@@ -80,7 +80,7 @@ class Run:
     Attributes
     ----------
     interruption : Interruption
-        What may end the run early; by default only a signal.
+        Signal or time limit that ends the run early; by default only a signal.
     problem : Problem
     force : InternalForce
     loaded : InternalForce or LoadedForce
