@@ -91,6 +91,8 @@ class PointState:
     ----------
     plane : str
         State of stress or strain: "stress", "strain" or "space".
+    laws : list of tuple
+        Material laws, each with its points.
     position, displacement : ndarray, shape (n, d)
         Places in the undeformed body, and displacements from them.
     F : ndarray, shape (n, d, d)
@@ -110,7 +112,7 @@ class PointState:
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
         force.place(positions)
-        self.plane, self.displacement, self.damage = force.plane, positions - force.body.points, damage
+        self.laws, self.plane, self.displacement, self.damage = force.laws, force.plane, positions - force.body.points, damage
         self.position = force.body.points
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
@@ -138,8 +140,9 @@ class PointState:
         """Principal stretches in falling order, of a sheet those in its plane, shape (n, d)."""
         return principal_stretches(self.F)
 
+    @cached_property
     def principal_stretches(self) -> np.ndarray:
-        """Return the principal stretches in falling order, including that of the thickness, shape (n, 3)."""
+        """Principal stretches in falling order, including that of the thickness, shape (n, 3)."""
         if self.plane == "space":
             return self.stretches
         return -np.sort(-np.column_stack([self.stretches, self.deformation_gradient[:, 2, 2]]), axis=1)
@@ -182,7 +185,7 @@ POINT_FIELDS = {
     "position": PointField(lambda state: _with_three_components(state.position), 3, "length"),
     "displacement": PointField(lambda state: _with_three_components(state.displacement), 3, "length"),
     "principal_stretch": PointField(lambda state: state.stretches[:, 0].copy()),
-    "principal_stretches": PointField(PointState.principal_stretches, 3),
+    "principal_stretches": PointField(lambda state: state.principal_stretches, 3),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
     "C33": PointField(lambda state: None if state.plane == "space" else state.deformation_gradient[:, 2, 2] ** 2),
     "stress": PointField(lambda state: state.stress, 9, "stress"),
