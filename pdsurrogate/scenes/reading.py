@@ -56,10 +56,7 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
     """
     check_path(reference, "a scene's reference")
     text, source = _text_of(reference)
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise SceneError(f"{source}: not valid TOML: {error}") from None
+    data = parsed(text, source)
     if isinstance(changes, Mapping):
         pairs = list(changes.items())
     elif isinstance(changes, str):
@@ -78,13 +75,26 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
         raise SceneError(f"{source}: {explain(error, Scene)}") from None
 
 
-def read_description(path: Path) -> str:
+def read_description(path: Path, kind: str) -> str:
     """Return the text of a scene or study file; raise SceneError where it is longer than any, as that of an endless device is."""
-    with path.open("rb") as file:
-        content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise SceneError(f"{path}: it has more than {MOST_BYTES / 2**20:.0f} MiB, which no description of a scene or study has")
-    return content.decode("utf-8").replace("\r\n", "\n")
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise SceneError(f"{path}: it has more than {MOST_BYTES / 2**20:.0f} MiB, which no description of a scene or study has")
+        return content.decode("utf-8").replace("\r\n", "\n")
+    except OSError as error:
+        raise SceneError(f"cannot read {kind} file {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SceneError(f"{path}: not valid TOML: it is not UTF-8 text") from None
+
+
+def parsed(text: str, source: str) -> dict[str, Any]:
+    """Return what a description in TOML says; raise SceneError, which names its source, where it is not valid."""
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise SceneError(f"{source}: not valid TOML: {error}") from None
 
 
 def parse_change(change: str) -> tuple[str, Any]:
@@ -149,9 +159,4 @@ def _text_of(reference: str | Path) -> tuple[str, str]:
     path = Path(reference)
     if not name or (path.suffix != ".toml" and not path.exists()):
         raise SceneError(f"unknown scene {name!r}; built in are {', '.join(scene_names())}, anything else is the path of a .toml file")
-    try:
-        return read_description(path), str(path)
-    except OSError as error:
-        raise SceneError(f"cannot read scene file {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise SceneError(f"{path}: not valid TOML: it is not UTF-8 text") from None
+    return read_description(path, "scene"), str(path)
