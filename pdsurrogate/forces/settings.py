@@ -1,7 +1,5 @@
 """Settings of the evaluation of a force model on a body."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 

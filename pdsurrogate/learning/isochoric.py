@@ -1,8 +1,5 @@
 """The isochoric energy W(I1bar, I2bar) as a target: samples at three stretches of product 1, features and stability."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -11,8 +8,8 @@ from ..forces import Domain, IsochoricNetwork
 from ..forces.agreement import isochoric_stresses
 from ..forces.learnt_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
-from .target import checked_columns, named
-from .targets import EnergyTarget, Range, Samples, checked_derivatives
+from .base import checked_columns, named
+from .target import EnergyTarget, Range, Samples, checked_derivatives
 
 INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
 
@@ -106,11 +103,11 @@ class _IsochoricEnergy(EnergyTarget):
     def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         return isochoric_stresses(stretches.T**2, first, second)
 
-    def _predictor(self, model: IsochoricNetwork, law: Law) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda X: np.stack(model.isochoric_derivatives(*X.T), axis=1)
+    def _predicted(self, model: IsochoricNetwork, law: Law, X: np.ndarray) -> np.ndarray:
+        return np.stack(model.isochoric_derivatives(*X.T), axis=1)
 
     def _more_errors(self, model: IsochoricNetwork, law: Law, samples: Samples) -> dict[str, float]:
-        rest = self._predictor(model, law)(np.array([[3.0, 3.0]]))[0]
+        rest = self._predicted(model, law, np.array([[3.0, 3.0]]))[0]
         squares = samples.stretches[:STATES_OF_STABILITY].T ** 2
         return {
             "at_rest": float(abs(rest[0])),
@@ -120,7 +117,7 @@ class _IsochoricEnergy(EnergyTarget):
         }
 
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
-        squares = solid.principal_stretches((*X.T, np.ones(len(X))))[3:]
+        squares = solid.response.stretches((*X.T, np.ones(len(X))))[3:]
         return Domain(float(np.sqrt(np.min(squares))), float(np.sqrt(np.max(squares))), 1.0, 1.0)
 
 

@@ -1,12 +1,10 @@
 """Interface of a material law.
 
 A law is a small frozen dataclass. It states its energy and the derivatives of its energy as elementwise expressions, which NumPy evaluates
-for checks and numba compiles for runs. The modules `plane_stress`, `plane_strain` and `solid` derive stresses and stiffness from them.
+for checks and numba compiles for runs. `expressions` and `states` derive stresses and stiffness from them.
 
 Energies and stresses are dimensionless, in units of the law's shear modulus.
 """
-
-from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
@@ -140,6 +138,11 @@ class PrincipalStretchLaw(Law):
     @abstractmethod
     def coefficients(parameters, k):
         """Return the constants of term k, a tuple of numbers."""
+
+    def sums(self, stretches: tuple, parameters: np.ndarray) -> list:
+        """Return the sums (W, g1, g2, g3, h) over all terms at (x1, x2, x3, s1, s2, s3), see `term`."""
+        terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(self.n_terms))
+        return [sum(parts) for parts in zip(*terms, strict=True)]
 
     @staticmethod
     @abstractmethod

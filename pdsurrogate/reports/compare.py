@@ -14,7 +14,7 @@ from ..body import Body
 from ..engine.threads import at_most, most_threads
 from ..forces import AnalyticBondForce, BANOSBForce, BondEnergyForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..learning.marquardt import listening
+from ..learning.levenberg_marquardt import listening
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
 from ..results.provenance import processor

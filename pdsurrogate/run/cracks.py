@@ -1,7 +1,5 @@
 """Cracks of a run: which bonds break, where cracks begin and how their tips move."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np
@@ -9,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from ..forces import InvalidState
 from ..ranks.share import connected
-from ..solvers import ExplicitDynamics
+from ..solvers.dynamics import ExplicitDynamics
 from .account import Account
 from .run import Run
 

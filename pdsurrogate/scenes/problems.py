@@ -1,7 +1,5 @@
 """Error messages for invalid scenes."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Iterator
 from types import UnionType

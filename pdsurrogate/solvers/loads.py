@@ -1,10 +1,7 @@
 """Loads: forces on the boundary, in the volume and on points, and pressures that follow the boundary (theory (42)-(46))."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,10 +9,8 @@ from ..body import Body
 from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
 from ..ranks import Share
-from .supports import Supports
-
-if TYPE_CHECKING:
-    from .rigid import RigidRegion
+from .held import Supports
+from .rigid import RigidRegion, moment_of
 
 AT_REST = 1e-14
 """Displacement over the extent of the body, or amplitude of a load, that counts as zero: a sine has rounding errors of this size."""
@@ -76,32 +71,84 @@ class Pressure:
         return f"the pressure on {self.name} {why}"
 
 
-class _Facets:
-    """Facets on which pressures act; a facet with two pressures occurs twice.
+class _DeadLoads:
+    """Dead loads of a body, which act at points.
 
-    A facet may depend on points of several shares, so that all shares evaluate all facets together.
+    Parameters
+    ----------
+    body : Body
+    loads : sequence of DeadLoad
+    followed : ndarray of int, shape (k,)
+        Number of the amplitude that the force at each of their points follows.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (k,)
+        Part of each point in the mean displacement of its load: in proportion to its force along that of the load.
+    """
+
+    def __init__(self, body: Body, loads: Sequence[DeadLoad], followed: np.ndarray) -> None:
+        self._body, self._followed = body, followed
+        self._points = np.concatenate([load.points for load in loads])
+        self._forces = np.concatenate([load.forces for load in loads])
+        totals = [body.share.total(load.forces.sum(axis=0)) for load in loads]
+        along = [load.forces @ total / max(np.linalg.norm(total), 1e-300) for load, total in zip(loads, totals, strict=True)]
+        self.weights = np.concatenate(along)
+        # Loads of one amplitude act as one.
+        self._patterns = np.zeros((followed.max(initial=0) + 1, *body.points.shape))
+        np.add.at(self._patterns, (followed, self._points), self._forces)
+
+    def set(self, factors: np.ndarray, t: float) -> None:
+        """Set the forces to those at the values of all amplitudes, those at t; raise InvalidState where a force is not finite."""
+        self._factors = factors[self._followed]
+        with np.errstate(over="ignore"):
+            self._present = np.einsum("a,anc->nc", factors[: len(self._patterns)], self._patterns)
+        if not np.isfinite(self._present).all():
+            raise InvalidState(f"loads: a force is not finite at t = {t:g}")
+
+    def add(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
+        """Add the forces on the points to `out`, shape (n, d)."""
+        out += self._present
+
+    def at_sites(self, vectors: np.ndarray) -> np.ndarray:
+        """Return the rows of the points that the loads act on, shape (k, d), of an array (n, d)."""
+        return vectors[self._points]
+
+    def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        """Return the force at each of these points that counts here, shape (k, d)."""
+        return self._factors[:, None] * self._forces
+
+    def potential(self, positions: np.ndarray) -> float:
+        """Return minus the work of the present forces since rest."""
+        return -float(np.einsum("nc,nc->", self._present, positions - self._body.points))
+
+
+class _Pressures:
+    """Pressures on a body, which act on facets; a facet with two pressures occurs twice.
+
+    A facet may depend on points of several shares, so that all shares evaluate all facets together, and one of them counts them.
 
     Parameters
     ----------
     share : Share
     surface : Surface
-    pressures : dict of Pressure
-        Pressures by the number of the load.
+    loads : sequence of Pressure
+    followed : ndarray of int, shape (f,)
+        Number of the amplitude that the pressure on each of their facets follows.
 
     Attributes
     ----------
-    loads : ndarray of int, shape (f,)
-        Number of the load that presses on each facet.
+    weights : ndarray, shape (f,)
+        Part of each facet in the mean displacement of its load: all are alike.
     """
 
-    def __init__(self, share: Share, surface: Surface, pressures: dict[int, Pressure]) -> None:
-        self._share = share
-        facets = np.concatenate([pressure.facets for pressure in pressures.values()])
-        counts = [len(pressure.facets) for pressure in pressures.values()]
-        self.loads = np.repeat(list(pressures), counts)
-        self._values = np.repeat([pressure.value for pressure in pressures.values()], counts)
-        self._undeformed = np.repeat([not pressure.deformed for pressure in pressures.values()], counts)
-        self.needs_thickness = not self._undeformed.all()
+    def __init__(self, share: Share, surface: Surface, loads: Sequence[Pressure], followed: np.ndarray) -> None:
+        self._share, self._followed = share, followed
+        facets = np.concatenate([load.facets for load in loads])
+        self.weights = np.full(len(facets), float(share.leads))
+        counts = [len(load.facets) for load in loads]
+        self._values = np.repeat([load.value for load in loads], counts)
+        self._undeformed = np.repeat([not load.deformed for load in loads], counts)
         corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
         # Only points that the facets depend on are used, so that the work of an evaluation is proportional to the boundary.
         self._points = np.unique(np.concatenate([rows.points() for rows in corners]))
@@ -109,17 +156,16 @@ class _Facets:
         self._middle = Following.mean([first, *others])
         self._sides = [other - first for other in others]
         self._spread = self._middle.T
-        self._pressures = np.zeros(len(facets))
         # Enclosed volumes are measured about a place within the body, which minimises rounding errors.
         self._origin = surface.nodes.mean(axis=0)
         start = surface.nodes[surface.facets[facets]] - self._origin
         self._enclosed_at_rest = _enclosed(start.mean(axis=1), [start[:, end] - start[:, 0] for end in range(1, start.shape[1])])
 
-    def set(self, factors: np.ndarray) -> None:
-        """Set the pressures to those at the amplitudes of all loads."""
-        np.multiply(self._values, factors[self.loads], out=self._pressures)
+    def set(self, factors: np.ndarray, t: float) -> None:
+        """Set the pressures to those at the values of all amplitudes."""
+        self._pressures = self._values * factors[self._followed]
 
-    def on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+    def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force on every facet, shape (f, d) (theory (44), (45)).
 
         Raises
@@ -127,29 +173,29 @@ class _Facets:
         InvalidState
             Where a force is not finite, or the thickness not positive.
         """
-        sides = self._sides_at(positions)
         pull = self._pressures
-        if self.needs_thickness:
+        if not self._undeformed.all():
             there = self._share.total(self._middle @ thickness[self._points])
             there[self._undeformed] = 1.0
             if not (there > 0).all():
                 raise InvalidState("the thickness of the sheet that a pressure acts on, continued to the boundary, is not positive there")
             pull = pull * there
-        if len(sides) == 1:
-            forces = np.stack([-(pull * sides[0][:, 1]), pull * sides[0][:, 0]], axis=1)
-        else:
-            forces = -0.5 * pull[:, None] * np.cross(*sides)
+        forces = -pull[:, None] * _normals(self._sides_at(positions))
         if not np.isfinite(forces).all():
             raise InvalidState("the force of a pressure on the boundary is not finite")
         return forces
 
     def add(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
         """Add the forces on the points to `out`, shape (n, d)."""
-        out[self._points] += self._spread @ self.on_facets(positions, thickness)
+        out[self._points] += self._spread @ self._on_facets(positions, thickness)
 
-    def middles(self, vectors: np.ndarray) -> np.ndarray:
+    def at_sites(self, vectors: np.ndarray) -> np.ndarray:
         """Return positions or velocities of the middles of the facets from those of the points, shape (f, d)."""
         return self._share.total(self._middle @ vectors.take(self._points, axis=0))
+
+    def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        """Return the force on every facet that counts here, shape (f, d)."""
+        return self._on_facets(positions, thickness) * self._share.leads
 
     def _sides_at(self, positions: np.ndarray) -> list[np.ndarray]:
         """Return the vectors along the sides of the facets."""
@@ -157,27 +203,27 @@ class _Facets:
         return [self._share.total(rows @ places) for rows in self._sides]
 
     def potential(self, positions: np.ndarray) -> float:
-        """Return pressure times the area or volume that the facets have swept since rest (theory (46))."""
-        enclosed = _enclosed(self.middles(positions) - self._origin, self._sides_at(positions))
-        return float((self._pressures * (enclosed - self._enclosed_at_rest)).sum())
+        """Return pressure times the area or volume that the facets have swept since rest, where it counts (theory (46))."""
+        enclosed = _enclosed(self.at_sites(positions) - self._origin, self._sides_at(positions))
+        return float((self._pressures * (enclosed - self._enclosed_at_rest)).sum()) * self._share.leads
+
+
+def _normals(sides: list[np.ndarray]) -> np.ndarray:
+    """Return the normals of facets, of the length of an edge or the area of a triangle, from the vectors along their sides."""
+    if len(sides) == 1:
+        return np.stack([sides[0][:, 1], -sides[0][:, 0]], axis=1)
+    return 0.5 * np.cross(*sides)
 
 
 def _enclosed(middles: np.ndarray, sides: list[np.ndarray]) -> np.ndarray:
     """Return the area or volume between each facet and the origin; a closed chain or surface of facets encloses their sum."""
-    if len(sides) == 1:
-        return 0.5 * _cross(middles, sides[0])
-    return (middles * np.cross(*sides)).sum(axis=1) / 6
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] if a.shape[1] == 2 else np.cross(a, b)
+    return (middles * _normals(sides)).sum(axis=1) / middles.shape[1]
 
 
 def _closed(facets: np.ndarray) -> bool:
     """Return whether facets of the given nodes, shape (f, d), have no rim: each side belongs to two of them, in opposite directions."""
     if facets.shape[1] == 2:
-        count = facets.max() + 1
-        return bool((np.bincount(facets[:, 0], minlength=count) == np.bincount(facets[:, 1], minlength=count)).all())
+        return np.array_equal(*np.sort(facets, axis=0).T)
     sides = np.concatenate([facets[:, [0, 1]], facets[:, [1, 2]], facets[:, [2, 0]]])
     one, other = (np.unique(ends, axis=0, return_counts=True) for ends in (sides, sides[:, ::-1]))
     return all(np.array_equal(mine, theirs) for mine, theirs in zip(one, other, strict=True))
@@ -205,21 +251,20 @@ class Loads:
     """
 
     def __init__(self, body: Body, loads: Sequence[DeadLoad | Pressure], surface: Callable[[], Surface]) -> None:
-        self.body, self._names = body, [load.name for load in loads]
-        # Dead loads of one amplitude act as one.
-        self._amplitudes = list(dict.fromkeys(load.amplitude for load in loads))
-        self._followed = np.array([self._amplitudes.index(load.amplitude) for load in loads])
-        self._dead = {number: load for number, load in enumerate(loads) if isinstance(load, DeadLoad)}
-        pressures = {number: load for number, load in enumerate(loads) if isinstance(load, Pressure)}
-        self._facets = _Facets(body.share, surface(), pressures) if pressures else None
-        reasons = (pressure.no_potential_because(surface()) for pressure in pressures.values())
+        dead = [load for load in loads if isinstance(load, DeadLoad)]
+        pressures = [load for load in loads if isinstance(load, Pressure)]
+        self.body, self._names = body, list(dict.fromkeys(load.name for load in loads))
+        self._amplitudes = list(dict.fromkeys(load.amplitude for load in [*dead, *pressures]))
+        # Kinds of loads, each with the number of the name of every place that its loads act at.
+        self._kinds: list[tuple[_DeadLoads | _Pressures, np.ndarray]] = []
+        for some in filter(None, (dead, pressures)):
+            counts = [len(load.points if isinstance(load, DeadLoad) else load.facets) for load in some]
+            followed = np.repeat([self._amplitudes.index(load.amplitude) for load in some], counts)
+            kind = _DeadLoads(body, dead, followed) if some is dead else _Pressures(body.share, surface(), pressures, followed)
+            self._kinds.append((kind, np.repeat([self._names.index(load.name) for load in some], counts)))
+        self.needs_thickness = any(load.deformed for load in pressures)
+        reasons = (pressure.no_potential_because(surface()) for pressure in pressures)
         self.no_potential_because = next(filter(None, reasons), None)
-        self._patterns: dict[int, np.ndarray] = {}
-        for number, dead in self._dead.items():
-            pattern = self._patterns.setdefault(self._followed[number], np.zeros_like(body.points))
-            pattern[dead.points] += dead.forces
-        self._present = np.zeros_like(body.points) if self._patterns else None
-        self.needs_thickness = self._facets is not None and self._facets.needs_thickness
         self.set(0.0)
 
     @property
@@ -239,16 +284,8 @@ class Loads:
             factors = np.array([amplitude(t) for amplitude in self._amplitudes])
         except ValueError as error:
             raise InvalidState(f"loads: {error}") from None
-        self._factors = factors[self._followed]
-        if self._facets is not None:
-            self._facets.set(self._factors)
-        if self._present is not None:
-            self._present[:] = 0.0
-            with np.errstate(over="ignore"):
-                for number, pattern in self._patterns.items():
-                    self._present += factors[number] * pattern
-            if not np.isfinite(self._present).all():
-                raise InvalidState(f"loads: a force is not finite at t = {t:g}")
+        for kind, _ in self._kinds:
+            kind.set(factors, t)
 
     def vanish(self, t: float) -> bool:
         """Return whether all loads are zero at a value of the loading parameter."""
@@ -269,10 +306,8 @@ class Loads:
         InvalidState
             Where a pressure has no force.
         """
-        if self._present is not None:
-            out += self._present
-        if self._facets is not None:
-            self._facets.add(positions, thickness, out)
+        for kind, _ in self._kinds:
+            kind.add(positions, thickness, out)
 
     def potential(self, positions: np.ndarray) -> float:
         """Return the potential energy of `conservative` loads at their present size, zero at rest (theory (46)).
@@ -284,26 +319,15 @@ class Loads:
         """
         if not self.conservative:
             raise TypeError(f"these loads have no potential: {self.no_potential_because}")
-        potential = 0.0
-        if self._present is not None:
-            potential -= float(np.einsum("nc,nc->", self._present, positions - self.body.points))
-        if self._facets is not None:
-            potential += self._facets.potential(positions) * self.body.share.leads
-        return potential
+        return sum(kind.potential(positions) for kind, _ in self._kinds)
 
     def power(self, positions: np.ndarray, velocities: np.ndarray, thickness: np.ndarray | None = None) -> float:
         """Return the power of the loads in a state in which the points have the given velocities (n, d)."""
-        power = 0.0
-        if self._present is not None:
-            power += float(np.einsum("nc,nc->", self._present, velocities))
-        if self._facets is not None:
-            of_facets = self._facets.on_facets(positions, thickness) * self._facets.middles(velocities)
-            power += float(of_facets.sum()) * self.body.share.leads
-        return power
+        return float(sum((kind.on_sites(positions, thickness) * kind.at_sites(velocities)).sum() for kind, _ in self._kinds))
 
     def by_name(self, positions: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the total force of the loads in a state, shape (d,), by name; loads of one name are summed."""
-        return self._summed(positions, thickness, lambda places, forces: forces)
+        return self._named(self._summed(lambda kind: kind.on_sites(positions, thickness)))
 
     def displacements(self, positions: np.ndarray) -> dict[str, np.ndarray]:
         """Return the mean displacement of the parts that loads act on, shape (d,), by name; loads of one name are averaged together.
@@ -311,47 +335,29 @@ class Loads:
         Points count in proportion to their part of a force, so that its work is force times displacement.  A pressure moves with the
         middles of its facets.
         """
-        sums: dict[str, tuple[np.ndarray, float]] = {name: (np.zeros(self.body.dimension), 0.0) for name in self._names}
-
-        def take(name: str, moved: np.ndarray, weights: np.ndarray) -> None:
-            total, weight = sums[name]
-            sums[name] = total + weights @ moved, weight + float(weights.sum())
-
         displacement = positions - self.body.points
-        for number, dead in self._dead.items():
-            total = self.body.share.total(dead.forces.sum(axis=0))
-            take(self._names[number], displacement[dead.points], dead.forces @ total / max(np.linalg.norm(total), 1e-300))
-        if self._facets is not None:
-            moved = self._facets.middles(displacement)
-            for number in np.unique(self._facets.loads):
-                own = self._facets.loads == number
-                take(self._names[number], moved[own], np.full(int(own.sum()), float(self.body.share.leads)))
-        sums = {name: (self.body.share.total(total), self.body.share.total(weight)) for name, (total, weight) in sums.items()}
-        return {name: total / weight if weight else total for name, (total, weight) in sums.items()}
+        totals = self._summed(lambda kind: kind.weights[:, None] * kind.at_sites(displacement))
+        weights = self._summed(lambda kind: kind.weights)
+        return self._named(totals / np.where(weights == 0, 1.0, weights)[:, None])
 
     def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the moment of the loads in a state about a place (d,), by name; loads of one name are summed.
 
         The moment is a counter-clockwise number in the plane and a vector of shape (3,) in three dimensions.
         """
-        return self._summed(positions, thickness, lambda places, forces: _cross(places - about, forces))
+        levers = self._summed(lambda kind: kind.on_sites(positions, thickness)[:, :, None] * (kind.at_sites(positions) - about)[:, None])
+        return self._named(moment_of(levers))
 
-    def _summed(self, positions: np.ndarray, thickness: np.ndarray | None, of: Callable[..., np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the sums of a function of places and forces, by name."""
-        totals = dict.fromkeys(self._names, 0.0)
-        for name, places, forces in self._actions(positions, thickness):
-            totals[name] = totals[name] + of(places, forces).sum(axis=0)
-        return {name: self.body.share.total(total) for name, total in totals.items()}
+    def _summed(self, of: Callable[[_DeadLoads | _Pressures], np.ndarray]) -> np.ndarray:
+        """Return the sums of values at the places that loads act at, over all shares, shape (names, ...)."""
+        found = [(of(kind), names) for kind, names in self._kinds]
+        totals = np.zeros((len(self._names), *found[0][0].shape[1:]))
+        for values, names in found:
+            np.add.at(totals, names, values)
+        return self.body.share.total(totals)
 
-    def _actions(self, positions: np.ndarray, thickness: np.ndarray | None) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-        """Yield name, places (k, d) and forces (k, d) of every load."""
-        for number, dead in self._dead.items():
-            yield self._names[number], positions[dead.points], self._factors[number] * dead.forces
-        if self._facets is not None:
-            places, forces = self._facets.middles(positions), self._facets.on_facets(positions, thickness)
-            for number in np.unique(self._facets.loads):
-                own = (self._facets.loads == number) & self.body.share.leads
-                yield self._names[number], places[own], forces[own]
+    def _named(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        return dict(zip(self._names, values, strict=True))
 
 
 class LoadedForce:

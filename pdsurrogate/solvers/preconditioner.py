@@ -1,17 +1,13 @@
 """Preconditioners of quasi-Newton methods, chosen by the force, and extensions of held displacements into the body."""
 
-from __future__ import annotations
-
-from functools import partial
-
 import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from . import conjugate_gradients
-from .nearest_bonds import Laplacian, NearestBondLaplacian, NearestBondStiffness, Preconditioner, Springs
+from .held import Supports
+from .multigrid import conjugate_gradient_steps, conjugate_gradients
+from .nearest_bonds import EXACTLY, Preconditioner, inverse_of_laplacian, inverse_of_springs, laplacian_of, springs_of
 from .rigid import RigidStiffness
-from .schwarz import EXACTLY, SchwarzLaplacian, SchwarzStiffness
 
 EXTENDED = 3e-4
 """Permitted residual of a first guess, relative to the forces of held components, in the energy norm."""
@@ -29,15 +25,15 @@ EXPONENT_ERROR = 0.5
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner for the tangent of a force, with the given free components (n, d)."""
     body, moduli = force.body, force.stiffness_moduli
-    if getattr(force, "rigid", ()):
-        return RigidStiffness(force, free)
-    if force.nearly_incompressible:
-        return IncompressibleStiffness(force, _inverse_of_laplacian(body, moduli, free))
-    return (SchwarzStiffness if body.share.divided else NearestBondStiffness)(body, moduli, free)
-
-
-def _inverse_of_laplacian(body: Body, moduli: float | np.ndarray, free: np.ndarray) -> Preconditioner:
-    return (SchwarzLaplacian if body.share.divided else NearestBondLaplacian)(body, moduli, free)
+    found: Preconditioner
+    if regions := getattr(force, "rigid", ()):
+        found = RigidStiffness(body, moduli, free, regions)
+    elif force.nearly_incompressible:
+        found = IncompressibleStiffness(force, inverse_of_laplacian(body, moduli, free))
+    else:
+        found = inverse_of_springs(body, moduli, free)
+    supports = getattr(force, "supports", None)
+    return found if supports is None else SupportedPreconditioner(found, supports)
 
 
 class Extension:
@@ -55,15 +51,11 @@ class Extension:
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
         self._body, self._free = body, free
-        if body.dimension == 3:
-            self._network, self._precondition = Laplacian(body, shear_moduli), _inverse_of_laplacian(body, shear_moduli, free).solve
-            self._solve = self._by_conjugate_gradients
-            return
-        self._network = Springs(body, shear_moduli)
-        if body.share.divided:
-            self._solve = partial(SchwarzStiffness(body, shear_moduli, free).solve, left=EXACTLY)
+        self._network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
+        if body.dimension == 2:
+            self._inverse = inverse_of_springs(body, shear_moduli, free, EXACTLY)
         else:
-            self._solve = NearestBondStiffness(body, shear_moduli, free).solve
+            self._inverse = inverse_of_laplacian(body, shear_moduli, free)
 
     def response(self, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         """Return the displacements of the body, shape (n, d), where held components and planes of reflection are displaced.
@@ -77,21 +69,15 @@ class Extension:
         turns : ndarray, shape (planes, d, d), optional
             Rotations of planes, see `pdsurrogate.body.Ghosts.shifts`.
         """
-        ghosts, held, share = self._body.ghosts, held.copy(), self._body.share
-        share.fill(held)
-        images = held[ghosts.source] * ghosts.parity + ghosts.moved_by_planes(self._body.points, planes, turns)
-        found = self._solve(self._network.forces(np.vstack([held, images]))) + held
-        share.fill(found)
+        held, of_images = held.copy(), self._body.ghosts.moved_by_planes(self._body.points, planes, turns)
+        forces = self._network.forces(held, of_images)
+        if self._body.dimension == 2:
+            found = self._inverse.solve(forces) + held
+        else:
+            image_of, dot = (lambda moved: -self._network.forces(moved) * self._free), self._body.share.dot
+            found = conjugate_gradients(forces * self._free, self._inverse.solve, image_of, dot, EXTENDED, MOST_STEPS) + held
+        self._body.share.fill(found)
         return found
-
-    def _by_conjugate_gradients(self, forces: np.ndarray) -> np.ndarray:
-        settings = self._precondition, self._image_of, self._body.share.dot, EXTENDED, MOST_STEPS
-        return conjugate_gradients.solution(forces * self._free, *settings)
-
-    def _image_of(self, direction: np.ndarray) -> np.ndarray:
-        self._body.share.fill(direction)
-        images = direction[self._body.ghosts.source] * self._body.ghosts.parity
-        return -self._network.forces(np.vstack([direction, images])) * self._free
 
 
 class IncompressibleStiffness(Preconditioner):
@@ -138,8 +124,11 @@ class IncompressibleStiffness(Preconditioner):
             moved = laplacian.solve(dilatation.forces(pressures))
             return compliance * pressures + dilatation.changes(moved)
 
-        asked = self._precondition, image_of, self._dot, NEARLY_SOLVED * self._compliance, MOST_STEPS
-        for share, _, _ in conjugate_gradients.steps(dilatation.changes(displacements), *asked):
+        def dot(one: np.ndarray, other: np.ndarray) -> float:
+            return self._share.dot(one[:, None], other[:, None])
+
+        asked = self._precondition, image_of, dot, NEARLY_SOLVED * self._compliance, MOST_STEPS
+        for share, _, _ in conjugate_gradient_steps(dilatation.changes(displacements), *asked):
             displacements -= share * moved
             self.steps += 1
         return displacements
@@ -147,10 +136,6 @@ class IncompressibleStiffness(Preconditioner):
     def _precondition(self, left: np.ndarray) -> np.ndarray:
         """Return about V mu (mu/K + W^4)^-1 of a rest: D has the smoothing W, and the bonds' means smooth about as much again."""
         return self._modulus * self._volumes * self._inverse(left)
-
-    def _dot(self, first: np.ndarray, second: np.ndarray) -> float:
-        """Return the inner product of values at the points, shape (n,)."""
-        return self._share.dot(first[:, None], second[:, None])
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:
@@ -162,3 +147,26 @@ def _inverse_polynomial(compliance: float) -> np.ndarray:
         if np.abs(table @ coefficients - 1).max() <= EXPONENT_ERROR:
             break
     return coefficients
+
+
+class SupportedPreconditioner(Preconditioner):
+    """Preconditioner R M R^T of a body held at places between points, from M of the same body held at points; R u moves no such place.
+
+    Parameters
+    ----------
+    inner : Preconditioner
+    supports : Supports
+    """
+
+    def __init__(self, inner: Preconditioner, supports: Supports) -> None:
+        self._inner, self._fields, self._share, self.update = inner, supports.fields, supports.share, inner.update
+
+    def solve(self, forces: np.ndarray) -> np.ndarray:
+        """Return the displacements under forces, shape (n, d), which move no supported place."""
+        balanced = forces.copy()
+        for weights, follows in self._fields:
+            balanced -= weights * self._share.dot(follows, balanced)
+        moved = self._inner.solve(balanced)
+        for weights, follows in reversed(self._fields):
+            moved -= follows * self._share.dot(weights, moved)
+        return moved

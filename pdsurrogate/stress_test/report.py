@@ -1,7 +1,5 @@
 """Report of all hard cases for any number of force models."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable
 
@@ -12,17 +10,10 @@ from ..artifacts import ArtifactError, list_artifacts, load_surrogate
 from ..engine.threads import at_most, most_threads
 from ..forces import FORCES
 from ..results.provenance import processor
-from . import conformance, deformations, discretisations, dynamics, equilibria, tangents
+from . import conformance, deformations, runs, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
 
-CASES: tuple[Case, ...] = (
-    *tangents.CASES,
-    *conformance.PROPERTIES,
-    *deformations.CASES,
-    *discretisations.CASES,
-    *equilibria.CASES,
-    *dynamics.CASES,
-)
+CASES: tuple[Case, ...] = tuple(dict.fromkeys((*tangents.CASES, *conformance.PROPERTIES, *deformations.CASES, *runs.CASES)))
 """All cases in the order of the table: the hard ones, then the properties of `conformance`."""
 
 

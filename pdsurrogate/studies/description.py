@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 from ..arguments import check_path
 from ..scenes import MaterialSpec, SceneError, scene_names
 from ..scenes.problems import explain, suggestion
-from ..scenes.reading import parsed, read_description
+from ..scenes.reading import read_description
 from ..scenes.strict_model import Finite, Positive, StrictModel, Whole
 
 MOST_RUNS = 100_000
@@ -207,7 +207,7 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
     else:
         check_path(given, "a study")
         source, folder = str(given), Path(given).parent
-        data = parsed(read_description(Path(given), "study"), source)
+        data = read_description(Path(given), "study")
     try:
         return Study.model_validate(data), source, folder
     except ValidationError as error:

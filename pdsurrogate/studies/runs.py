@@ -106,7 +106,6 @@ class FitTask:
         # Imported here, since only a fit needs scikit-learn.
         from threadpoolctl import threadpool_limits
 
-        from ..learning import store
         from ..learning.fitting import TooInexact
 
         began = time.perf_counter()
@@ -115,8 +114,7 @@ class FitTask:
         with threadpool_limits(threads):
             if not place.exists():  # it exists if an earlier attempt ended before writing its summary
                 try:
-                    trained = settings.train(law)
-                    store(trained.pipeline, trained.samples, law, folder, *SURROGATE, settings.text(law, trained.cross_validation))
+                    settings.train(law)(folder, *SURROGATE)
                 except (TooInexact, ValueError) as error:
                     return str(error)
         card = artifacts.load_card(place)

@@ -19,7 +19,7 @@ from pdsurrogate.cli.command import warnings_as_lines
 from pdsurrogate.engine.threads import at_most, most_threads, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.materials import LAWS
-from pdsurrogate.run.sharing import Oversubscribed
+from pdsurrogate.run.run import Oversubscribed
 
 
 @pytest.mark.parametrize(

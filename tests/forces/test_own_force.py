@@ -215,11 +215,11 @@ class Energy:
 def test_an_energy_of_another_modulus_is_said():
     """A factor of 2 that was forgotten."""
     halved = Energy(lambda I1, I2: 0.2 * (I1 - 3) + 0.05 * (I2 - 3), 0.2, 0.05)
-    with pytest.warns(UserWarning, match=r"Energy: energies are in units of the shear modulus, .* of 0\.5 of it at rest"):
+    with pytest.warns(UserWarning, match=r"Energy: .* units of the shear modulus, .* 0\.5 "):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.1), halved)
 
 
 def test_a_value_that_is_not_finite_is_named_before_the_run():
     cut = Energy(lambda I1, I2: np.where(I1 > 4, np.nan, 0.4 * (I1 - 3) + 0.1 * (I2 - 3)), 0.4, 0.1)
-    with pytest.raises(SceneError, match=r"Energy: energy gives W = nan, dW/dI1bar = 0\.4, .* which is not finite, at I1bar = 4\.5"):
+    with pytest.raises(SceneError, match=r"Energy: .* W = nan, .* at I1bar = 4\.5"):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.1), cut)

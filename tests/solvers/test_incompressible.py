@@ -7,7 +7,8 @@ from scipy import sparse
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
-from pdsurrogate.solvers import Automatic, stability
+from pdsurrogate.solvers import stability
+from pdsurrogate.solvers.methods import Automatic
 from pdsurrogate.solvers.multigrid import Multigrid
 from pdsurrogate.solvers.nearest_bonds import NearestBondLaplacian
 from pdsurrogate.solvers.preconditioner import Extension, IncompressibleStiffness

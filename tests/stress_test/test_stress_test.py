@@ -10,8 +10,8 @@ from pdsurrogate.cli import app
 from pdsurrogate.stress_test import report as report_module
 from pdsurrogate.stress_test.bodies import of_simplices, regular
 from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, STOPS, WEAK, Outcome, Subject, spring_stiffness
-from pdsurrogate.stress_test.equilibria import sheared_layer
 from pdsurrogate.stress_test.report import CASES, all_models, cell, planes_of, stress_test, table
+from pdsurrogate.stress_test.runs import sheared_layer
 from pdsurrogate.stress_test.tangents import tangent
 
 BOND_FORCES = {"symmetry", "undamped_steps", "angular_momentum", "slender"}
