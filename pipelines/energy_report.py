@@ -19,7 +19,7 @@ from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.results import measures
 from pdsurrogate.run.run import Run, Silent
-from pdsurrogate.solvers.quasi_newton import SOLVERS
+from pdsurrogate.solvers.methods import SOLVERS
 from pdsurrogate.solvers.stability import FrequencyEstimate
 
 console = Console(width=160)

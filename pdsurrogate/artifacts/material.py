@@ -68,7 +68,9 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
             raise SceneError(f"scene {scene.name}: material: {error}; {flag} takes the material of {model.name}") from None
     if described is own and _is_an_example(scene) and not scene.materials and _has_moduli(card):
         described = material_on(card, scene)
-    return (scene if described == own else _changed(scene, described)), model
+    if described != own:
+        scene = scene.model_copy(update={"material": MaterialSpec.model_validate(described.describe())})
+    return scene, model
 
 
 def _is_an_example(scene: Scene) -> bool:
@@ -95,17 +97,8 @@ def material_on(card: Card, scene: Scene) -> Law:
 
 def _has_moduli(card: Card) -> bool:
     """Return whether the moduli of a card were identified or given, rather than defaults of its law."""
-    if card.training.get("identification"):
-        return True
-    try:
-        given = law_of(card)
-    except ValueError:
-        return False
-    return abs(given.shear_modulus - type(given)().shear_modulus) > 1e-9
-
-
-def _changed(scene: Scene, law: Law) -> Scene:
-    return scene.model_copy(update={"material": MaterialSpec.model_validate(law.describe())})
+    given = law_of(card)
+    return bool(card.training.get("identification")) or abs(given.shear_modulus - type(given)().shear_modulus) > 1e-9
 
 
 def in_words(law: Law) -> str:

@@ -14,15 +14,14 @@ from ..artifacts import load_card, load_surrogate, new_artifact, next_version, o
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data
 from ..identification.regressor import N_TERMS
-from ..identification.reporting import IdentificationSettings, Identified, identified, simulate_tests
+from ..identification.reporting import Identified, bulk_arguments, differences, identified, simulate_tests
 from ..identification.reporting import identify as identify_laws
-from ..learning import store
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
 from ..learning.settings import FitSettings
 from ..results import figures
 from ..results.files import write_json
-from .command import Overwrite, ReportFolder, SetLaw, check_folder, command, law_of
+from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
 from .evaluate import print_errors
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, status, warn, writing
 
@@ -41,7 +40,6 @@ BulkRatio = Annotated[float | None, Option(help="Bulk modulus over shear modulus
 Terms = Annotated[int | None, Option(help=f"Terms of Ogden's law; {N_TERMS} by default.", min=1, max=4)]
 
 
-@command
 def identify(
     data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
     *,
@@ -58,8 +56,8 @@ def identify(
     laws, rows = law or fitted_laws(), load_test_data(data)
     if terms is not None and "ogden" not in laws:
         raise ValueError(f"--terms is of the law ogden, which --law {', '.join(laws)} leaves out")
-    settings = IdentificationSettings(terms or N_TERMS, bulk_modulus, bulk_ratio)
-    asked = {"laws": laws, "terms": settings.n_terms, "up_to": stretch, **settings.bulk}
+    terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    asked = {"laws": laws, "terms": terms, "up_to": stretch, **bulk}
     asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
     check_folder(folder, "identify.json", asked, overwrite)
     if stretch is not None:
@@ -67,7 +65,7 @@ def identify(
     with Bar("Fitting") as bar:
         count = len(laws)
         models, reports, held_out = identify_laws(
-            rows, laws, settings, hold_out, lambda done, law: bar.count("laws", done, count, f"now {law}")
+            rows, laws, terms, bulk, hold_out, lambda done, law: bar.count("laws", done, count, f"now {law}")
         )
     for report in reports:
         print_identified(report)
@@ -113,7 +111,6 @@ def differences_in_words(differences: dict) -> str:
     )
 
 
-@command
 def fit(
     name: Annotated[str, Argument(help="Name of the new artefact.")],
     *,
@@ -150,9 +147,9 @@ def fit(
         raise ValueError("--free finds an energy without a law, --law names one: choose one")
     if terms is not None and (data is None or law != "ogden"):
         raise ValueError("--terms is of --law ogden with test data, which --data gives; of a law's own parameters by --set")
-    law, identification = law or "neo-hookean", IdentificationSettings(terms or N_TERMS, bulk_modulus, bulk_ratio)
+    law, bulk = law or "neo-hookean", bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
-        if identification.bulk or force_fit:
+        if bulk or force_fit:
             raise ValueError("--bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
         if free:
             raise ValueError("--free is of an energy from test data: give them by --data")
@@ -162,7 +159,7 @@ def fit(
         if change:
             raise ValueError("--data finds the law's parameters, --set gives them: choose one")
         with status(f"Fitting {'an energy' if free else law} to {data}"):
-            tests = identified(load_test_data(data), None if free else law, identification, committee, seed)
+            tests = identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, seed)
         hull, material, members = None, tests.model.law_, tests.members
         if free:
             settings, hull = settings.within(*tests.model.stretch_range_), tests.model.domain_hull()
@@ -173,18 +170,17 @@ def fit(
         if refusals and not force_fit:
             raise ValueError(f"{'; '.join(refusals)}; --force-fit goes on all the same")
     with _training_bar() as progress:
-        trained = settings.train(material, members, hull, progress)
+        write = settings.train(material, members, hull, tests and tests.report, progress)
     with writing(folder), bad_input(TooInexact, status=FAILED):
-        text = settings.text(material, trained.cross_validation, tests and tests.report)
         # The next version is that of now: another fit of the same name may have ended since.
-        path = store(trained.pipeline, trained.samples, material, folder, name, version, text, trained.members)
+        path = write(folder, name, version)
     card = load_card(path)
     simulated = {} if tests is None else _simulate_tests(path, tests)
     print_json(
         {"artefact": f"{card.name}@{card.version}", "path": str(path), "errors": card.errors, "training": card.training, **simulated}
     )
     print_errors(card.errors["box"])
-    for row in trained.cross_validation:
+    for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on samples left out")
     for number, member in enumerate(card.members, 1):
         modulus = member.material.trained_with["shear_modulus"]
@@ -196,14 +192,15 @@ def _simulate_tests(path: Path, tests: Identified) -> dict:
     """Simulate the tests with an artefact, print how far it is from them and from the law, draw all three, and return it for programs."""
     with status(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)
-        found = simulate_tests(surrogate, tests)
-    out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(found.differences)}")
-    off = "no stress" if np.isnan(found.off_law) else f"{100 * found.off_law:.2g} % of the greatest stress"
+        stress, off_law, outside = simulate_tests(surrogate, tests.data, tests.model)
+    against_measured = differences(tests.data, stress)
+    out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(against_measured)}")
+    off = "no stress" if np.isnan(off_law) else f"{100 * off_law:.2g} % of the greatest stress"
     out.print(f"simulated against the law: {off} at the most")
-    if found.outside:
+    if outside:
         domain, stretches = surrogate.domain, tests.data.stretches
         warn(
-            f"{found.outside} of {len(tests.data)} rows lie outside the artefact's domain, stretches from {domain.least_stretch:.4g} to "
+            f"{outside} of {len(tests.data)} rows lie outside the artefact's domain, stretches from {domain.least_stretch:.4g} to "
             f"{domain.greatest_stretch:.4g}: the exact force stands in for it there, so their simulation does not test it. The "
             f"stretches of the data go from {stretches.min():.4g} to {stretches.max():.4g}: --least and --greatest set the domain as far "
             "as the law reaches; a larger one needs a higher --degree or more --units"
@@ -211,10 +208,10 @@ def _simulate_tests(path: Path, tests: Identified) -> dict:
     picture = path.with_name(f"{path.name}.png")
     if not picture.exists():
         with writing(path.parent):
-            figures.save(figure([tests.model], tests.data, found.stress), picture)
+            figures.save(figure([tests.model], tests.data, stress), picture)
         note(f"Tests, law and simulation drawn in {picture}")
-    stress = [float(value) if np.isfinite(value) else None for value in found.stress]
-    return {"simulated": {"against_measured": found.differences, "rows_outside_domain": found.outside, "nominal_stress": stress}}
+    values = [float(value) if np.isfinite(value) else None for value in stress]
+    return {"simulated": {"against_measured": against_measured, "rows_outside_domain": outside, "nominal_stress": values}}
 
 
 @contextmanager

@@ -10,10 +10,10 @@ from scipy.spatial import cKDTree
 
 from ..body import Body, CellMesh, Cells
 from ..body.local_fit import REACH
-from ..scenes import Box, Mesh, Rectangle, Scene, SceneError
+from ..scenes import Box, Circle, Ellipse, Mesh, Rectangle, Scene, SceneError, Sphere
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
-from ..scenes.solids import Solid
+from ..scenes.solids import Prism
 from .meshes import centroids, mesh_of, section_area
 from .planes import reflected_edges, reflection_planes
 
@@ -359,7 +359,10 @@ def _cuts(scene: Scene, horizon: float, cell: Sequence[float], lower: np.ndarray
 
 def _surely_convex(scene: Scene) -> bool:
     """Return whether no bond, nor one between images, can leave the outline."""
-    return scene.body.convex if isinstance(scene.body, Solid) else isinstance(scene.body, Rectangle)
+    body = scene.body
+    if isinstance(body, Prism):
+        return not body.straight.bores and isinstance(body.straight.section, Rectangle | Circle | Ellipse)
+    return isinstance(body, Rectangle | Sphere)
 
 
 def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):

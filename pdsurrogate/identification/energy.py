@@ -368,14 +368,10 @@ def fifths_of(X) -> np.ndarray:
 def groups_of(X) -> np.ndarray:
     """Return the mode of loading of each state; if most states are of no mode, parts of a biaxial grid by the greater stretch."""
     first, second = X.T
-    groups = np.full(len(X), BIAXIAL, dtype=object)
-    biaxial = np.ones(len(X), dtype=bool)
-    for mode, lateral in MODES.items():
-        same = np.abs(np.log(second / lateral(first))) < SAME_MODE
-        groups[same & biaxial] = mode
-        biaxial &= ~same
-    if biaxial.sum() > len(X) / 2:
+    same = np.array([np.abs(np.log(second / lateral(first))) < SAME_MODE for lateral in MODES.values()])
+    groups = np.where(same.any(axis=0), np.array(list(MODES))[same.argmax(axis=0)], BIAXIAL)
+    if (groups == BIAXIAL).sum() > len(X) / 2:
         greater = X.max(axis=1)
         bounds = np.quantile(greater, np.arange(1, FOLDS) / FOLDS)
         return np.searchsorted(bounds, greater).astype(str)
-    return groups.astype(str)
+    return groups

@@ -132,9 +132,8 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     poorly = []
     for mode, value in scores.items():
         if value < 0:
-            refusals.append(
-                f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0): take another law, or mend the data"
-            )
+            worse = f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0)"
+            refusals.append(f"{worse}: take another law, or mend the data")
         elif not value >= POOR:
             poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
     # Laws cannot be compared by data that contradict each other.
@@ -147,8 +146,6 @@ def wrong_signs(data: TestData) -> list[str]:
     Isotropic rubber pulls along the greater of two stretches (Baker, Ericksen 1954): with a stress-free thickness the stress has the sign
     of log(stretch/thickness).
     """
-    if not len(data):
-        return []
     first, second = data.stretches.T
     along = np.log(first * first * second)
     wrong = (along * data.nominal_stress < 0) & (np.abs(along) > NEAR_REST)
@@ -311,11 +308,10 @@ def _size(data: TestData, predicted: np.ndarray) -> float:
 
 def _greatest_of_mode(data: TestData) -> np.ndarray:
     """Return the greatest absolute stress of the mode of each row."""
-    greatest = np.zeros(len(data))
-    for mode in data.modes:
-        rows = data.mode == mode
-        greatest[rows] = np.abs(data.nominal_stress[rows]).max()
-    return greatest
+    modes, mode = np.unique(data.mode, return_inverse=True)
+    greatest = np.zeros(len(modes))
+    np.maximum.at(greatest, mode, np.abs(data.nominal_stress))
+    return greatest[mode]
 
 
 def _falling(data: TestData):
@@ -340,13 +336,13 @@ def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     own = off(model)
     if own < NOISE:
         return
-    candidates = list(others)
-    if not any(isinstance(one, EnergyRegressor) for one in [model, *others]):
+    candidates = [model, *others]
+    if not any(isinstance(one, EnergyRegressor) for one in candidates):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             candidates.append(EnergyRegressor().fit(data.stretches, data.nominal_stress, data.balanced_weights()))
-    best = min((one for one in candidates if one is not model), key=off, default=None)
-    if best is not None and off(best) < own / BETTER:
+    best = min(candidates, key=off)
+    if off(best) < own / BETTER:
         name = "an energy without a law (--free, EnergyRegressor)" if isinstance(best, EnergyRegressor) else best.law
         better = f"{name} describes these data {own / max(off(best), 1e-9):.0f} times better than {model.law}"
         yield f"{better}; {NOT_TOLD}"

@@ -6,8 +6,6 @@ for checks and numba compiles for runs. `expressions` and `states` derive stress
 Energies and stresses are dimensionless, in units of the law's shear modulus.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
 from numbers import Real
@@ -71,11 +69,7 @@ class Law(ABC):
         K = parameters[0]
         inverse = 1 / J3
         square = inverse * inverse
-        return (
-            K / 8 * (J3 - inverse) * (J3 - inverse),
-            K / 4 * (J3 - inverse * square),
-            K / 4 * (1 + 3 * square * square),
-        )
+        return K / 8 * (J3 - inverse) * (J3 - inverse), K / 4 * (J3 - inverse * square), K / 4 * (1 + 3 * square * square)
 
     def limit(self, squares: np.ndarray) -> str:
         """Explain, for an error message, why no state exists at isochoric principal stretches with these three squares."""
@@ -140,6 +134,11 @@ class PrincipalStretchLaw(Law):
     @abstractmethod
     def coefficients(parameters, k):
         """Return the constants of term k, a tuple of numbers."""
+
+    def sums(self, stretches: tuple, parameters: np.ndarray) -> list:
+        """Return the sums (W, g1, g2, g3, h) over all terms at (x1, x2, x3, s1, s2, s3), see `term`."""
+        terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(self.n_terms))
+        return [sum(parts) for parts in zip(*terms, strict=True)]
 
     @staticmethod
     @abstractmethod

@@ -4,8 +4,6 @@ A `Response` defines the numbers that describe a state, the invariants or princi
 computed from the derivatives of W and U. This module evaluates any law with any response, in NumPy or compiled over a block of states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -66,8 +64,7 @@ class Response:
         if isinstance(law, InvariantLaw):
             return self.of_invariants(state, law.isochoric(*self.invariants(state), parameters), volumetric)
         stretches = self.stretches(state)
-        terms = (law.term(*stretches, law.coefficients(parameters, k)) for k in range(law.n_terms))
-        return self.of_stretches(state, stretches, [sum(parts) for parts in zip(*terms, strict=True)], volumetric)
+        return self.of_stretches(state, stretches, law.sums(stretches, parameters), volumetric)
 
     def block(self, law: Law) -> CFunc:
         """Return the response of a law compiled as a block function (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
@@ -104,10 +101,12 @@ def volume_residual_block(law: Law) -> CFunc:
 
 
 def _energy(J3, volumetric):
+    """Return U and U'."""
     return volumetric[0], volumetric[1]
 
 
 def _residual(J3, volumetric):
+    """Return J3 U' and its derivative by J3."""
     _, dU, ddU = volumetric
     return J3 * dU, dU + J3 * ddU
 

@@ -13,7 +13,6 @@ from ..kernels.node_state import SWELLING
 from . import expressions
 from .consistency import check_consistency
 from .law import InvariantLaw, Law
-from .response import Response
 
 INVARIANTS = ((1, 0, -2 / 3), (0, -2, 4 / 3)), ((0, 2, -4 / 3), (1, -2, 2 / 3))
 """Exponents of tr C, J and J3 in the two terms of which I1bar and I2bar are the sums, with C33 = (J3/J)**2."""
@@ -67,7 +66,10 @@ def stretch_squares(trace: float, area_ratio: float) -> np.ndarray:
 
 
 class Solid:
-    """State of a body in three dimensions, and what the states of sheets inherit."""
+    """State of a body in three dimensions, from which those of sheets derive.
+
+    `response` and `isochoric_response` are the expressions of the state. Kernels use them compiled; the methods evaluate them in NumPy.
+    """
 
     response, isochoric_response = expressions.SOLID, expressions.ISOCHORIC_SOLID
     invariants = staticmethod(invariants)
@@ -81,18 +83,18 @@ class Solid:
         return np.broadcast_arrays(*(np.asarray(value, float) for value in invariants))[-1]
 
     def first_piola_stress(self, law: Law, F):
-        """Return the first Piola-Kirchhoff stress P of the tensor's shape, in the same unit as the shear modulus."""
-        F = np.asarray(F, dtype=float)
-        d = F.shape[-1]
-        return self._exact(law, F)[0][..., :d, :d]
+        """Return the first Piola-Kirchhoff stress P in the shape of F, in the same unit as the shear modulus."""
+        d = np.shape(F)[-1]
+        return self.exact(law, F)[1][..., :d, :d]
 
     def energy_density(self, law: Law, F):
         """Return the strain energy per undeformed volume, shape (...), in the same unit as the shear modulus."""
-        return self._exact(law, np.asarray(F, dtype=float))[1]
+        return self.exact(law, F)[2]
 
-    def _exact(self, law, F):
+    def exact(self, law: Law, F) -> tuple:
+        """Return J3 (...), the first Piola-Kirchhoff stress (..., 3, 3) and the energy density (...) of a law, from F alone."""
         J3 = self.volume_ratio(law, *invariants(F))
-        return self.stress_and_energy(law, F, J3, law.volumetric(J3, law.parameters)[1])
+        return J3, *self.stress_and_energy(law, F, J3, law.volumetric(J3, law.parameters)[1])
 
     def energy_at(self, law: Law, F, volume_ratio):
         """Return the energy density in units of mu, shape (n,): W at F plus U at the given volume ratio, which may differ from det F."""
@@ -129,7 +131,7 @@ class Solid:
 class PlaneStrain(Solid):
     """State of a sheet that is held in its thickness: C33 = 1."""
 
-    response: Response = expressions.PLANE_STRAIN
+    response = expressions.PLANE_STRAIN
     isochoric_response = expressions.ISOCHORIC_PLANE_STRAIN
 
     def isochoric_state(self, F):
@@ -180,7 +182,7 @@ class PlaneStress(PlaneStrain):
         return J3
 
     def thickness_stretch_squared(self, law: Law, trace, area_ratio):
-        """Return C33."""
+        """Return C33 = (J3/J)**2 of the state."""
         return (self.volume_ratio(law, trace, area_ratio) / area_ratio) ** 2
 
     def energy_at(self, law: Law, F, volume_ratio):
@@ -212,14 +214,14 @@ class PlaneStress(PlaneStrain):
 
     def _differences(self, law: Law, trace, J):
         """Return psi_II, psi_IJ and psi_JJ by differences towards larger tr C and smaller J, since no states exist below tr C = 2 J."""
-        weights = np.array([-25, 48, -36, 16, -3]) / 12
-        step_trace, step_J = 2e-3 * trace, 2e-3 * J
-        by_trace, by_J = np.zeros((2, *np.shape(J))), np.zeros((2, *np.shape(J)))
-        for number, weight in enumerate(weights):
-            for total, I, area in ((by_trace, trace + number * step_trace, J), (by_J, trace, J - number * step_J)):  # noqa: E741
-                p, q, *_ = self.response(law, I, area, self.volume_ratio(law, I, area))
-                total += weight * np.stack([p / 2, q / area])
-        return by_trace[0] / step_trace, by_trace[1] / step_trace, -by_J[1] / step_J
+        steps, weights = 2e-3 * np.arange(5)[:, None], np.array([-25, 48, -36, 16, -3]) / (12 * 2e-3)
+
+        def slopes(trace, J):
+            p, q, *_ = self.response(law, trace, J, self.volume_ratio(law, trace, J))
+            return weights @ (p / 2), weights @ (q / J)
+
+        (by_trace, mixed), (_, by_J) = slopes((1 + steps) * trace, J), slopes(trace, (1 - steps) * J)
+        return by_trace / trace, mixed / trace, -by_J / J
 
     def bond_traction(self, law: Law, normal_stretch, shear_stretch, area_ratio, C33):
         """Return (T_nn, T_nm, T_mm) of the exact bond force in the corotated frame, R^T P / mu (theory (7), (11)).

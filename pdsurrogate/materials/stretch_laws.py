@@ -74,14 +74,13 @@ class Ogden(PrincipalStretchLaw):
             object.__setattr__(self, key, tuple(float(value) for value in values))
         self._check_terms()
         modulus = self._stiffness()
-        given = self.shear_modulus
-        if given is not None:
-            check_number(given, f"{self.name}: shear_modulus")
-        if given is not None and not (np.isfinite(given) and abs(given - modulus) <= 1e-6 * modulus):
+        given = modulus if self.shear_modulus is None else self.shear_modulus
+        check_number(given, f"{self.name}: shear_modulus")
+        if not (np.isfinite(given) and abs(given - modulus) <= 1e-6 * modulus):
             raise ValueError(
                 f"{self.name}: {' and '.join(self.lists)} make the shear_modulus {modulus:g}, not {given:g}; leave it out, or scale them"
             )
-        object.__setattr__(self, "shear_modulus", modulus if given is None else float(given))
+        object.__setattr__(self, "shear_modulus", float(given))
         if self.bulk_modulus is None:
             object.__setattr__(self, "bulk_modulus", 100 * self.shear_modulus)
         super().__post_init__()
@@ -91,19 +90,16 @@ class Ogden(PrincipalStretchLaw):
             raise ValueError(f"{self.name}: moduli and exponents must be lists of equal length, from 1 to {MOST_TERMS}")
         if not np.isfinite([*self.moduli, *self.exponents]).all():
             raise ValueError(f"{self.name}: moduli and exponents must be finite")
-        for number, product in enumerate(self._products()):
-            if product <= 0:
+        for number, (modulus, exponent) in enumerate(zip(self.moduli, self.exponents, strict=True), start=1):
+            if modulus * exponent <= 0:
                 raise ValueError(
-                    f"{self.name}: modulus times exponent of term {number + 1} must be positive, not {product:g}: "
+                    f"{self.name}: modulus times exponent of term {number} must be positive, not {modulus * exponent:g}: "
                     "moduli have the signs of their exponents"
                 )
 
     def _stiffness(self) -> float:
         """Shear modulus at rest."""
-        return sum(self._products()) / 2
-
-    def _products(self) -> list[float]:
-        return [modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)]
+        return sum(modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)) / 2
 
     def scaled(self, factor: float) -> Self:
         scaled = {key: tuple(value * factor for value in getattr(self, key)) for key in self.lists if key != "exponents"}

@@ -2,7 +2,6 @@
 
 import math
 import warnings
-from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -36,12 +35,7 @@ ON_A_PLANE = 1e-6
 
 
 def conditions_of(
-    scene: Scene,
-    prescriptions: list[Prescription],
-    regions: BodyRegions,
-    loads: Loads | None,
-    stages: tuple[Stage, ...],
-    rigid: Iterable[np.ndarray] = (),
+    scene: Scene, prescriptions: list[Prescription], regions: BodyRegions, loads: Loads | None, stages: tuple[Stage, ...], rigid: np.ndarray
 ) -> Loading:
     """Return the conditions of a body.
 
@@ -52,8 +46,8 @@ def conditions_of(
     regions : BodyRegions
     loads : Loads or None
     stages : tuple of Stage
-    rigid : iterable of ndarray of int
-        Points of every region that moves as one body; those next to a plane are held as the plane is.
+    rigid : ndarray of int
+        Points of the regions that move as one body; those next to a plane are held as the plane is.
 
     Raises
     ------
@@ -62,7 +56,6 @@ def conditions_of(
         the body where it is; names the key.
     """
     body, stretched = regions.body, scene.stretched
-    of_rigid = np.concatenate([np.empty(0, dtype=np.int64), *rigid])
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
     edges = [edge_of(plane) for plane in body.planes]
     planes, held, along_planes, keys = [], [], [], []
@@ -70,7 +63,7 @@ def conditions_of(
         points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
         feet = body.points[sources].copy()
         feet[:, plane.axis] = plane.position
-        rigid_points = np.intersect1d(points, of_rigid)  # a plane's images hold no region that nothing deforms
+        rigid_points = np.intersect1d(points, rigid)  # a plane's images hold no region that nothing deforms
         holding = [one for one in prescriptions if regions.edge(one.region) == edge]
         by_component = {component: one for one in holding for component in one.components}
         for one in holding:
@@ -82,9 +75,9 @@ def conditions_of(
         keys.append(holding[0].key)
     moving = any(stage.inertia is not None for stage in stages)
     held += [_points_of(one, names, regions, moving) for one in prescriptions if regions.edge(one.region) not in edges]
-    plane_names = tuple(f"{edge} {'grip' if stretched else 'edge'}" for edge in edges)
+    plane_names = [f"{edge} {'grip' if stretched else 'edge'}" for edge in edges]
     parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
-    loading = Loading(body, parameter, rest, names, plane_names, (*held, *planes), loads)
+    loading = Loading(body, parameter, rest, names, plane_names, [*held, *planes], loads)
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
     _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
     for number, (key, edge) in enumerate(zip(keys, edges, strict=True)):
@@ -97,7 +90,7 @@ def conditions_of(
         return loading
     modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
     springs = np.full(len(body), modulus)
-    springs[of_rigid] *= RIGID
+    springs[rigid] *= RIGID
     loading.course = Paths(loading, springs, modulus, scene.solver.largest_increment)
     if loading.supports is not None:
         loading.supports.response = loading.course.response
@@ -128,26 +121,24 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
 def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
     """Refuse amplitudes that are not zero at rest, and conditions that move a point differently: it would go with the later one."""
     samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
-    every, error = Loading(body, "t", 0.0, (), (), tuple(held), None), 1e-9 * body.spacing
+    every, error = Loading(body, "t", 0.0, (), [], held, None), 1e-9 * body.spacing
     try:
-        moves, at_rest = [every.moves(sample) for sample in samples], np.abs(every.moves(ends[0])) > error
+        moves, at_rest = np.array([every.moves(sample) for sample in samples]), np.abs(every.moves(ends[0])) > error
     except InvalidState as invalid:
         raise ValueError(str(invalid)) from None
     if at_rest.any():
         name = held[every.part[at_rest.argmax()]].name
         raise ValueError(f"{name}.amplitude: it must be 0 at t = 0, where the body is at rest, as ramp and sine are")
-    latest = np.full((len(body), body.dimension), -1)
-    latest[every.there] = np.arange(len(every.part))
-    for component in range(body.dimension):
-        rows = np.flatnonzero(every.component == component)
-        later = latest[every.point[rows], component]
-        for move in moves:
-            apart = np.abs(move[rows] - move[later]) > error
-            if apart.any():
-                row = rows[apart.argmax()]
-                point = every.point[row]
-                names = " and ".join(held[every.part[number]].name for number in (row, latest[point, component]))
-                raise ValueError(f"{names} move point {point} at {text_of(body.points[point])} differently along x{component + 1}")
+    # Conditions on one component of a point stand next to each other, in the order of `held`.
+    order = np.lexsort((every.point, every.component))
+    one, other = order[:-1], order[1:]
+    apart = (every.point[one] == every.point[other]) & (every.component[one] == every.component[other])
+    apart &= (np.abs(moves[:, one] - moves[:, other]) > error).any(axis=0)
+    if apart.any():
+        one, other = min(zip(one[apart], other[apart], strict=True), key=lambda pair: (every.component[pair[1]], pair[1]))
+        names, point = f"{held[every.part[one]].name} and {held[every.part[other]].name}", every.point[other]
+        where = f"point {point} at {text_of(body.points[point])} differently along x{every.component[other] + 1}"
+        raise ValueError(f"{names} move {where}")
 
 
 def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:
@@ -229,14 +220,14 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads | None:
     found: list[DeadLoad | Pressure] = []
     for number, load in enumerate(scene.loads):
         # Several loads may share a name, as traction and pressure on one edge do; results sum them.
-        name = load.name or regions.label(load.region, f"loads.{number}")
-        key, amplitude = f"loads.{number}.region", amplitude_of(load.amplitude)
+        named = load.name or regions.label(load.region, f"loads.{number}"), amplitude_of(load.amplitude), body.share
+        key = f"loads.{number}.region"
         if load.kind == "pressure":
-            deformed = scene.plane == "stress" and load.thickness != "undeformed"
-            found.append(Pressure(name, amplitude, _facets_of(key, load, body, regions), load.pressure, deformed))
+            deformed, facets = scene.plane == "stress" and load.thickness != "undeformed", _facets_of(key, load, body, regions)
+            found.append(Pressure(*named, regions.surface(), facets, load.pressure, deformed))
         else:
-            found.append(DeadLoad(name, amplitude, *_dead_forces(key, load, body, regions)))
-    return Loads(body, found, regions.surface) if found else None
+            found.append(DeadLoad(*named, *_dead_forces(key, load, body, regions)))
+    return Loads(body, found) if found else None
 
 
 def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:

@@ -42,7 +42,7 @@ def _warn(scene: Scene, text: str) -> None:
 
 def warn_of_bulk_moduli(scene: Scene) -> None:
     """Warn of moduli that no rubber has, as where a bulk modulus is missing and the shear modulus is in other units."""
-    laws = {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.rigid}
+    laws = {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.material.rigid}
     for key, law in {"material": scene.law(), **laws}.items():
         if law.bulk_modulus < 2 / 3 * law.shear_modulus:
             moduli = f"the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the shear modulus, {law.shear_modulus:g}"
@@ -130,7 +130,7 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
 
 def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
     """Return the force model of a part; raise ValueError if it cannot be combined with that of the rest."""
-    if part.rigid:
+    if part.material.rigid:
         if rest.family != "bond energy":
             raise ValueError(f"a rigid region takes a force that has an energy, as bond-energy; {rest.name} has none")
         return rest  # not evaluated there
@@ -173,13 +173,13 @@ def portions_of(
         If a region has no point, or two materials contain the same point; the message names them.
     """
     of_points = np.zeros(len(body), dtype=np.int64)
-    laws = [scene.law(), *(None if part.rigid else part.material.build() for part in scene.materials)]
+    laws = [scene.law(), *(None if part.material.rigid else part.material.build() for part in scene.materials)]
     for number, part in enumerate(scene.materials, 1):
         key = f"materials.{number - 1}"
         points = regions.points(part.region, f"{key}.region")
         before = of_points[points]
         # Two rigid regions are two bodies.
-        same = [not part.rigid and laws[other] == laws[number] and models[other] is models[number] for other in before]
+        same = [not part.material.rigid and laws[other] == laws[number] and models[other] is models[number] for other in before]
         error, twice = None, (before > 0) & ~np.array(same, dtype=bool)
         if twice.any():
             first, where = before[twice.argmax()] - 1, text_of(body.points[points[twice.argmax()]])
@@ -188,9 +188,8 @@ def portions_of(
         body.share.agree(error)
         of_points[points] = number
     found = {number: np.flatnonzero(of_points == number) for number in range(len(laws))}
-    rigid = {
-        regions.label(part.region, f"materials.{number - 1}"): found[number] for number, part in enumerate(scene.materials, 1) if part.rigid
-    }
+    parts = {number: part for number, part in enumerate(scene.materials) if part.material.rigid}
+    rigid = {regions.label(part.region, f"materials.{number}"): found[number + 1] for number, part in parts.items()}
     # All ranks have the same portions.
     kept = [number for number, law in enumerate(laws) if law is not None and body.share.any(len(found[number]) > 0)]
     return [Portion(laws[number], models[number], found[number]) for number in kept], rigid

@@ -35,7 +35,7 @@ class Halo:
         self._send = {rank: order[np.searchsorted(names, asked, sorter=order)] for rank, asked in enumerate(wanted) if len(asked)}
 
     def fill(self, *fields: np.ndarray) -> None:
-        """Copy the rows of the halo from their owners."""
+        """Copy the rows of the halo from their owners; a field may have more rows, for images."""
         for field in fields:
             for rows, values in self._exchanged(field, self._send, self._receive):
                 field[rows] = values
@@ -44,10 +44,16 @@ class Halo:
         """Add the rows of the halo to those of their owners and set them to zero, the transpose of `fill`."""
         for rows, values in self._exchanged(field, self._receive, self._send):
             field[rows] += values
+        self.clear(field)
+
+    def clear(self, field: np.ndarray) -> None:
+        """Set the rows of the halo to zero."""
         field[self.rows] = 0
 
     def _exchanged(self, field: np.ndarray, send: dict[int, np.ndarray], receive: dict[int, np.ndarray]) -> list[tuple]:
         """Send rows of a field to other ranks; return the rows for which values arrive, and the values, by rank in rising order."""
+        if self._ranks.size == 1:
+            return []
         incoming = {rank: np.empty((len(rows), *field.shape[1:]), dtype=field.dtype) for rank, rows in sorted(receive.items())}
         self._ranks.exchange({rank: field[rows] for rank, rows in send.items()}, incoming)
         return [(receive[rank], values) for rank, values in incoming.items()]
@@ -125,8 +131,8 @@ class Share:
         True on the one rank that counts values that all ranks have.
     agree, everywhere, total, greatest : callable
         Those of the communicator.
-    gather : callable
-        That of the `Rows` of the points.
+    fill, fold, clear, gather : callable
+        Those of the `Halo` and the `Rows` of the points.
     numbers, owners, size, ranks
     """
 
@@ -134,7 +140,8 @@ class Share:
         self.numbers, self.owners, self.size, self.ranks = numbers, owners, size, ranks
         self.own, self.divided, self.leads = owners == ranks.rank, ranks.size > 1, ranks.rank == 0
         self.agree, self.everywhere, self.total, self.greatest = ranks.agree, ranks.everywhere, ranks.total, ranks.greatest
-        self._halo, self.gather = Halo(ranks, numbers, owners), Rows(ranks, numbers, self.own, size).gather
+        halo, self.gather = Halo(ranks, numbers, owners), Rows(ranks, numbers, self.own, size).gather
+        self.fill, self.fold, self.clear = halo.fill, halo.fold, halo.clear
         self._own = np.flatnonzero(self.own) if self.divided else slice(None)
         self._weights = self.own.astype(float) if self.divided else None
 
@@ -142,21 +149,6 @@ class Share:
     def whole(cls, n: int) -> Share:
         """Return the share of one process, which has all n points."""
         return cls(np.arange(n), np.zeros(n, dtype=np.int32), n)
-
-    def fill(self, *fields: np.ndarray) -> None:
-        """Copy the rows of the halo from their owners; a field has a row for every point, and may have more for images."""
-        if self.divided:
-            self._halo.fill(*fields)
-
-    def fold(self, field: np.ndarray) -> None:
-        """Add the rows of the halo to those of their owners and set them to zero, the transpose of `fill`."""
-        if self.divided:
-            self._halo.fold(field)
-
-    def clear(self, field: np.ndarray) -> None:
-        """Set the rows of the halo to zero."""
-        if self.divided:
-            field[self._halo.rows] = 0
 
     def any(self, flags):
         """Return whether a flag is set on any share, or, of an array of flags, which are."""

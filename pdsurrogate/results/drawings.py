@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from . import figures, views
+from . import figures
 from .files import MARK, replacing
 from .measures import scalars_of
 from .tables import column_title, columns_of
@@ -28,9 +28,8 @@ def states_figure(result: Result, field: str, numbers: list[int], limits: figure
     """Return a figure of states coloured by a field."""
     # A state may have to be read from its file.
     states = [result.states[number][1] for number in numbers]
-    draw = views.contour_figure if result.scene.dimension == 3 else figures.contour_figure
     values, titles = [scalars_of(fields, field) for fields in states], [result.title(number) for number in numbers]
-    return draw([result.cells(number) for number in numbers], values, result.label(field), titles, limits)
+    return figures.contour_figure([result.cells(number) for number in numbers], values, result.label(field), titles, limits)
 
 
 def loading_figure(result: Result) -> Figure:
@@ -90,7 +89,7 @@ def _save_animation(result: Result, path: Path) -> None:
     for number in numbers:
         drawn.set_verts(figures.polygons_of(*result.cells(number)))
         drawn.set_array(result.states[number][1][quantity])
-        axis.set_title(label + result.title(number))
+        axis.title.set_text(label + result.title(number))
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
     with replacing(path) as temporary:

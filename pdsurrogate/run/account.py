@@ -9,7 +9,7 @@ from ..solvers.conditions import Reactions
 from ..solvers.dynamics import ExplicitDynamics, Power
 from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
-from ..solvers.quasi_newton import EnergyMinimiser
+from ..solvers.methods import EnergyMinimiser
 from .run import Run
 
 STEPS_PER_ROW = 20

@@ -133,40 +133,34 @@ class Checkpoints:
         self.resumable, self._due = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, CHECKPOINT_SHARE * (ended - began))
 
     def restore(self) -> Checkpoint:
-        """Read a checkpoint and restore the run, except for the integrator of a stage in dynamics."""
-        run, held = self.run, self._held()
-        found = self._read(held)
-        progress = found.progress
+        """Read a checkpoint on the first rank, restore the run except for its stage, and return every rank's rows of the checkpoint."""
+        run, held, identity = self.run, self._held(), self.identity
+        shapes = {key: ((self._rows_of(key).total, *array.shape[1:]), array.dtype) for key, array in held.items()}
+        with run.ranks.together():
+            whole = None if run.ranks.rank else Checkpoint.read(run.folder, identity, shapes)
+        progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
+        arrays = {key: self._rows_of(key).hand_out(whole and whole.arrays[key]) for key in keys}
         if progress["precision"] != run.force.precision:
             run.take_double()
             held |= run.force.state_arrays()
         for key, array in held.items():
-            array[:] = found.arrays[key]
+            array[:] = arrays[key]
         run.state = State(**progress["state"])
         if progress["earlier"] is not None:
-            run.earlier = progress["earlier"], found.arrays["earlier"].copy()
+            run.earlier = progress["earlier"], arrays["earlier"].copy()
         run.states = run.states_of([Moment(*moment) for moment in progress["moments"]])
         if run.damage is not None:
             run.damage.restore()
         run.break_again()
         self.resumable = True
         run.force.evaluations, run.force.pairs_outside = progress["evaluations"], 0 if run.ranks.rank else progress["outside"]
-        return found
+        return Checkpoint(identity, progress, arrays)
 
     def _held(self) -> dict[str, np.ndarray]:
         """Return the arrays that every checkpoint of the run holds."""
         run = self.run
         damage = {} if run.damage is None else {"broken": run.damage.broken, "recent": run.damage.recent}
-        return {"positions": run.positions, **run.force.state_arrays(), **damage}
-
-    def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
-        """Read a checkpoint on the first rank and return every rank's rows of it; the names of the present arrays are required."""
-        run, identity = self.run, self.identity
-        shapes = {key: ((self._rows_of(key).total, *array.shape[1:]), array.dtype) for key, array in held.items()}
-        with run.ranks.together():
-            whole = None if run.ranks.rank else Checkpoint.read(run.folder, identity, shapes)
-        progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
-        return Checkpoint(identity, progress, {key: self._rows_of(key).hand_out(whole and whole.arrays[key]) for key in keys})
+        return {**run.arrays(), **damage}
 
     def _rows_of(self, key: str) -> Rows:
         """Return the rows of the whole body that an array of a checkpoint holds."""

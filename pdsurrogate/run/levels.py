@@ -11,8 +11,8 @@ from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
 from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, NoEquilibrium, NotConverged, RanAway, TooSmall, Unbalanced, note_of_modes
 from ..solvers.increments import Increments
+from ..solvers.methods import SOLVERS
 from ..solvers.nearest_bonds import is_rigid, strain_of, strain_rounding
-from ..solvers.quasi_newton import SOLVERS
 from ..solvers.stability import check_branch
 from .checkpoints import ACCEPTED
 from .interruption import Interrupted
@@ -128,8 +128,7 @@ class Equilibria:
             self._iterate, self._evaluations = run.positions.copy(), list(kept["evaluations"])
             self._last_output = arrays["last_output"].copy(), kept["last_output"]
             self._increments = Increments(end=self._outputs[run.state.outputs + 1], **kept["increments"])
-            run.positions[:] = arrays[f"{ACCEPTED}positions"]
-            for key, array in run.force.state_arrays().items():
+            for key, array in run.arrays().items():
                 array[:] = arrays[ACCEPTED + key]
         run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
@@ -138,8 +137,7 @@ class Equilibria:
         kept, arrays = None, {}
         if increments is not None:
             kept = {"increments": increments.describe(), "evaluations": self._evaluations, "last_output": self._last_output[1]}
-            arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()}
-            arrays |= {f"{ACCEPTED}positions": self._accepted.positions, "last_output": self._last_output[0]}
+            arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()} | {"last_output": self._last_output[0]}
         self.run.checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
 
     def _go_to_output(self, increments: Increments) -> Equilibrium | None:
@@ -161,9 +159,9 @@ class Equilibria:
                 spent = patience <= 0 or run.state.wasted >= min(MOST_WASTED, run.problem.solver.most_evaluations)
                 self._take_back(increments, error, ran_away or error, spent)
                 continue
-            ran_away, patience, easy = None, np.inf, True
+            ran_away, patience, taken, easy = None, np.inf, run.force.evaluations - began, True
             if self._course.adaptive:
-                run.earlier, taken = (self._accepted.parameter, self._accepted.positions), run.force.evaluations - began
+                run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]
                 easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
                 self._evaluations.append(taken)
             if increments.accept(easy) and self._course.adaptive:
@@ -297,14 +295,13 @@ class _Accepted:
     """Copy of the equilibrium from which an increment starts and to which the run returns if it fails."""
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
-        self.parameter, self.positions, self.gave_up = run.state.parameter, run.positions.copy(), solver.gave_up
-        self.arrays = {key: array.copy() for key, array in run.force.state_arrays().items()}
+        self.parameter, self.gave_up = run.state.parameter, solver.gave_up
+        self.arrays = {key: array.copy() for key, array in run.arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
         """Restore a run and its solver to this equilibrium."""
         run.state.parameter, solver.gave_up = self.parameter, self.gave_up
-        run.positions[:] = self.positions
-        for key, array in run.force.state_arrays().items():
+        for key, array in run.arrays().items():
             array[:] = self.arrays[key]
         run.loading.apply(self.parameter, run.loaded, run.positions)
 

@@ -100,7 +100,7 @@ def _way_of_loading(scene: Scene) -> None:
 def _rigid_regions(scene: Scene) -> None:
     if scene.material is not None and scene.material.rigid:
         raise ValueError("material: the rest of a body is of a law; a rigid region is an entry of materials")
-    rigid = next((key for key, part in _entries(scene, "materials") if part.rigid), None)
+    rigid = next((key for key, part in _entries(scene, "materials") if part.material.rigid), None)
     moving = next((key for key, step in _entries(scene, "steps") if step.dynamics is not None), None)
     if rigid and scene.stretched:
         raise ValueError(f"{rigid}: beside a rigid region the loading is said by prescribed, loads and steps, not by grips")

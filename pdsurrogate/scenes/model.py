@@ -16,7 +16,7 @@ from .problems import SceneError, suggestion
 from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
 from .shapes import Mesh
 from .solids import AnyBody, AnyPrecut, AnyShape
-from .strict_model import Finite, Positive, StrictModel, Vector, Whole
+from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Result files are named after a scene: no path, and nothing that a terminal or a shell would read."""
@@ -26,8 +26,8 @@ UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
 Level = Annotated[Positive, Field(le=100)]
 """A stretch; rubber breaks below 10."""
 
-HORIZON_RATIOS = {2: 3.15, 3: 1.75}
-"""Default horizon over the side of a cell, by dimension. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
+USUAL: dict[str, dict[int, Any]] = {"plane": {2: "stress", 3: "space"}, "horizon_ratio": {2: 3.15, 3: 1.75}}
+"""Defaults by the dimension of the body. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
 
 RIGID = "rigid"
 """Material of a region that moves as one body, in the place of a law."""
@@ -120,13 +120,8 @@ class Part(StrictModel):
     material: MaterialSpec
     force: str | None = None
 
-    @property
-    def rigid(self) -> bool:
-        """Return whether the region moves as one body."""
-        return self.material.rigid
-
     def model_post_init(self, _) -> None:
-        if self.rigid and self.force is not None:
+        if self.material.rigid and self.force is not None:
             raise ValueError("a rigid region is not deformed and takes no force: leave it out")
 
 
@@ -203,10 +198,7 @@ _OneOrMany = BeforeValidator(lambda value: (value,) if isinstance(value, int | f
 """Lets one entry stand for a list of one."""
 
 
-def _known_weight(value: str) -> str:
-    if value not in WEIGHT_FUNCTIONS:
-        raise ValueError(f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
-    return value
+_no_weight = refused(lambda name: name not in WEIGHT_FUNCTIONS, f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
 
 
 def _dimension_of(data: Mapping[str, Any]) -> int:
@@ -288,7 +280,7 @@ class Scene(StrictModel):
     probes: tuple[Probe, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
-    weight: Annotated[str, AfterValidator(_known_weight)] = "inverse"
+    weight: Annotated[str, AfterValidator(_no_weight)] = "inverse"
     correction: Literal["tensor", "scalar", "none"] | None = None
     rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
@@ -303,10 +295,7 @@ class Scene(StrictModel):
     @classmethod
     def _usual(cls, value: Any, info: ValidationInfo) -> Any:
         """Fill in what depends on the dimension of the body."""
-        if value is not None:
-            return value
-        dimension = _dimension_of(info.data)
-        return HORIZON_RATIOS[dimension] if info.field_name == "horizon_ratio" else "space" if dimension == 3 else "stress"
+        return USUAL[str(info.field_name)][_dimension_of(info.data)] if value is None else value
 
     @field_validator("regions")
     @classmethod

@@ -15,11 +15,6 @@ class Solid(Shape):
 
     dimension: ClassVar[int] = 3
 
-    @property
-    @abstractmethod
-    def convex(self) -> bool:
-        """Return whether the shape is certainly convex."""
-
 
 class Straight(NamedTuple):
     """A plane section along one axis, between two flat ends.
@@ -54,10 +49,6 @@ class Prism(Solid):
     @abstractmethod
     def straight(self) -> Straight:
         """Return the section and its axis."""
-
-    @property
-    def convex(self) -> bool:
-        return not self.straight.bores and isinstance(self.straight.section, Rectangle | Circle | Ellipse)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         straight = self.straight
@@ -197,10 +188,6 @@ class Sphere(Solid):
     def halved(self) -> tuple[int, ...]:
         """Return the axes along which only the upper half of the sphere is there."""
         return tuple(range(("whole", "half", "quarter", "eighth").index(self.part)))
-
-    @property
-    def convex(self) -> bool:
-        return True
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         offsets = points - np.array(self.centre)

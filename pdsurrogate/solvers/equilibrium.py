@@ -188,7 +188,7 @@ class EquilibriumSolver(ABC):
     def begin(self, force: InternalForce, least_drive: float) -> None:
         """Begin a search; `least_drive` as in `solve`."""
         stiffness = force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
-        self._least_drive, self._least_left, self._idle = least_drive, np.inf, 0
+        self._least_drive, self.least_left, self._idle = least_drive, np.inf, 0
         self._rounding = ROUNDED * stiffness * strain_rounding(force.body)
 
     def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
@@ -215,14 +215,9 @@ class EquilibriumSolver(ABC):
             raise TooSmall("the forces that drive the body are too small for single precision")
         if residual > self._rounding:
             return residual, False
-        self._idle = 0 if left < 2 / 3 * self._least_left else self._idle + 1
-        self._least_left = min(self._least_left, left)
+        self._idle = 0 if left < 2 / 3 * self.least_left else self._idle + 1
+        self.least_left = min(self.least_left, left)
         return residual, self._idle >= IDLE
-
-    @property
-    def at_rounding(self) -> bool:
-        """Whether the forces left may be rounding errors."""
-        return self._least_left < np.inf
 
     def _holding(self, force: InternalForce) -> float:
         """Return the sum of the magnitudes of all forces on held components and across planes of reflection."""

@@ -72,7 +72,7 @@ class Supports:
         Displacements of the body, shape (n, d), about where held components are displaced by (n, d); set by the conditions of the body.
     """
 
-    def __init__(self, body: Body, parts: tuple[Held, ...]) -> None:
+    def __init__(self, body: Body, parts: list[Held]) -> None:
         self._body, self.share, self._parts = body, body.share, parts
         self.response: Callable[[np.ndarray], np.ndarray]
         self.set(0.0)

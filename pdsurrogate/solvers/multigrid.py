@@ -12,6 +12,7 @@ from ..engine.threads import chunks_of
 from ..kernels.multigrid import passes_of
 
 Operator = Callable[[np.ndarray], np.ndarray]
+InnerProduct = Callable[[np.ndarray, np.ndarray], float]
 
 COARSENING = 3
 """Mean distances of points, along each axis, that are one on the next level."""
@@ -154,12 +155,7 @@ def _rows(matrix: sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def conjugate_gradient_steps(
-    left: np.ndarray,
-    precondition: Operator,
-    image_of: Operator,
-    dot: Callable[[np.ndarray, np.ndarray], float],
-    share_left: float,
-    most: int,
+    left: np.ndarray, precondition: Operator, image_of: Operator, dot: InnerProduct, share_left: float, most: int
 ) -> Iterator[tuple[float, np.ndarray, float]]:
     """Yield length and direction of every step, and the square of the rest before it, until the rest is small enough, or after `most`.
 

@@ -272,6 +272,11 @@ def forces_at(force: InternalForce, positions: np.ndarray) -> np.ndarray:
     return out
 
 
+def off(found: np.ndarray, expected: np.ndarray) -> float:
+    """Return the greatest difference over the greatest value."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
 def spring_stiffness(body: Body, shear_modulus: float) -> float:
     """Return the stiffness against moving a point with a full horizon if its bonds were springs: 4 mu V^2 sum(w)/kappa.
 

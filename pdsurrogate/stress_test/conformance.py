@@ -34,7 +34,7 @@ from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent
 from ..scenes import load_scene
 from .bodies import crack, disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
-from .case import PASS, WEAK, Case, Outcome, Subject, case, cases_of, forces_at, required
+from .case import PASS, WEAK, Case, Outcome, Subject, case, cases_of, forces_at, off, required
 from .deformations import force_densities, mean_stress_at, turn, wavy, why_inaccurate
 from .runs import energy_account, force_balance, in_units_of, scale_of_units, small_loads
 
@@ -114,11 +114,6 @@ DEFORMATIONS = (
 def _energy(force: InternalForce) -> float:
     """Return the stored energy over mu times the volume; zero for a force without an energy."""
     return force.energy() / (force.law.shear_modulus * force.body.volumes.sum()) if force.has_energy else 0.0
-
-
-def _off(found: np.ndarray, expected: np.ndarray) -> float:
-    """Return the greatest difference over the greatest value."""
-    return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
 def _scale(force: InternalForce, forces: np.ndarray) -> float:
@@ -275,7 +270,7 @@ def homogeneous_stress(subject: Subject) -> Outcome:
         scalar = force.correction == "scalar"
         exact = subject.bind(body, model=FORCES["analytic"](), correction="scalar") if scalar else None
         for F in map(_extended, GRADIENTS) if d == 3 else GRADIENTS:
-            errors.append(_off(mean_stress_at(force, F), mean_stress_at(exact, F) if scalar else subject.exact_stress(F)))
+            errors.append(off(mean_stress_at(force, F), mean_stress_at(exact, F) if scalar else subject.exact_stress(F)))
             limits.append(rounding + _stated_error(subject, F))
     # NaN is treated as the greatest value.
     worst = int(np.argmax(np.divide(errors, limits)))
@@ -305,7 +300,7 @@ def single_precision(subject: Subject) -> Outcome:
     required("float32" in subject.takes("precision"), "double only")
     body = plain(subject.dimension)
     single, double = (forces_at(subject.bind(body, precision=precision), wavy(body.points)) for precision in PRECISIONS)
-    return Outcome.below(_off(single, double), 2e-5, "accuracy")
+    return Outcome.below(off(single, double), 2e-5, "accuracy")
 
 
 @case("kernel against NumPy", "the same values, 1e-10")
@@ -326,7 +321,7 @@ def kernel_and_numpy(subject: Subject) -> Outcome:
         states = (stretches**2).sum(axis=1), stretches.prod(axis=1)
         own = model.energy_derivatives(law, *states)
         found, expected = kernel_energy(model, law, "float64", *states), np.stack([own.psi, own.by_trace, own.by_area])
-    return Outcome.below(_off(found, expected), 1e-10, "accuracy")
+    return Outcome.below(off(found, expected), 1e-10, "accuracy")
 
 
 @case("1 thread against 2", "bitwise the same")
@@ -380,7 +375,7 @@ def pair_forces(subject: Subject) -> Outcome:
         np.add.at(total, body.bonds.first, pairs)
         np.add.at(total, body.bonds.second, -pairs)
         some = np.arange(len(pairs))[::-3]
-        errors += [_off(total[: len(body)], out), np.abs(force.pair_forces(some) - pairs[some]).max()]
+        errors += [off(total[: len(body)], out), np.abs(force.pair_forces(some) - pairs[some]).max()]
     return Outcome.below(np.max(errors), 1e-10, "accuracy")
 
 
@@ -402,7 +397,7 @@ def broken_bonds(subject: Subject) -> Outcome:
         force.break_bonds(part)
     found, expected = forces_at(force, positions), forces_at(built, positions)
     lost = np.abs(force.pair_forces()[pairs]).max() / np.abs(expected).max()
-    return Outcome.below(np.max([_off(found, expected), lost, abs(_energy(force) - _energy(built))]), 1e-9, "accuracy")
+    return Outcome.below(np.max([off(found, expected), lost, abs(_energy(force) - _energy(built))]), 1e-9, "accuracy")
 
 
 @case("bonds broken that were not to break", "refused")

@@ -24,7 +24,7 @@ from pdsurrogate.cli import app
 from pdsurrogate.results.checkpoint import Checkpoint, CheckpointError
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import Scene, SceneError, load_scene, scene_names
-from pdsurrogate.scenes.reading import _text_of
+from pdsurrogate.scenes.reading import _place_of
 
 SLOWEST = 2.0
 """Seconds that any one file may take: reading a good one takes milliseconds."""
@@ -389,7 +389,7 @@ def damaged_scene(text: str, random) -> bytes:
 def check_scenes(folder, number: int) -> int:
     """Try corrupted scene files; returns how many were refused."""
     random, refused = np.random.default_rng(7), 0
-    texts = [_text_of(name)[0] for name in scene_names()]
+    texts = [_place_of(name)[0].read_text("utf-8") for name in scene_names()]
     path = folder / "scene.toml"
     for k in range(number):
         path.write_bytes(damaged_scene(texts[k % len(texts)], random))

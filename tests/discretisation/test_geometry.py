@@ -9,7 +9,7 @@ from runs import started
 import pdsurrogate as pds
 from pdsurrogate.discretisation import discretise
 from pdsurrogate.forces import InvalidState
-from pdsurrogate.results import views
+from pdsurrogate.results import figures
 from pdsurrogate.solvers.conditions import FoldedOver
 
 matplotlib.use("Agg")
@@ -303,7 +303,7 @@ def test_probes_that_the_body_hides_are_told_in_the_preview():
 def test_the_section_of_a_picture_is_called_deformed():
     scene = pds.load_scene("bonded-block", spacing=0.25)
     body, _, _ = discretise(scene)
-    figure = views.contour_figure([(body.cells, np.zeros_like(body.cells.nodes))], [np.zeros(len(body))], "u", ["at rest"])
+    figure = figures.contour_figure([(body.cells, np.zeros_like(body.cells.nodes))], [np.zeros(len(body))], "u", ["at rest"])
     titles = [axis.get_title() for axis in figure.axes]
     assert any(title.startswith("deformed section, at rest at x") for title in titles)
     assert not any("undeformed" in title for title in titles)

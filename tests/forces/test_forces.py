@@ -11,7 +11,7 @@ from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.forces.material_points import MaterialPoints
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
 from pdsurrogate.solvers.equilibrium import NotConverged
-from pdsurrogate.solvers.stepping import DynamicRelaxation
+from pdsurrogate.solvers.methods import DynamicRelaxation
 from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)

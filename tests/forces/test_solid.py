@@ -11,7 +11,7 @@ from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
 from pdsurrogate.forces.smoothing import Smoothing
 from pdsurrogate.materials import LAWS, Gent, InvariantLaw, NeoHookean, solid
-from pdsurrogate.solvers.quasi_newton import Automatic
+from pdsurrogate.solvers.methods import Automatic
 
 LAW = NeoHookean(2.0, 200.0)
 F = np.array([[1.3, 0.2, -0.1], [-0.15, 0.9, 0.2], [0.1, 0.05, 0.88]])

@@ -9,7 +9,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.learning import energy as learning
-from pdsurrogate.solvers.quasi_newton import SOLVERS
+from pdsurrogate.solvers.methods import SOLVERS
 
 LAW = pds.materials.NeoHookean()
 

@@ -13,7 +13,7 @@ from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
 from pdsurrogate.problem.conditions import loads_of
 from pdsurrogate.solvers.loads import LoadedForce
-from pdsurrogate.solvers.quasi_newton import EnergyMinimiser
+from pdsurrogate.solvers.methods import EnergyMinimiser
 from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)

@@ -43,7 +43,7 @@ main()
 
 HELD_UP = """
 import hashlib, sys, time
-from pdsurrogate.solvers import quasi_newton
+from pdsurrogate.solvers import methods
 from pdsurrogate.cli import main
 
 how, *arguments = sys.argv[1:]
@@ -52,7 +52,7 @@ def never(*rest):
     while True:
         # In a call of C that hears of no signal, and in Python.
         hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1) if how == "C" else time.sleep(600)
-quasi_newton.QuasiNewton.preconditioner = never
+methods.QuasiNewton.preconditioner = never
 sys.argv = ["pdsurrogate", *arguments]
 main()
 """

@@ -22,7 +22,7 @@ from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.solvers.equilibrium import Diverging
 from pdsurrogate.solvers.increments import Increments
-from pdsurrogate.solvers.quasi_newton import SOLVERS, QuasiNewton
+from pdsurrogate.solvers.methods import SOLVERS, QuasiNewton
 
 VERTICAL = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
 
