@@ -20,8 +20,8 @@ from pdsurrogate.forces import FORCES
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.materials import LAWS
 from pdsurrogate.results.measures import POINT_FIELDS
-from pdsurrogate.studies.designs import parameters_of_runs
-from pdsurrogate.studies.tasks import tasks_of
+from pdsurrogate.studies.description import parameters_of_runs
+from pdsurrogate.studies.runs import tasks_of
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -23,16 +23,10 @@ COMMANDS = {
     "scenes": ("lists", "List the built-in scenes, or show (and plot) one of them."),
     "new": ("lists", "Write a commented scene to start from."),
     "show": ("show", "Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."),
-    "stress-test": (
-        "measure",
-        "Run hard cases with every force model: for each the limit, the value, and a pass or a named weakness.",
-    ),
+    "stress-test": ("measure", "Run hard cases with every force model: for each the limit, the value, and a pass or a named weakness."),
     "study": ("study", "Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused."),
     "fit": ("fit", "Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."),
-    "evaluate": (
-        "evaluate",
-        "Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress.",
-    ),
+    "evaluate": ("evaluate", "Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."),
     "artifacts": ("lists", "List the artefacts that are found by name, or show one's card."),
 }
 """Commands in the order of the help: the file of each, which has a function of that name with ``_`` for ``-``, and its line of help."""
@@ -49,7 +43,8 @@ class Commands(TyperGroup):
         """Return the name, the command, loaded, and its arguments."""
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None:
-            command = getattr(import_module(f".{COMMANDS[name][0]}", __package__), name.replace("-", "_"))
+            function = getattr(import_module(f".{COMMANDS[name][0]}", __package__), name.replace("-", "_"))
+            command = import_module(".command", __package__).command(function)
         return name, command, rest
 
     def invoke(self, ctx):
@@ -65,13 +60,7 @@ class Commands(TyperGroup):
             out.quiet = False  # as JSON had it
 
 
-app = typer.Typer(
-    name="pdsurrogate",
-    cls=Commands,
-    help="Learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(name="pdsurrogate", cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 def _version(asked: bool) -> None:
@@ -84,7 +73,7 @@ def _version(asked: bool) -> None:
 def _before(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")] = False,
 ) -> None:
-    pass
+    """Learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ Threads = Annotated[int | None, Option(help="Most threads of the kernels; by def
 
 
 def command(function: Callable) -> typer.core.TyperCommand:
-    """Return the command of a function, called like it, with the options that all commands have after its own."""
+    """Return the command of a function, named like it, with the options that all commands have after its own."""
     own, shared = (_command(one) for one in (function, _begin))
     body = own.callback
 

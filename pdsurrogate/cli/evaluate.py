@@ -9,11 +9,10 @@ from ..artifacts import load_card, load_surrogate
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
 from ..learning.sampling import checked_range
 from ..scenes import MaterialSpec
-from .command import command, law_of
+from .command import law_of
 from .terminal import out, print_json, print_table
 
 
-@command
 def evaluate(
     reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")],
     least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,

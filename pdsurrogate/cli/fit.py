@@ -21,7 +21,7 @@ from ..learning.levenberg_marquardt import listening
 from ..learning.settings import FitSettings
 from ..results import figures
 from ..results.files import write_json
-from .command import Overwrite, ReportFolder, SetLaw, check_folder, command, law_of
+from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
 from .evaluate import print_errors
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, status, warn, writing
 
@@ -40,7 +40,6 @@ BulkRatio = Annotated[float | None, Option(help="Bulk modulus over shear modulus
 Terms = Annotated[int | None, Option(help=f"Terms of Ogden's law; {N_TERMS} by default.", min=1, max=4)]
 
 
-@command
 def identify(
     data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
     *,
@@ -112,7 +111,6 @@ def differences_in_words(differences: dict) -> str:
     )
 
 
-@command
 def fit(
     name: Annotated[str, Argument(help="Name of the new artefact.")],
     *,

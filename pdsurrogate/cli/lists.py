@@ -16,11 +16,10 @@ from ..artifacts import ArtifactError, called, list_artifacts, load_card
 from ..materials import LAWS, Law
 from ..results.files import write_text
 from ..scenes import load_scene, scene_names
-from .command import SetScene, check_folder, command
+from .command import SetScene, check_folder
 from .terminal import note, print_json, print_table, writing
 
 
-@command
 def materials() -> None:
     """List the material laws with their parameters."""
     print_json([{**law().describe(), "bounds": law.bounds, "source": law.reference} for law in LAWS.values()])
@@ -41,7 +40,6 @@ def _rows_of_law(law: type[Law]) -> Iterator[tuple[str, ...] | None]:
     yield None
 
 
-@command
 def artifacts(reference: Annotated[str | None, Argument(metavar="[REF]", help="Artefact whose card is shown.")] = None) -> None:
     """List the artefacts that are found by name, or show one's card."""
     if reference is not None:
@@ -63,7 +61,6 @@ def artifacts(reference: Annotated[str | None, Argument(metavar="[REF]", help="A
     print_json(known)
 
 
-@command
 def scenes(
     name: Annotated[str | None, Argument(metavar="[SCENE]", help="Scene to show: a name, or the path of a scene file.")] = None,
     plot: Annotated[bool, Option("--plot", help="Plot the scene with its regions, grips, loads and probes, without running it.")] = False,
@@ -109,7 +106,6 @@ def _rows_of_scene(given: dict) -> Iterator[tuple[str, str]]:
             yield name, escape(entry if isinstance(entry, str) else json.dumps(entry))
 
 
-@command
 def new(file: Annotated[Path, Argument(metavar="FILE.toml", help="Path of the scene file to create.")]) -> None:
     """Write a commented scene to start from."""
     if file.suffix != ".toml":

@@ -8,14 +8,13 @@ from typer import Option
 from ..forces.settings import WHERE
 from ..reports import compare as comparison
 from ..reports import presentation
-from ..results import figures
+from ..results import figures, tables
 from ..results.files import write_json, write_text
 from ..stress_test import report as hard_cases
-from .command import Overwrite, ReportFolder, SetLaw, Threads, check_folder, command, law_of
+from .command import Overwrite, ReportFolder, SetLaw, Threads, check_folder, law_of
 from .terminal import Bar, err, note, out, print_json, print_table, writing
 
 
-@command
 def compare(
     material: Annotated[str, Option(help="Material law.")] = "neo-hookean",
     change: SetLaw = None,
@@ -38,13 +37,12 @@ def compare(
         err.print(caution, soft_wrap=True)
     if folder is not None:
         with writing(folder):
-            write_text(folder / "compare.csv", presentation.as_csv(report))
+            write_text(folder / "compare.csv", tables.as_csv(report["models"]))
             figures.save(presentation.pareto_figure(report), folder / "compare.png")
             write_json(folder / "compare.json", {"asked": asked, **report})
         note(f"Results in {folder}")
 
 
-@command
 def stress_test(
     force: Annotated[list[str] | None, Option(metavar="REF", help="Force model; may be repeated; all by default.")] = None,
     plane: Annotated[str | None, Option("--plane", metavar="stress|space", help="Sheets or bodies in space; both by default.")] = None,

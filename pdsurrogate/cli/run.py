@@ -18,7 +18,7 @@ from ..results.checkpoint import NAME
 from ..results.folder import occupied
 from ..run.simulate import Progress, SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene, load_scene
-from .command import MaxTime, Overwrite, SetScene, check_folder, command
+from .command import MaxTime, Overwrite, SetScene, check_folder
 from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, err, note, out, print_json, print_table, share, warn, writing
 
 FORCE_HELP = "analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); default: chosen for the scene."
@@ -33,7 +33,6 @@ LEAST_SHOWN = 5e-6
 """Force that is printed as zero, relative to the greatest one where that is below 1: tables have five decimals."""
 
 
-@command
 def run(
     scene: Annotated[str, Argument(metavar="SCENE", help="Name of a built-in scene, or path of a scene file (.toml).")],
     *,

@@ -11,8 +11,10 @@ from ..results.files import write_text
 from ..results.folder import RUNNING
 from ..results.page import html_page
 from ..results.tables import column_title
-from .command import check_folder, command
+from .command import check_folder
 from .terminal import WARNING, Bar, bad_input, complain, note, out, print_json, print_table, warn, writing
+
+FIELD_HELP = "Field to draw, such as von_mises or stress_22; may be repeated; default: chosen."
 
 MARK, MARK_WITHIN = b'content="pdsurrogate show"', 400
 """Bytes by which a page of a result is known, and the number of first bytes that have them."""
@@ -21,13 +23,9 @@ ZERO_FORCE = 1e-4
 """Share of the greatest force below which a component counts as zero: the tolerance of an equilibrium leaves less."""
 
 
-@command
 def show(
     folder: Annotated[Path, Argument(metavar="DIR", help="Folder with the results of a run.")],
-    field: Annotated[
-        list[str] | None,
-        Option(metavar="FIELD", help="Field to draw, such as von_mises or stress_22; may be repeated; default: chosen."),
-    ] = None,
+    field: Annotated[list[str] | None, Option(metavar="FIELD", help=FIELD_HELP)] = None,
     level: Annotated[int | None, Option(help="Number of the output, from 0; -1 is the last one, the default.")] = None,
     pictures: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the pictures; this one by default.")] = None,
     html: Annotated[Path | None, Option(metavar="FILE", help="One page of HTML with all of it in the place of pictures.")] = None,

@@ -9,14 +9,13 @@ from typer import Argument, Option
 
 from .. import studies
 from ..studies.study import FIGURE, TABLE
-from .command import MaxTime, command
+from .command import MaxTime
 from .terminal import FAILED, INTERRUPTED, WARNING, Bar, complain, err, note, print_json, warn, writing
 
 MOST_FAILURES = 5
 """Number of failures printed one by one; the table lists them all."""
 
 
-@command
 def study(
     description: Annotated[Path, Argument(metavar="STUDY", help="Path of a study file (.toml): a scene or a fit, and its parameters.")],
     folder: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the results (default: named after the file).")] = None,

@@ -3,13 +3,12 @@
 import json
 import os
 import signal
-import socket
 import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import typer
 from rich.console import Console, RenderableType
@@ -44,33 +43,13 @@ _INTERRUPTED_IN_A_CALL = b"pdsurrogate: interrupted in the middle of a calculati
 _ranks = None
 """Communicator of the ranks that share the command; None for a command that one process carries out."""
 
-_sender: socket.socket
-"""Socket that Python writes signals to; it lives as long as the process."""
-
 out = Console(soft_wrap=True)
 err = Console(stderr=True)
 
 
-@dataclass
-class Settings:
-    """Values of the options that all commands have, set when a command begins.
-
-    Attributes
-    ----------
-    quiet : bool
-        Neither progress nor remarks are printed.
-    as_json : bool
-        Standard output is JSON.
-    printed : bool
-        JSON has been printed.
-    """
-
-    quiet: bool = False
-    as_json: bool = False
-    printed: bool = False
-
-
-settings = Settings()
+settings = SimpleNamespace(quiet=False, as_json=False, printed=False)
+"""Values set when a command begins: whether neither progress nor remarks are printed, and whether standard output is JSON; and whether
+JSON has been printed."""
 
 
 def print_json(data) -> None:
@@ -255,13 +234,12 @@ def end_soon_after_interrupts() -> None:
     """
     if threading.current_thread() is not threading.main_thread() or os.name == "nt":
         return
-    global _sender
-    receiver, _sender = socket.socketpair()
-    _sender.setblocking(False)
-    signal.set_wakeup_fd(_sender.fileno(), warn_on_full_buffer=False)
+    receiver, sender = os.pipe()
+    os.set_blocking(sender, False)
+    signal.set_wakeup_fd(sender, warn_on_full_buffer=False)
 
     def watch() -> None:
-        while numbers := receiver.recv(64):
+        while numbers := os.read(receiver, 64):
             shared = _ranks is not None and _ranks.size > 1
             if signal.SIGINT in numbers and not shared and not heard.wait(SECONDS_TO_END):
                 os.write(2, _INTERRUPTED_IN_A_CALL)

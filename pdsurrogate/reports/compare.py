@@ -1,8 +1,6 @@
 """Speed against error of every force model, measured in one interleaved run."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -10,19 +8,12 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from .. import learning
 from ..artifacts import load_surrogate
+from ..body import Body
 from ..engine.threads import at_most, most_threads
 from ..forces import AnalyticBondForce, BANOSBForce, BondEnergyForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..learning import (
-    ChebyshevRegressor,
-    LevenbergMarquardtRegressor,
-    evaluate,
-    reachable_stretches,
-    surrogate_of,
-    surrogate_pipeline,
-    training_samples,
-)
 from ..learning.levenberg_marquardt import listening
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
@@ -47,13 +38,11 @@ SHIPPED = {("symmetric", 20): "neo-hookean@1", ("isochoric", 4): "neo-hookean@2"
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Candidate(TimedModel):
     """Force model in one precision, with the changes to the scene that it needs."""
 
     title: str
-    model: ForceModel
-    precision: str
-    changes: tuple[str, ...] = ()
+    changes: tuple[str, ...]
 
 
 class Plan(NamedTuple):
@@ -65,67 +54,65 @@ class Plan(NamedTuple):
     changes: tuple[str, ...] = ()
 
 
-def plans(law: Law, quick: bool) -> list[Plan]:
-    """Return the force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes to be fitted now.
+def plans(law: Law, quick: bool) -> Iterator[Plan]:
+    """Yield the force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes to be fitted now.
 
     For the default Neo-Hookean law the shipped networks are used as they are.
     """
     shipped = isinstance(law, NeoHookean)
-    samples = training_samples(law, 3000 if quick else 8000, reachable_stretches(law), random_state=0)
+    samples = learning.training_samples(law, 3000 if quick else 8000, learning.reachable_stretches(law), random_state=0)
 
     def fitted(features, regressor) -> ForceSurrogate:
-        model = surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y)
-        return surrogate_of(model, law, samples)
+        model = learning.surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y)
+        return learning.surrogate_of(model, law, samples)
 
     def network(features: str, units: int, precisions: tuple[str, ...] = ("float32",)) -> Plan:
         iterations = 150 if quick else 600
-        regressor = LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
+        regressor = learning.LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
         artefact = SHIPPED.get((features, units)) if shipped else None
         made = partial(fitted, features, regressor) if artefact is None else partial(load_surrogate, artefact)
         return Plan(f"network, {features}, {units} units", made, precisions)
 
     def fitted_energy() -> EnergySurrogate:
-        energies = training_samples(law, 1000 if quick else 2000, reachable_stretches(law, (0.5, 5.0)), target="sheet-energy")
+        reach = learning.reachable_stretches(law, (0.5, 5.0))
+        energies = learning.training_samples(law, 1000 if quick else 2000, reach, target="sheet-energy")
         regressor = SobolevRegressor(12, max_iter=200 if quick else 1000, random_state=0)
-        return surrogate_of(surrogate_pipeline(regressor, "sheet-energy").fit(energies.X, energies.y), law, energies)
+        return learning.surrogate_of(learning.surrogate_pipeline(regressor, "sheet-energy").fit(energies.X, energies.y), law, energies)
 
     double, both = ("float64",), ("float32", "float64")
-    found = [
-        Plan(REFERENCE, NOSBForce, double),
-        Plan(RIVAL, BANOSBForce, double),
-        Plan("analytic bond force", partial(AnalyticBondForce, law), double),
-    ]
+    yield Plan(REFERENCE, NOSBForce, double)
+    yield Plan(RIVAL, BANOSBForce, double)
+    yield Plan("analytic bond force", partial(AnalyticBondForce, law), double)
     if shipped:
         # Its domain is too small for the scene (theory, section 5): as in the paper, it is also evaluated outside.
         paper = partial(load_surrogate, "neo-hookean-paper")
-        found.append(Plan("network, paper's features, 20 units", paper, changes=("outside=extrapolate",)))
-
+        yield Plan("network, paper's features, 20 units", paper, changes=("outside=extrapolate",))
     for units in (12, 20) if quick else (8, 12, 20, 40):
-        found.append(network("symmetric", units, both if units == 20 else both[:1]))
-    found.append(Plan("bond-level energy, exact", BondEnergyForce, double))
-    found.append(Plan("bond-level energy, network, 12 units", fitted_energy, both))
+        yield network("symmetric", units, both if units == 20 else both[:1])
+    yield Plan("bond-level energy, exact", BondEnergyForce, double)
+    yield Plan("bond-level energy, network, 12 units", fitted_energy, both)
     for units in (8,) if quick else (4, 8):
-        found.append(network("isochoric", units))
+        yield network("isochoric", units)
     # The response of Neo-Hookean rubber does not depend on the isochoric features; other laws need higher degrees.
     for degree in (4,) if shipped else (((10, 4),) if quick else ((8, 4), (10, 4), (12, 6))):
-        found.append(Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", ChebyshevRegressor(degree))))
-    return found
+        yield Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", learning.ChebyshevRegressor(degree)))
 
 
-def candidates(law: Law, quick: bool, progress: Progress) -> list[Candidate]:
+def _share_of(progress: Progress, stage: str, number: int, of: int, what: str) -> Callable[[float, str], None]:
+    """Return a function that reports the share of one of several models in a stage that is done, and a text."""
+    return lambda share, text="": progress(stage, number + share, of, f"{what}: {text}" if text else what)
+
+
+def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Candidate]:
     """Return the planned models in each of their precisions, fitted where necessary."""
-    planned, found = plans(law, quick), []
+    planned, found = list(plans(law, quick)), []
     for number, plan in enumerate(planned):
-        what = plan.title.format(size="").removesuffix(", ")
-
-        def iteration(now: int, most: int, loss: float, number: int = number, what: str = what) -> None:
-            progress(FITTING, number + now / most, len(planned), f"{what}: iteration {now} of at most {most}, loss {loss:.2e}")
-
-        progress(FITTING, number, len(planned), what)
-        with listening(iteration):
+        told = _share_of(progress, FITTING, number, len(planned), plan.title.format(size="").removesuffix(", "))
+        told(0.0)
+        with listening(lambda now, most, loss, told=told: told(now / most, f"iteration {now} of at most {most}, loss {loss:.2e}")):
             model = plan.made()
         title = plan.title.format(size=model.size)
-        found += [Candidate(title, model, precision, plan.changes) for precision in plan.precisions]
+        found += [Candidate(model, precision, body, title, plan.changes) for precision in plan.precisions]
     return found
 
 
@@ -136,15 +123,15 @@ def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
     """
     if isinstance(entry.model, EnergySurrogate):
         # An energy gives the stress on the surface only, since C33 is not among its inputs.
-        samples = training_samples(law, n_samples, reachable_stretches(law), 0.25, 1_000_003, target="sheet-energy")
+        samples = learning.training_samples(law, n_samples, learning.reachable_stretches(law), 0.25, 1_000_003, target="sheet-energy")
         errors = samples.target.errors(np.stack(kernel_energy(entry.model, law, entry.precision, *samples.X.T), axis=1), samples)
         return {"rms_on_surface": errors["rms"], "max_on_surface": errors["max"]}
     if not isinstance(entry.model, ForceSurrogate):
         return {}
-    reach = reachable_stretches(law)
-    report = evaluate(kernel_bond_force(entry.model, law, entry.precision), law, reach, n_samples=n_samples)
+    reach = learning.reachable_stretches(law)
+    report = learning.evaluate(kernel_bond_force(entry.model, law, entry.precision), law, reach, n_samples=n_samples)
     # Differences of single-precision forces would be noise: the slope is that of the same model in double precision.
-    slope = report if entry.precision == "float64" else evaluate(entry.model.bond_force, law, reach, n_samples=n_samples)
+    slope = report if entry.precision == "float64" else learning.evaluate(entry.model.bond_force, law, reach, n_samples=n_samples)
     errors = {f"{kind}_{where}": report[where][kind] for where in ("on_surface", "off_surface") for kind in ("rms", "max")}
     return {**errors, "least_slope": slope["least_slope"]}
 
@@ -162,7 +149,7 @@ class _Levels(Silent):
         self._told(self._done / self._levels, f"residual {residual:.1e}, {evaluations} evaluations")
 
 
-def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[float, str], None] = lambda share, text: None) -> dict:
+def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[float, str], None]) -> dict:
     """Return the greatest errors at the levels of the paper's section 6.2, with the number of evaluations and the seconds."""
     changes = [f"spacing={spacing}", f"precision={entry.precision}", *entry.changes]
     scene = load_scene("uniaxial", changes, material=law.describe())
@@ -182,10 +169,7 @@ def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[fl
 
 
 def compare(
-    law: Law | None = None,
-    quick: bool = False,
-    progress: Progress = lambda stage, done, of, text: None,
-    threads: int | None = None,
+    law: Law | None = None, quick: bool = False, progress: Progress = lambda stage, done, of, text: None, threads: int | None = None
 ) -> dict:
     """Measure the speed and the error of every force model.
 
@@ -210,21 +194,17 @@ def compare(
     ValueError
         If there are fewer threads.
     """
-    law, points = law or NeoHookean(), sheet()
+    law, body = law or NeoHookean(), sheet()
     spacing, patience, n_samples = (0.05, 10.0, 2000) if quick else (0.02, 200.0, 20_000)
     with at_most(threads):
-        entries, rows = candidates(law, quick, progress), []
-        cases = [TimedModel(entry.model, entry.precision, points) for entry in entries]
-        speeds = measure_speed(cases, law, patience, partial(progress, TIMING))
+        entries, rows = candidates(law, quick, body, progress), []
+        speeds = measure_speed(entries, law, patience, partial(progress, TIMING))
         for number, (entry, speed) in enumerate(zip(entries, speeds, strict=True)):
             progress(ERRORS, number, len(entries), f"{entry.title}, {entry.precision}")
             described = {"force": entry.title, "precision": entry.precision, "size": entry.model.size}
             rows.append({**described, **speed, **measure_error(entry, law, n_samples)})
         for number, (entry, row) in enumerate(zip(entries, rows, strict=True)):
-
-            def told(share: float, text: str, number: int = number, what: str = f"{entry.title}, {entry.precision}") -> None:
-                progress(SCENE, number + share, len(entries), f"{what}: {text}")
-
+            told = _share_of(progress, SCENE, number, len(entries), f"{entry.title}, {entry.precision}")
             row.update(measure_scene(entry, law, spacing, told))
         cost = {row["force"]: row["ns_per_directed_bond_1"] for row in rows}
         for row in rows:
@@ -233,6 +213,6 @@ def compare(
         return {
             "machine": {"processor": processor(), "threads": most_threads(), "numba": numba.__version__},
             "material": law.describe(),
-            "settings": {"quick": quick, "points": len(points), "patience": patience, "scene_spacing": spacing},
+            "settings": {"quick": quick, "points": len(body), "patience": patience, "scene_spacing": spacing},
             "models": rows,
         }

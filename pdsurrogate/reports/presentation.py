@@ -1,49 +1,42 @@
 """Tables and figures of the comparison."""
 
-from __future__ import annotations
-
 import itertools
 
 import matplotlib
 from matplotlib.figure import Figure
 
-from ..results import tables
 from ..results.figures import STYLE
 from .speed import UNDISTURBED
 
-NOTHING = "-"
-"""Entry for a figure that a model does not have."""
-
-
-def _pair(row: dict, first: str, second: str) -> str:
-    return f"{row[first]:.0e} / {row[second]:.0e}" if first in row and second in row else NOTHING
-
-
-def _scene(row: dict, text: str) -> str:
-    values = {key: value * 100 if key.endswith("error") else value for key, value in row.items() if key != "scene_method"}
-    return text.format(**values) if "scene_seconds" in row else "failed"
-
-
-COLUMNS = (
-    ("force", lambda row: f"{row['force']}, {row['precision']}"),
-    ("ns/directed bond, 1 thread", lambda row: f"{row['ns_per_directed_bond_1']:.2f}"),
-    ("its bond pass", lambda row: f"{row['ns_bond_pass_1']:.2f}"),
-    ("all threads", lambda row: f"{row['ns_per_directed_bond_all']:.2f}"),
-    ("gain, of arithmetic's", lambda row: f"{row['thread_speedup']:.2f} of {row['arithmetic_speedup']:.2f}"),
-    ("BA-NOSB / this", lambda row: f"{row['speedup_over_ba_nosb']:.1f}"),
-    ("this / NOSB", lambda row: f"{row['cost_over_nosb']:.1f}"),
-    ("RMS error on / off surface", lambda row: _pair(row, "rms_on_surface", "rms_off_surface")),
-    ("greatest error", lambda row: _pair(row, "max_on_surface", "max_off_surface")),
-    ("least slope", lambda row: f"{row['least_slope']:.2f}" if "least_slope" in row else NOTHING),
-    ("6.2: stress / displ. error (%)", lambda row: _scene(row, "{scene_stress_error:.2g} / {scene_displacement_error:.2g}")),
-    ("6.2: evaluations, s", lambda row: _scene(row, "{scene_evaluations}, {scene_seconds:.2f}")),
-)
-"""Title of each column of the comparison, and the function that formats its entry."""
+COLUMNS = {
+    "force": "{force}, {precision}",
+    "ns/directed bond, 1 thread": "{ns_per_directed_bond_1:.2f}",
+    "its bond pass": "{ns_bond_pass_1:.2f}",
+    "all threads": "{ns_per_directed_bond_all:.2f}",
+    "gain, of arithmetic's": "{thread_speedup:.2f} of {arithmetic_speedup:.2f}",
+    "BA-NOSB / this": "{speedup_over_ba_nosb:.1f}",
+    "this / NOSB": "{cost_over_nosb:.1f}",
+    "RMS error on / off surface": "{rms_on_surface:.0e} / {rms_off_surface:.0e}",
+    "greatest error": "{max_on_surface:.0e} / {max_off_surface:.0e}",
+    "least slope": "{least_slope:.2f}",
+    "6.2: stress / displ. error (%)": "{scene_stress_error:.2g} / {scene_displacement_error:.2g}",
+    "6.2: evaluations, s": "{scene_evaluations}, {scene_seconds:.2f}",
+}
+"""Title of each column of the comparison, and the form of its entries."""
 
 
 def table(report: dict) -> tuple[list[str], list[list[str]]]:
     """Return the header and the rows of the comparison."""
-    return [title for title, _ in COLUMNS], [[cell(row) for _, cell in COLUMNS] for row in report["models"]]
+    return list(COLUMNS), [[_cell(form, row) for form in COLUMNS.values()] for row in report["models"]]
+
+
+def _cell(form: str, row: dict) -> str:
+    """Return an entry, with errors of the scene in per cent; ``-`` for a figure that a model does not have."""
+    percent = {key: 100 * row[key] for key in ("scene_stress_error", "scene_displacement_error") if key in row}
+    try:
+        return form.format(**{**row, **percent})
+    except KeyError:
+        return "failed" if "scene" in form else "-"
 
 
 def caution(rows: list[dict]) -> str:
@@ -52,11 +45,6 @@ def caution(rows: list[dict]) -> str:
     if most <= UNDISTURBED:
         return ""
     return f"Other work used the cores: the reference arithmetic took up to {most:.2f} times its best; ratios are no more accurate."
-
-
-def as_csv(report: dict) -> str:
-    """Return all measured figures as CSV, one line for each model."""
-    return tables.as_csv(report["models"])
 
 
 def pareto_figure(report: dict) -> Figure:
