@@ -91,8 +91,8 @@ def conditions_of(
     springs = np.full(len(body), modulus)
     springs[rigid] *= RIGID
     loading.course = Paths(loading, springs, modulus, scene.solver.largest_increment)
-    if loading.supports is not None:
-        loading.supports.response = loading.course.response
+    for support in loading.supports:
+        support.response = loading.course.response
     if any(stage.inertia is None for stage in stages):
         ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
         _check_held(loading, "prescribed", f"hold {ways} of a region by 0 against it, or let the steps be in dynamics")

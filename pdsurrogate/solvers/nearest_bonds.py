@@ -117,7 +117,7 @@ class NearestBonds:
         stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
-        self.body = body
+        self.body, self._sources = body, np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[self.second]
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
         """Return the forces on the points under displacements (n, d), whose halo is filled first.
@@ -141,7 +141,7 @@ class NearestBonds:
         d = self.body.dimension
         blocks = np.einsum("b,bi,bj->bij", self._excess, self._along, self._along) + self._across[:, None, None] * np.eye(d)
         if rigid is not None:
-            blocks *= ~(rigid[self.first] & rigid[self._sources()])[:, None, None]
+            blocks *= ~(rigid[self.first] & rigid[self._sources])[:, None, None]
         rows, columns, values = self._entries(blocks, self._parity()[:, None])
         rows, columns = d * rows[:, None, None] + np.arange(d)[:, None], d * columns[:, None, None] + np.arange(d)
         places = [np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns)]
@@ -160,10 +160,6 @@ class NearestBonds:
             found.append((components, (matrix + matrix.T) / 2))
         return found
 
-    def _sources(self) -> np.ndarray:
-        """Return the point at the second end of every bond, or the point of which that end is an image, shape (k,)."""
-        return np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])[self.second]
-
     def _parity(self) -> np.ndarray:
         """Return the sign with which each component of the second end follows its source, shape (k, d)."""
         return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[self.second]
@@ -172,7 +168,7 @@ class NearestBonds:
         """Return rows, columns and values of the stiffness of springs of given values (k, ...); forces on ghosts are not included."""
         within = self.second < len(self.body)
         first, second, ends = self.first, self.second[within], self.first[within]
-        rows, columns = np.concatenate([first, first, second, second]), np.concatenate([first, self._sources(), second, ends])
+        rows, columns = np.concatenate([first, first, second, second]), np.concatenate([first, self._sources, second, ends])
         return rows, columns, np.concatenate([values, -values * parity, values[within], -values[within]])
 
 
@@ -444,8 +440,7 @@ def strain_of_step(body: Body, step: np.ndarray) -> float:
 
 def strain_rounding(body: Body) -> float:
     """Return the strain that rounding of the positions makes in a bond as long as the spacing."""
-    farthest = body.share.greatest(np.abs(body.points))
-    return float(np.finfo(float).eps) * farthest / body.spacing
+    return float(np.finfo(float).eps) * body.share.greatest(np.abs(body.points)) / body.spacing
 
 
 def is_rigid(force: InternalForce) -> bool:
