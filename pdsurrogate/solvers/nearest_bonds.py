@@ -117,6 +117,7 @@ class NearestBonds:
         stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
+        # The point at the second end of every bond, or the point of which that end is an image.
         self.body, self._sources = body, np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[self.second]
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
