@@ -231,9 +231,9 @@ def _factorised_springs(body: Body, shear_moduli: float | np.ndarray, free: np.n
     Its low modes agree with those of the true tangent within a factor that does not grow with the number of points, and its factorisation
     needs seconds for 10^5 points.
     """
-    balanced, held = drift_remover(body, free), free.ravel()
-    factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), held))
-    return lambda forces: balanced(factor.solve(forces.ravel() * held).reshape(forces.shape))
+    balanced, column = drift_remover(body, free), free.ravel()
+    factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), column))
+    return lambda forces: balanced(factor.solve(forces.ravel() * column).reshape(forces.shape))
 
 
 def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
@@ -241,10 +241,10 @@ def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.n
     balanced, inverses = drift_remover(body, free), []
     for components, matrix in laplacian_of(body, shear_moduli).matrices():
         for own in alike(free, components):
-            held = free[:, own[0]]
-            system = held_matrix(matrix, held)
+            column = free[:, own[0]]
+            system = held_matrix(matrix, column)
             if len(body) > MOST_FACTORISED[body.dimension]:
-                inverses.append((own, Multigrid(system.tocsr(), body.points, body.spacing, held > 0, len(own)).cycle))
+                inverses.append((own, Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(own)).cycle))
             else:
                 inverses.append((own, factor_of(system).solve))
     return lambda forces: balanced(by_components(inverses, forces * free)) * free
