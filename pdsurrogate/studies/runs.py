@@ -28,7 +28,7 @@ from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import LOCK, SUMMARY, FolderTaken, occupied
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
-from ..scenes import Mesh, Scene, SceneError, load_scene
+from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
 from ..scenes.problems import explain
 from ..scenes.reading import apply_change
 from .description import FORCE, Fit, Study, scene_of
@@ -96,9 +96,10 @@ class SceneTask:
 
 @dataclass(frozen=True)
 class FitTask:
-    """Fit of a surrogate, with the `digest` of its settings."""
+    """Fit of a surrogate: the material, the `FitSettings`, and a digest of both."""
 
-    fit: Fit
+    material: MaterialSpec
+    settings: Any
     digest: str
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None = None) -> str | None:
@@ -109,12 +110,11 @@ class FitTask:
         from ..learning.fitting import TooInexact
 
         began = time.perf_counter()
-        law, settings = self.fit.material.build(), settings_of(self.fit)
-        place = folder / Path(*SURROGATE)
+        law, place = self.material.build(), folder / Path(*SURROGATE)
         with threadpool_limits(threads):
             if not place.exists():  # it exists if an earlier attempt ended before writing its summary
                 try:
-                    settings.train(law)(folder, *SURROGATE)
+                    self.settings.train(law)(folder, *SURROGATE)
                 except (TooInexact, ValueError) as error:
                     return str(error)
         card = artifacts.load_card(place)
@@ -130,13 +130,6 @@ class FitTask:
         }
         write_json(folder / SUMMARY, summary)
         return None
-
-
-def settings_of(fit: Fit):
-    """Return the settings of a fit in the form used by `pdsurrogate.learning`."""
-    from ..learning.settings import FitSettings
-
-    return FitSettings(**{key: value for key, value in fit if key != "material"})
 
 
 def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]], memory: float) -> list[SceneTask | FitTask]:
@@ -189,15 +182,18 @@ def _scene_digest(scene: Scene, model: ForceModel) -> str:
 
 
 def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
+    # Imported here, since only a fit needs scikit-learn.
+    from ..learning.settings import FitSettings
+
     data = json.loads(json.dumps(study.fit))  # a deep copy of tables and lists
     for key, value in parameters.items():
         apply_change(data, key, value)
     try:
         fit = Fit.model_validate(data)
-        settings_of(fit)
+        settings = FitSettings(**{key: value for key, value in fit if key != "material"})
     except ValueError as error:
         raise SceneError(f"fit: {explain(error, Fit) if isinstance(error, ValidationError) else error}") from None
-    return FitTask(fit, digest_of(fit.model_dump(mode="json")))
+    return FitTask(fit.material, settings, digest_of(fit.model_dump(mode="json")))
 
 
 class Outcome(NamedTuple):
