@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator
 
 from ..forces import Domain, EnergyNetwork, IsochoricNetwork, NetworkForce, PolynomialForce, SplineForce
-from ..forces.learnt_energy import energy_shape
 from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from ..scenes import MaterialSpec
@@ -344,7 +343,7 @@ def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
         right = law.describe()
         for name in sorted(set(right) - set(material.trained_with)):
             yield f"material.trained_with.{name}: is missing"
-        shape = energy_shape(law) if kind == EnergyNetwork.kind else law.shape
+        shape = KINDS[kind].shape_of(law) if kind in KINDS else law.shape
         for name in sorted(set(shape) | set(material.shape)):
             found, meant = (numbers.get(name, "not there") for numbers in (material.shape, shape))
             if not same_values(found, meant):

@@ -23,6 +23,9 @@ from ..scenes import Scene
 from .card import DIGESTED, KINDS, MEMBERS, NAME_PATTERN, PIPELINE, SURROGATE, VERSION_PATTERN, ArtifactError, Card, new_card, read_card
 from .shipped import SHIPPED_CARDS
 
+Surrogate = LearntBondForce | LearntEnergy
+"""Model that an artefact holds."""
+
 CARD = "card.json"
 
 WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
@@ -276,7 +279,7 @@ def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
     return model
 
 
-def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[LearntBondForce | LearntEnergy]:
+def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate]:
     """Return members of a committee by their numbers; the file is read once."""
     arrays = _arrays(folder, card, MEMBERS)
     held: dict[str, dict] = {}
@@ -295,7 +298,7 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
         raise ArtifactError(f"{called(folder, card)}: {file}: {error}") from None
 
 
-def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> LearntBondForce | LearntEnergy:
+def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Surrogate:
     """Return the model in the arrays of a payload, and check what its card states of it."""
     try:
         model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
@@ -439,13 +442,7 @@ def _check_name(name: str, version: str) -> None:
         raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artefact")
 
 
-def save_artifact(
-    folder: str | Path,
-    card: dict,
-    surrogate: LearntBondForce | LearntEnergy,
-    pipeline=None,
-    members: Sequence[LearntBondForce | LearntEnergy] = (),
-) -> Path:
+def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline=None, members: Sequence[Surrogate] = ()) -> Path:
     """Write an artefact, whole or not at all.
 
     Parameters

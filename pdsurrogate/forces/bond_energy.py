@@ -48,7 +48,7 @@ class IsochoricEnergy:
     @classmethod
     def exact(cls, law: Law, plane: str) -> Self:
         """Return the energy of a law itself."""
-        return cls(PLANES[plane].isochoric_response.block(law).address, law.parameters)
+        return cls(PLANES[plane].isochoric_response.block(law).address or 0, law.parameters)
 
     @property
     def arguments(self) -> tuple:

@@ -140,13 +140,11 @@ class BondForces(Term):
             name = models[0].name
             raise ValueError(f"{name} tells the deviation of its members under plane stress; fit it with --energy for other planes")
         self._strength, self._parts = pair_strength(body), []
-        pairs: list[np.ndarray | None] = [None]
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
             self._strength *= np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
-            pairs = [np.flatnonzero((of_ends == number).any(axis=0)) for number in range(len(models))]
         for number, model in enumerate(models):
-            points = self.points_of(number, pairs[number])
+            points = self.points_of(number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0)))
             self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction))
             self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         self.learnt_thickness = any(part.learns_thickness for part in self._parts)

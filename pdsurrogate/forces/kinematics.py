@@ -73,8 +73,7 @@ class Kinematics:
         self.changes, self._formed = 0, False
         self.interfaces, self.seen = None, []
         self._plane_displacements = np.zeros((len(body.planes), d))
-        self._plane_turns: np.ndarray | None = None
-        self._gradient_shifts: np.ndarray | None = None
+        self._plane_turns = self._gradient_shifts = None
         ghosts = body.ghosts
         self._shifts = ghosts.shifts(body.points, self._plane_displacements)
         self.gradient_ghosts = ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])

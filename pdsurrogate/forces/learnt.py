@@ -2,18 +2,20 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from ..materials import Law
 from .agreement import check_agreement
-from .protocol import Domain, ForceModel
+from .protocol import Domain, ForceModel, Member
 
 CHUNK = 65_536
 """Bonds or points evaluated at once, so that their features and outputs need little memory."""
 
 
+@dataclass(frozen=True, repr=False)
 class Learnt(ForceModel):
     """Model that consists of names and arrays, which it declares, with the domain and the material that it was trained for.
 
@@ -29,7 +31,7 @@ class Learnt(ForceModel):
         Name of the force model that accepts every law, for error messages.
     trial : callable
         Function of a law and stretches that returns states and the exact answers there, see `pdsurrogate.forces.agreement`.
-    domain, law, shape, stated
+    domain, law, shape
         Fields of all learnt models.
     """
 
@@ -38,9 +40,8 @@ class Learnt(ForceModel):
     arrays: ClassVar[tuple[str, ...]]
     exact: ClassVar[str]
     trial: ClassVar[Callable]
-    domain: Domain
-    law: str
-    shape: Mapping[str, float]
+    stated: Mapping[str, float] | None = field(default=None, kw_only=True)
+    members: tuple[Member, ...] = field(default=(), kw_only=True)
 
     @property
     def facts(self) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Learnt energies: networks of two invariants, stored as plain arrays, for a sheet under plane stress or for the isochoric part."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +17,7 @@ from .agreement import invariant_states, isochoric_slopes, isochoric_states, iso
 from .bond_energy import EnergyModel, EnergySurrogate, IsochoricEnergy
 from .learnt import CHUNK, Learnt, check_shape, greatest_deviations
 from .pair_passes import EnergyDerivatives
-from .protocol import CompiledBondForce, Domain, Member
+from .protocol import CompiledBondForce, Domain
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
 """Features of an energy network: the logarithms of the area ratio and of cosh(log lambda_1/lambda_2); both vanish at rest."""
@@ -66,8 +66,6 @@ class LearntEnergy(Learnt, EnergyModel):
     domain: Domain
     law: str
     shape: Mapping[str, float]
-    stated: Mapping[str, float] | None = field(default=None, kw_only=True)
-    members: tuple[Member, ...] = field(default=(), kw_only=True)
 
     names: ClassVar[Mapping[str, Collection[str]]] = {"activation": SMOOTH}
     arrays: ClassVar[tuple[str, ...]] = ("hidden_weights", "hidden_biases", "output_weights")

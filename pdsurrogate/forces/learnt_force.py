@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain, product
 from typing import ClassVar, Self
 
@@ -17,7 +17,7 @@ from ..materials import Law
 from .agreement import bond_states
 from .bond_force import AnalyticBondForce, BondStates, ForceSurrogate, bond_arrays
 from .learnt import Learnt, check_payload, check_shape, greatest_deviations
-from .protocol import CompiledBondForce, Domain, Member
+from .protocol import CompiledBondForce, Domain
 
 LAYER = ("weights", "biases")
 """Parts of a layer, in this order; the keys of a payload append the number of the layer."""
@@ -56,8 +56,6 @@ class LearntBondForce(Learnt, ForceSurrogate):
     domain: Domain
     law: str
     shape: Mapping[str, float]
-    stated: Mapping[str, float] | None = field(default=None, kw_only=True)
-    members: tuple[Member, ...] = field(default=(), kw_only=True)
 
     names: ClassVar[Mapping[str, Collection[str]]] = {"feature_set": FEATURE_SETS}
     exact: ClassVar[str] = "analytic"
@@ -77,6 +75,13 @@ class LearntBondForce(Learnt, ForceSurrogate):
 
     def check_arrays(self) -> None:
         check_shape(self.at_rest, "at_rest", (N_OUTPUTS,))
+
+    def check_scale(self, *keys: str) -> None:
+        """Raise ValueError if an origin and a unit of the features, two arrays of those names, are not one each, and the unit positive."""
+        for key in keys:
+            check_shape(getattr(self, key), key, (len(self.features),))
+        if not (getattr(self, keys[1]) > 0).all():
+            raise ValueError(f"{keys[1]} must be positive")
 
     @property
     def features(self) -> tuple[str, ...]:  # type: ignore[override]  # read-only here
@@ -232,10 +237,7 @@ class PolynomialForce(LearntBondForce):
         count = len(self.features)
         if count != 2:
             raise ValueError(f"a polynomial takes two features, {self.feature_set} are {count}")
-        for key in ("centre", "half_width"):
-            check_shape(getattr(self, key), key, (2,))
-        if not (self.half_width > 0).all():
-            raise ValueError("half_width must be positive")
+        self.check_scale("centre", "half_width")
         shape = self.coefficients.shape
         if len(shape) != 3 or shape[0] != N_OUTPUTS:
             raise ValueError(f"coefficients have shape {shape}, not ({N_OUTPUTS}, degree + 1, degree + 1)")
@@ -293,10 +295,7 @@ class SplineForce(LearntBondForce):
         count, shape = len(self.features), self.coefficients.shape
         if count not in spline.FEATURES:
             raise ValueError(f"a spline takes two or three features, {self.feature_set} are {count}")
-        for key in ("low", "step"):
-            check_shape(getattr(self, key), key, (count,))
-        if not (self.step > 0).all():
-            raise ValueError("step must be positive")
+        self.check_scale("low", "step")
         if len(shape) != 1 + count or shape[0] != N_OUTPUTS or min(shape[1:]) < spline.SUPPORT:
             raise ValueError(f"coefficients have shape {shape}, not {N_OUTPUTS} and at least {spline.SUPPORT} by each of {count} features")
         if self.coefficients.size > MOST_COEFFICIENTS:

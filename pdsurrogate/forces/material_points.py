@@ -112,10 +112,6 @@ class MaterialPoints:
         take = partial(np.take, self.kept_ratios, self.numbers, out=self.volume_ratios, mode="clip")
         return [take, *self._passes, partial(self.kept_ratios.put, self.numbers, self.volume_ratios)]
 
-    @cached_property
-    def _find(self) -> Steps:
-        return Steps(self._kinematics.body.share, *self.steps)
-
     def _pass_of_law(self) -> BoundPass:
         """Bind the pass that finds volume ratios and records by the law."""
         kinematics, arrays = self._kinematics, (self.gradients, self.volume_ratios)
@@ -136,7 +132,7 @@ class MaterialPoints:
         """
         self._kinematics.form_gradients()
         if self._found_at != self._kinematics.changes:
-            have_states([self], self._find())
+            have_states([self], Steps(self._kinematics.body.share, *self.steps)())
 
     def note(self, counts: list[int]) -> bool:
         """Take the counts of this material's passes from the beginning of a list; return whether all points have a state."""

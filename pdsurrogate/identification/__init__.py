@@ -6,3 +6,6 @@ from .examination import TestDataWarning, examine, fit_to_tests
 from .regressor import LawRegressor, fitted_laws
 from .reporting import figure, held_out_modes, report
 from .stress_regressor import committee, committee_spread, nominal_stress
+
+__all__ = ["EnergyRegressor", "LawRegressor", "TestDataWarning", "committee", "committee_spread", "fit_to_tests", "load_test_data"]
+"""Names that type checkers of users' programs accept."""

@@ -153,31 +153,30 @@ def load_test_data(reference: str | Path) -> TestData:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
         raise ValueError(f"cannot read test data {name}: {reason}; shipped are {', '.join(test_data_names())}") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip() and not line.lstrip().startswith("#")]
-    reader = csv.DictReader(line for _, line in lines)
-    named = list(reader.fieldnames or ())
-    columns = set(named)
-    if twice := sorted(column for column in columns if named.count(column) > 1):
+    reader = csv.reader("" if line.isspace() or line.lstrip().startswith("#") else line for line in text.splitlines())
+    (_, columns), *rows = [(reader.line_num, row) for row in reader if row] or [(0, [])]
+    if twice := sorted(column for column in set(columns) if columns.count(column) > 1):
         raise ValueError(f"{name}: the file has the column {twice[0]} more than once")
-    kind = next((kind for kind in (CURVES, GRID) if columns - {"weight"} == set(kind)), None)
+    kind = next((kind for kind in (CURVES, GRID) if set(columns) - {"weight"} == set(kind)), None)
     if kind is None:
         raise ValueError(
             f"{name}: the columns must be {', '.join(CURVES)}, or {', '.join(GRID)}, with or without weight; there are "
             f"{', '.join(sorted(columns)) or 'none'}"
         )
     found: list[tuple] = []
-    for place, ((number, _), row) in enumerate(zip(lines[1:], reader, strict=True), start=1):
-        found += [(*one, place) for one in _rows(row, kind, f"{name}, line {number}")]
+    for place, (number, values) in enumerate(rows, start=1):
+        where = f"{name}, line {number}"
+        if len(values) != len(columns):
+            raise ValueError(f"{where}: there are not as many values as columns")
+        found += [(*one, place) for one in _rows(dict(zip(columns, values, strict=True)), kind, where)]
     if not found:
         raise ValueError(f"{name}: there are no rows")
-    values = np.array([row[1:] for row in found])
-    return TestData(name, np.array([row[0] for row in found]), values[:, :2], values[:, 2], values[:, 3], values[:, 4].astype(int))
+    mode, *first_second, stress, weight, row = map(np.array, zip(*found, strict=True))
+    return TestData(name, mode, np.stack(first_second, axis=1), stress, weight, row)
 
 
 def _rows(row, kind, where):
     """Return the rows of mode, stretches, stress and weight that one row of a file stands for; raise ValueError for an invalid row."""
-    if None in row or any(value is None for value in row.values()):
-        raise ValueError(f"{where}: there are not as many values as columns")
     numbers = {}
     for key in row.keys() - {"mode"}:
         try:

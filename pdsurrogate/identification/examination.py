@@ -132,9 +132,8 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     poorly = []
     for mode, value in scores.items():
         if value < 0:
-            refusals.append(
-                f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0): take another law, or mend the data"
-            )
+            worse = f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0)"
+            refusals.append(f"{worse}: take another law, or mend the data")
         elif not value >= POOR:
             poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
     # Laws cannot be compared by data that contradict each other.
@@ -309,11 +308,10 @@ def _size(data: TestData, predicted: np.ndarray) -> float:
 
 def _greatest_of_mode(data: TestData) -> np.ndarray:
     """Return the greatest absolute stress of the mode of each row."""
-    greatest = np.zeros(len(data))
-    for mode in data.modes:
-        rows = data.mode == mode
-        greatest[rows] = np.abs(data.nominal_stress[rows]).max()
-    return greatest
+    modes, mode = np.unique(data.mode, return_inverse=True)
+    greatest = np.zeros(len(modes))
+    np.maximum.at(greatest, mode, np.abs(data.nominal_stress))
+    return greatest[mode]
 
 
 def _falling(data: TestData):

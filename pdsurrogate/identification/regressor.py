@@ -20,6 +20,10 @@ N_TERMS = 3
 """Number of terms of Ogden's law by default, as many as Ogden (1972) took for Treloar's rubber."""
 
 
+EXPONENTS = -8.0, -5.0, -3.0, -2.0, -1.0, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 11.0
+"""Exponents of Ogden's law in the coarse search."""
+
+
 def fitted_laws() -> list[str]:
     """Return the names of the laws that a `LawRegressor` fits; the remaining one is that of an `EnergyRegressor`."""
     return [name for name in LAWS if name != Polyconvex.name]
@@ -105,16 +109,16 @@ class LawRegressor(StressRegressor):
         """
         X, y, root, _ = self._checked(X, y, sample_weight)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
-        logarithmic, starts = (self._ogden_starts if self.law == Ogden.name else self._starts)(X, y, root)
-        fits = [self._refined(*start, logarithmic, X, y, root, incompressible_stress) for start in starts]
-        if not fits:
+        candidates = self._ogden_candidates(X, y, root) if self.law == Ogden.name else self._candidates(X, y, root)
+        starts = [start for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])]
+        if not starts:
             raise ValueError(f"no parameters of {self.law} reach stretches of {X.max():g} with a positive stiffness")
-        best, (_, low, high) = min(zip(fits, starts, strict=True), key=lambda one: one[0][1].cost)
-        values, found = self._refined(best[0], low, high, logarithmic, X, y, root, nominal_stress)
+        fits = [self._refined(start, X, y, root, incompressible_stress) for start in starts]
+        best, *_ = min(fits, key=lambda one: one[-1].cost)
+        values, jacobian, found = self._refined(best, X, y, root, nominal_stress)
         names = self._names()
         at_bound = [name for name, active in zip(names, found.active_mask, strict=True) if active]
-        # By the chain rule: the Jacobian by the parameters, where the logarithm was searched for.
-        self._store(self._law_of(values), names, values, found.jac / np.where(logarithmic, values, 1.0), 2 * found.cost, at_bound)
+        self._store(self._law_of(values), names, values, jacobian, 2 * found.cost, at_bound)
         return self
 
     def _names(self) -> list[str]:
@@ -132,11 +136,23 @@ class LawRegressor(StressRegressor):
         modulus = float((moduli * exponents).sum() / 2)
         return Ogden(modulus, self._bulk(modulus), tuple(moduli), tuple(exponents))
 
-    def _refined(self, start, low, high, logarithmic, X, y, root, stress):
-        """Return the values found from a start between bounds, and scipy's result of the least-squares fit.
+    def _bounds(self, start: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the bounds of the unknowns, and which of them are searched for in their logarithm: positive ones that range over decades.
 
-        Positive unknowns that range over decades are searched for in their logarithm.
+        Ogden's exponents keep the signs that they have at the start.
         """
+        scale = max(np.abs(y).max(), 1e-300)
+        if self.law != Ogden.name:
+            low, high = np.array([(1e-6 * scale, 1e6 * scale), *LAWS[self.law].bounds.values()]).T
+            return low, high, low > 0
+        n, most, positive = self.n_terms, self.greatest_exponent, start[self.n_terms :] > 0
+        low = np.concatenate([np.full(n, 1e-9 * scale), np.where(positive, 0.1, -most)])
+        high = np.concatenate([np.full(n, 1e6 * scale), np.where(positive, most, -0.1)])
+        return low, high, np.repeat([True, False], n)
+
+    def _refined(self, start, X, y, root, stress):
+        """Return the parameters found from a start, the Jacobian by them, and scipy's result of the bounded least-squares fit."""
+        *bounds, logarithmic = self._bounds(start, y)
 
         def value(searched):
             return np.exp(searched, out=searched.copy(), where=logarithmic)
@@ -149,58 +165,45 @@ class LawRegressor(StressRegressor):
             # Past its limit a law has no stress: a large residual.
             return np.where(np.isfinite(predicted), root * (predicted - y), 1e3)
 
-        start, low, high = (np.log(values, out=values.copy(), where=logarithmic) for values in (start, low, high))
+        start, low, high = (np.log(values, out=values.copy(), where=logarithmic) for values in (start, *bounds))
         start = np.clip(start, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
         found = least_squares(residuals, start, bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=400)
-        return value(found.x), found
+        values = value(found.x)
+        # By the chain rule: the Jacobian by the parameters, where the logarithm was searched for.
+        return values, found.jac / np.where(logarithmic, values, 1.0), found
 
-    def _starts(self, X, y, root):
-        """Return which unknowns of a law other than Ogden's are searched for in their logarithm, and the starts with their bounds."""
-        scale = max(np.abs(y).max(), 1e-300)
-        low, high = np.array([(1e-6 * scale, 1e6 * scale), *LAWS[self.law].bounds.values()]).T
-        candidates = []
+    def _candidates(self, X, y, root):
+        """Yield the error and the values of the unknowns of a law other than Ogden's on a grid."""
+        low, high, _ = self._bounds(np.empty(0), y)
         for shape in _grid(low[1:], high[1:]):
             try:
                 unit = incompressible_stress(self._law_of(np.array([1.0, *shape])), X)
             except ValueError:
                 continue
-            if not np.isfinite(unit).all():
-                continue
-            modulus = max((root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0])
-            candidates.append((((root * (modulus * unit - y)) ** 2).sum(), np.array([modulus, *shape])))
-        return low > 0, [(start, low, high) for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])]
+            if np.isfinite(unit).all():
+                modulus = max((root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0])
+                yield ((root * (modulus * unit - y)) ** 2).sum(), np.array([modulus, *shape])
 
-    def _ogden_starts(self, X, y, root):
-        """Return what `_starts` returns for Ogden's law, whose bounds depend on the signs of the exponents."""
-        n, most = self.n_terms, self.greatest_exponent
-        grid = [value for value in (-8.0, -5.0, -3.0, -2.0, -1.0, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 11.0) if abs(value) <= most]
-        thickness = 1 / X.prod(axis=1)
+    def _ogden_candidates(self, X, y, root):
+        """Yield the error and the values of the unknowns of Ogden's law for each set of exponents of a grid."""
+        grid = [value for value in EXPONENTS if abs(value) <= self.greatest_exponent]
+        thickness, least = 1 / X.prod(axis=1), 1e-7 * max(np.abs(y).max(), 1e-300)
         # Stress of a term of unit stiffness, which is modulus times exponent.
         columns = {a: root * (X[:, 0] ** a - thickness**a) / X[:, 0] / a for a in grid}
-        candidates = []
-        for exponents in combinations(grid, n):
+        for exponents in combinations(grid, self.n_terms):
             matrix = np.stack([columns[a] for a in exponents], axis=1)
             if np.isfinite(matrix).all():
                 stiffness, error = nnls(matrix, root * y)
-                candidates.append((error, np.array(exponents), stiffness))
-        scale, starts = max(np.abs(y).max(), 1e-300), []
-        for _, exponents, stiffness in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0]):
-            moduli = np.maximum(stiffness / np.abs(exponents), 1e-7 * scale)
-            low = np.concatenate([np.full(n, 1e-9 * scale), np.where(exponents > 0, 0.1, -most)])
-            high = np.concatenate([np.full(n, 1e6 * scale), np.where(exponents > 0, most, -0.1)])
-            starts.append((np.concatenate([moduli, exponents]), low, high))
-        return np.repeat([True, False], n), starts
+                yield error, np.concatenate([np.maximum(stiffness / np.abs(exponents), least), exponents])
 
 
 def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return candidates for the dimensionless parameters of a law, shape (number of candidates, number of parameters)."""
     per_axis = 60 if len(low) == 1 else 25
-    axes = []
-    for least, greatest in zip(low, high, strict=True):
-        if least > 0:
-            axes.append(np.geomspace(least, greatest, per_axis))
-        else:
-            # Dense about 0, where most dimensionless coefficients of rubber lie.
-            spread = np.geomspace(1e-5, 1, per_axis // 2)
-            axes.append(np.unique(np.concatenate([-spread * max(-least, 0), [0.0], spread * max(greatest, 0)])))
+    # Dense about 0 where bounds contain it: most dimensionless coefficients of rubber lie there.
+    spread = np.geomspace(1e-5, 1, per_axis // 2)
+    axes = [
+        np.geomspace(least, greatest, per_axis) if least > 0 else np.unique([*least * spread, 0.0, *greatest * spread])
+        for least, greatest in zip(low, high, strict=True)
+    ]
     return np.array(list(product(*axes)))

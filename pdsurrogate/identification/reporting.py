@@ -118,14 +118,9 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
                 )
             fitted = clone(model).fit(known.stretches, known.nominal_stress, known.balanced_weights())
             predicted = fitted.predict(unseen.stretches)
-            rows.append(
-                {
-                    "law": model.law,
-                    "fitted_to": train,
-                    "held_out": unseen.r_squared(predicted),
-                    "relative_rms": float(np.sqrt(((predicted - unseen.nominal_stress) ** 2).sum() / (unseen.nominal_stress**2).sum())),
-                }
-            )
+            off = np.sqrt(((predicted - unseen.nominal_stress) ** 2).sum() / (unseen.nominal_stress**2).sum())
+            scores = {"held_out": unseen.r_squared(predicted), "relative_rms": float(off)}
+            rows.append({"law": model.law, "fitted_to": train, **scores})
     return rows
 
 

@@ -135,9 +135,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         """Return the bulk modulus of a law."""
         return self.bulk_modulus or self.bulk_ratio * shear_modulus
 
-    def _store(
-        self, law: Law, names: Sequence[str], values: np.ndarray, jacobian: np.ndarray, squares: float, at_bound: Sequence[str] = ()
-    ) -> None:
+    def _store(self, law: Law, names: Sequence[str], values, jacobian, squares: float, at_bound: Sequence[str] = ()) -> None:
         """Set the results of a fit: the law, its parameters, and their covariance.
 
         `jacobian` holds the derivatives of the weighted residuals by the parameters, shape (n_samples, n_parameters), and `squares` is the

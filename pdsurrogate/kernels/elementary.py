@@ -37,6 +37,11 @@ def _quotient(x, y):
     return lambda x, y: x / y
 
 
+def _format(x):
+    """Return the real type x, the integers of its width, and how many bits its exponent stands above."""
+    return (np.float32, np.int32, 23) if x == types.float32 else (np.float64, np.int64, 52)
+
+
 def inverse_cube_root(x):
     """Return x**(-1/3) for x > 0. Error below 3e-7 (float32) and 4e-16 (float64) over all normal numbers."""
     return np.cbrt(x) ** -1.0
@@ -44,9 +49,8 @@ def inverse_cube_root(x):
 
 @overload(inverse_cube_root, jit_options=INLINE_OPTIONS)
 def _inverse_cube_root(x):
-    real, whole, guess, steps = (
-        (np.float32, np.int32, 1419967488.0, 3) if x == types.float32 else (np.float64, np.int64, 6142909891733356544.0, 5)
-    )
+    real, whole, digits = _format(x)
+    guess, steps = (1419967488.0, 3) if digits == 23 else (6142909891733356544.0, 5)
     first, one, third = real(guess), real(1.0), real(1.0 / 3.0)
 
     def implementation(x):
@@ -70,22 +74,27 @@ def inverse_square_root(x):
 @overload(inverse_square_root, jit_options=INLINE_OPTIONS)
 def _inverse_square_root(x):
     if x == types.float32:
+        # In single precision the compiler uses the processor's estimate and refines it.
+        return lambda x: np.float32(1.0) / np.sqrt(x)
 
-        def implementation(x):
-            # In single precision the compiler uses the processor's estimate and refines it.
-            return np.float32(1.0) / np.sqrt(x)
-
-    else:
-
-        def implementation(x):
-            # A first guess within 4 % from the exponent bits, then Newton's iteration for r**-2 = x.
-            r = real_of(np.int64(np.int64(0x5FE6EB50C7B537A9) - (bits_of(x) >> np.int64(1))))
-            half = 0.5 * x
-            for _ in range(4):
-                r = r + r * (0.5 - half * r * r)
-            return r
+    def implementation(x):
+        # A first guess within 4 % from the exponent bits, then Newton's iteration for r**-2 = x.
+        r = real_of(np.int64(np.int64(0x5FE6EB50C7B537A9) - (bits_of(x) >> np.int64(1))))
+        half = 0.5 * x
+        for _ in range(4):
+            r = r + r * (0.5 - half * r * r)
+        return r
 
     return implementation
+
+
+def _polynomial(coefficients, real):
+    """Return the function that evaluates a polynomial in one precision by Horner's rule, from its lowest coefficient on."""
+    names = {f"c{n}": real(coefficient) for n, coefficient in enumerate(coefficients)}
+    *others, nested = names
+    for name in reversed(others):
+        nested = f"{name} + x * ({nested})"
+    return inlined(eval(f"lambda x: {nested}", names))
 
 
 def logarithm(x):
@@ -96,53 +105,21 @@ def logarithm(x):
     return np.log(x)
 
 
-def _polynomial(coefficients, real=np.float64):
-    """Return the function that evaluates a polynomial in one precision by Horner's rule, from its lowest coefficient on."""
-    names = {f"c{n}": real(coefficient) for n, coefficient in enumerate(coefficients)}
-    *others, nested = names
-    for name in reversed(others):
-        nested = f"{name} + x * ({nested})"
-    return inlined(eval(f"lambda x: {nested}", names))
-
-
-# Fitted for the least largest relative error of log(1 + f) = f - f^2/2 + f^3 P(f), 3e-8 before rounding.
-_LOGARITHM_32 = _polynomial(
-    (
-        0.3333390951156616,
-        -0.2500133812427521,
-        0.19963061809539795,
-        -0.165775865316391,
-        0.1491478681564331,
-        -0.1426747590303421,
-        0.08700359612703323,
-    ),
-    np.float32,
-)
-_ARTANH = _polynomial([1.0 / n for n in range(3, 23, 2)])
-
-
 @overload(logarithm, jit_options=INLINE_OPTIONS)
 def _logarithm(x):
-    # x = m 2**e with m in [sqrt(1/2), sqrt(2)).
-    if x == types.float32:
+    real, whole, digits = _format(x)
+    root, terms = (whole(0x3F3504F3), 4) if digits == 23 else (whole(0x3FE6A09E667F3BCD), 10)
+    digits, one, two, log_2 = whole(digits), real(1.0), real(2.0), real(math.log(2.0))
+    artanh = _polynomial([1.0 / n for n in range(3, 3 + 2 * terms, 2)], real)
 
-        def implementation(x):
-            bits = bits_of(x)
-            # Each step is cut to 32 bits: numba's integer arithmetic has 64, which would halve the vector width.
-            exponent = np.int32(np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23))
-            f = real_of(np.int32(bits - np.int32(exponent << np.int32(23)))) - np.float32(1.0)
-            p = f + f * f * (f * _LOGARITHM_32(f) - np.float32(0.5))
-            return np.float32(exponent) * np.float32(0.6931471805599453) + p
-
-    else:
-
-        def implementation(x):
-            # log m = 2 artanh(s), s = (m - 1)/(m + 1), as a series in s^2 <= 0.0295.
-            bits = bits_of(x)
-            exponent = (bits - np.int64(0x3FE6A09E667F3BCD)) >> np.int64(52)
-            m = real_of(np.int64(bits - (exponent << np.int64(52))))
-            s = (m - 1.0) / (m + 1.0)
-            return np.float64(exponent) * 0.6931471805599453 + 2.0 * (s + s * s * s * _ARTANH(s * s))
+    def implementation(x):
+        # x = m 2**e with m in [sqrt(1/2), sqrt(2)), and log m = 2 artanh(s), s = (m - 1)/(m + 1), as a series in s^2 <= 0.0295. Each step
+        # is cut to the width of x: numba's integer arithmetic has 64 bits, which would halve the vector width in single precision.
+        bits = bits_of(x)
+        exponent = whole(whole(bits - root) >> digits)
+        m = real_of(whole(bits - whole(exponent << digits)))
+        s = (m - one) / (m + one)
+        return real(exponent) * log_2 + two * (s + s * s * s * artanh(s * s))
 
     return implementation
 
@@ -155,29 +132,23 @@ def exponential(x):
     return np.exp(np.clip(x, -708.0, 709.0))
 
 
-_TAYLOR_32 = _polynomial([1 / math.factorial(n) for n in range(8)], np.float32)
-_TAYLOR_64 = _polynomial([1 / math.factorial(n) for n in range(14)])
-
-
 @overload(exponential, jit_options=INLINE_OPTIONS)
 def _exponential(x):
-    # x = k log 2 + r with |r| <= log(2)/2; e**r by its Taylor polynomial; 2**k through the exponent bits. The multiples k of the first
-    # part of log 2 are exact.
-    if x == types.float32:
-
-        def implementation(x):
-            x = min(max(x, np.float32(-87.0)), np.float32(88.0))
-            k = np.floor(x * np.float32(1.4426950408889634) + np.float32(0.5))
-            r = x - k * np.float32(0.693359375) - k * np.float32(-2.12194440e-4)
-            return _TAYLOR_32(r) * real_of(np.int32((np.int32(k) + np.int32(127)) << np.int32(23)))
-
+    real, whole, digits = _format(x)
+    if digits == 23:
+        terms, bias, constants = 8, 127, (-87.0, 88.0, 0.693359375, -2.12194440e-4)
     else:
+        terms, bias, constants = 14, 1023, (-708.0, 709.0, 6.93145751953125e-1, 1.42860682030941723212e-6)
+    low, high, first, second, half, inverse = map(real, (*constants, 0.5, 1 / math.log(2.0)))
+    digits, bias, taylor = whole(digits), whole(bias), _polynomial([1 / math.factorial(n) for n in range(terms)], real)
 
-        def implementation(x):
-            x = min(max(x, -708.0), 709.0)
-            k = np.floor(x * 1.4426950408889634 + 0.5)
-            r = x - k * 6.93145751953125e-1 - k * 1.42860682030941723212e-6
-            return _TAYLOR_64(r) * real_of(np.int64((np.int64(k) + np.int64(1023)) << np.int64(52)))
+    def implementation(x):
+        # x = k log 2 + r with |r| <= log(2)/2; e**r by its Taylor polynomial; 2**k through the exponent bits. The multiples k of the
+        # first part of log 2 are exact.
+        x = min(max(x, low), high)
+        k = np.floor(x * inverse + half)
+        r = x - k * first - k * second
+        return taylor(r) * real_of(whole((whole(k) + bias) << digits))
 
     return implementation
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..forces import BondEnergyForce, Domain, EnergyNetwork
 from ..forces.bond_energy import EnergySurrogate
-from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
+from ..forces.learnt_energy import ENERGY_FEATURES
 from ..materials import Law, plane_stress
 from .base import checked_columns, named
 from .sampling import bond_states_reached, log_stretches, range_of_stretches, stretches_of_strain
@@ -55,7 +55,6 @@ class _SheetEnergy(EnergyTarget):
     _functions = log_invariants, _names, rubber_energy_size, derivatives_by_features, derivatives_by_invariants
     reached = staticmethod(bond_states_reached)
     _draw_logs = staticmethod(log_stretches)
-    shape = staticmethod(energy_shape)
 
     def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)

@@ -337,12 +337,7 @@ def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is store
 
 
 def cross_validate(
-    model,
-    samples: Samples,
-    folds: int = 5,
-    random_state: int = 0,
-    n_jobs: int = 1,
-    progress: Callable[[int], None] = lambda fold: None,
+    model, samples: Samples, folds: int = 5, random_state: int = 0, n_jobs: int = 1, progress: Callable[[int], None] = lambda fold: None
 ) -> list[dict]:
     """Fit clones of a pipeline to all but one fold of the samples each, and return the relative errors on the fold left out.
 

@@ -204,7 +204,7 @@ def _surrogate_and_entry(
     surrogate, resampling = checked_surrogate(model, law, samples, title)
     errors = samples.target.report(surrogate, law, tuple(samples.design["stretch_range"]), n_samples)
     check_worth_storing(errors, title, law)
-    material = {"law": law.name, "trained_with": law.describe(), "shape": samples.target.shape(law)}
+    material = {"law": law.name, "trained_with": law.describe(), "shape": dict(surrogate.shape_of(law))}
     return surrogate, resampling, {"material": material, "domain": asdict(surrogate.domain), "errors": {"box": errors}}
 
 

@@ -351,10 +351,6 @@ class Target:
         """Return reports over further ranges of stretches for the card, by title."""
         return {}
 
-    def shape(self, law: Law) -> dict[str, float]:
-        """Return the dimensionless parameters of a law that the target depends on."""
-        return dict(law.shape)
-
 
 class EnergyTarget(Target):
     """Energy as a function of two invariants, learnt by a network together with its derivatives by them.
@@ -435,7 +431,7 @@ class EnergyTarget(Target):
         network = self._network_of(model)
         check_is_fitted(model)
         arrays = np.ascontiguousarray(network.hidden_weights_), network.hidden_biases_.copy(), network.output_weights_.copy()
-        return self._surrogate_type(name, network.activation, *arrays, domain, law.name, self.shape(law)), {}
+        return self._surrogate_type(name, network.activation, *arrays, domain, law.name, self._surrogate_type.shape_of(law)), {}
 
     def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:
         """Return the relative errors of stress (``rms``, ``max``) and energy (``energy_rms``)."""

@@ -96,8 +96,8 @@ def _check_stretches(law, parameters) -> None:
 def _compare(law, expression, values, arguments, derivatives, modulus) -> np.ndarray:
     """Compare rows of `values` with central differences of other rows, and return the rows of the first state.
 
-    A derivative is given by its name, its row, the weights of the rows that it differentiates, and the direction of change. All states are
-    evaluated at once, since a law may be a sum of many terms.
+    `arguments` are those of `values` by name. A derivative is given by its name, its row, the weights of the rows that it differentiates,
+    and the direction of change. All states are evaluated at once, since a law may be a sum of many terms.
     """
     states = np.stack(list(arguments.values()))
     sizes = [STEPS[:, None] * np.maximum(np.abs(np.asarray(way) @ states), 1.0) for *_, way in derivatives]

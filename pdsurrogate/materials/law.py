@@ -69,11 +69,7 @@ class Law(ABC):
         K = parameters[0]
         inverse = 1 / J3
         square = inverse * inverse
-        return (
-            K / 8 * (J3 - inverse) * (J3 - inverse),
-            K / 4 * (J3 - inverse * square),
-            K / 4 * (1 + 3 * square * square),
-        )
+        return K / 8 * (J3 - inverse) * (J3 - inverse), K / 4 * (J3 - inverse * square), K / 4 * (1 + 3 * square * square)
 
     def limit(self, squares: np.ndarray) -> str:
         """Explain, for an error message, why no state exists at isochoric principal stretches with these three squares."""

@@ -101,10 +101,12 @@ def volume_residual_block(law: Law) -> CFunc:
 
 
 def _energy(J3, volumetric):
+    """Return U and U'."""
     return volumetric[0], volumetric[1]
 
 
 def _residual(J3, volumetric):
+    """Return J3 U' and its derivative by J3."""
     _, dU, ddU = volumetric
     return J3 * dU, dU + J3 * ddU
 

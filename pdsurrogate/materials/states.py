@@ -66,7 +66,10 @@ def stretch_squares(trace: float, area_ratio: float) -> np.ndarray:
 
 
 class Solid:
-    """State of a body in three dimensions, and what the states of sheets inherit."""
+    """State of a body in three dimensions, from which those of sheets derive.
+
+    `response` and `isochoric_response` are the expressions of the state. Kernels use them compiled; the methods evaluate them in NumPy.
+    """
 
     response, isochoric_response = expressions.SOLID, expressions.ISOCHORIC_SOLID
     invariants = staticmethod(invariants)
@@ -80,7 +83,7 @@ class Solid:
         return np.broadcast_arrays(*(np.asarray(value, float) for value in invariants))[-1]
 
     def first_piola_stress(self, law: Law, F):
-        """Return the first Piola-Kirchhoff stress P of the tensor's shape, in the same unit as the shear modulus."""
+        """Return the first Piola-Kirchhoff stress P in the shape of F, in the same unit as the shear modulus."""
         d = np.shape(F)[-1]
         return self.exact(law, F)[1][..., :d, :d]
 
@@ -179,7 +182,7 @@ class PlaneStress(PlaneStrain):
         return J3
 
     def thickness_stretch_squared(self, law: Law, trace, area_ratio):
-        """Return C33."""
+        """Return C33 = (J3/J)**2 of the state."""
         return (self.volume_ratio(law, trace, area_ratio) / area_ratio) ** 2
 
     def energy_at(self, law: Law, F, volume_ratio):

@@ -90,19 +90,16 @@ class Ogden(PrincipalStretchLaw):
             raise ValueError(f"{self.name}: moduli and exponents must be lists of equal length, from 1 to {MOST_TERMS}")
         if not np.isfinite([*self.moduli, *self.exponents]).all():
             raise ValueError(f"{self.name}: moduli and exponents must be finite")
-        for number, product in enumerate(self._products()):
-            if product <= 0:
+        for number, (modulus, exponent) in enumerate(zip(self.moduli, self.exponents, strict=True), start=1):
+            if modulus * exponent <= 0:
                 raise ValueError(
-                    f"{self.name}: modulus times exponent of term {number + 1} must be positive, not {product:g}: "
+                    f"{self.name}: modulus times exponent of term {number} must be positive, not {modulus * exponent:g}: "
                     "moduli have the signs of their exponents"
                 )
 
     def _stiffness(self) -> float:
         """Shear modulus at rest."""
-        return sum(self._products()) / 2
-
-    def _products(self) -> list[float]:
-        return [modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)]
+        return sum(modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)) / 2
 
     def scaled(self, factor: float) -> Self:
         scaled = {key: tuple(value * factor for value in getattr(self, key)) for key in self.lists if key != "exponents"}

@@ -220,14 +220,14 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads | None:
     found: list[DeadLoad | Pressure] = []
     for number, load in enumerate(scene.loads):
         # Several loads may share a name, as traction and pressure on one edge do; results sum them.
-        name = load.name or regions.label(load.region, f"loads.{number}")
-        key, amplitude = f"loads.{number}.region", amplitude_of(load.amplitude)
+        named = load.name or regions.label(load.region, f"loads.{number}"), amplitude_of(load.amplitude), body.share
+        key = f"loads.{number}.region"
         if load.kind == "pressure":
-            deformed = scene.plane == "stress" and load.thickness != "undeformed"
-            found.append(Pressure(name, amplitude, _facets_of(key, load, body, regions), load.pressure, deformed))
+            deformed, facets = scene.plane == "stress" and load.thickness != "undeformed", _facets_of(key, load, body, regions)
+            found.append(Pressure(*named, regions.surface(), facets, load.pressure, deformed))
         else:
-            found.append(DeadLoad(name, amplitude, *_dead_forces(key, load, body, regions)))
-    return Loads(body, found, regions.surface) if found else None
+            found.append(DeadLoad(*named, *_dead_forces(key, load, body, regions)))
+    return Loads(body, found) if found else None
 
 
 def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:

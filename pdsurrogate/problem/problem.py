@@ -106,7 +106,7 @@ class Problem:
             **({"materials": list(map(_describe_part, self.scene.materials, self.models[1:]))} if self.scene.materials else {}),
         }
 
-    def bind(self, precision: str | None = None) -> tuple[InternalForce, InternalForce | LoadedForce]:
+    def bind(self, precision: str | None = None) -> tuple[InternalForce, LoadedForce]:
         """Return the internal force of the body, and the force that solvers work with: it has loads, supports and rigid regions.
 
         Parameters
@@ -122,9 +122,8 @@ class Problem:
         settings = self.settings if precision is None else replace(self.settings, precision=precision)
         with scene_errors(self.scene):
             force = bind_portions(self.body, self.portions, settings, _together(self.rigid))
-            loaded = force
-            if self.loading.loads is not None or self.loading.supports is not None or self.rigid:
-                loaded = LoadedForce(force, self.loading.loads, self.loading.supports, self._rigid_regions(force) if self.rigid else ())
+            rigid = self._rigid_regions(force) if self.rigid else []
+            loaded = LoadedForce(force, self.loading.loads, self.loading.supports, rigid)
             if force.portion_of is not None:
                 warn_of_parts(self.scene, force, self.models[0].name, list(self.rigid))
             self._check_support(force)
@@ -141,8 +140,19 @@ class Problem:
         return "; ".join(found)
 
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:
-        """Return the rigid regions; raise an error if no rigid body can follow the motion prescribed for one."""
-        self._check_rigid_are_bonded()
+        """Return the rigid regions.
+
+        Raise an error if no rigid body can follow the motion prescribed for one, or if one is neither held nor bonded to anything that is
+        deformed: loads would carry it anywhere.
+        """
+        first, second, every = self.body.bonds.first, self.body.bonds.second, np.arange(len(self.body.all_points))
+        rigid = np.isin(every, _together(self.rigid))
+        for name, numbers in self.rigid.items():
+            own = np.isin(every, numbers)
+            pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
+            if not pulls.any() and (self.loading.free[numbers] > 0).all():
+                why = "nothing holds this rigid region: no material that is deformed is bonded to it"
+                raise ValueError(f"{name}: {why}; hold it by prescribed, or make it one region with what it touches")
         regions = [RigidRegion(name, self.body, numbers, self.loading.free) for name, numbers in self.rigid.items()]
         for value in sorted({0.0, *(stage.to for stage in self.stages)}):
             positions = self.body.points.copy()
@@ -154,18 +164,6 @@ class Problem:
                 raise ValueError(f"{self.loading.at(value)}: {error}") from None
         self.loading.hold(0.0, force, self.body.points.copy())
         return regions
-
-    def _check_rigid_are_bonded(self) -> None:
-        """Refuse a rigid region that is neither held nor bonded to anything that is deformed: loads would carry it anywhere."""
-        first, second = self.body.bonds.first, self.body.bonds.second
-        every = np.arange(len(self.body.all_points))
-        rigid = np.isin(every, _together(self.rigid))
-        for name, numbers in self.rigid.items():
-            own = np.isin(every, numbers)
-            pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
-            if not pulls.any() and (self.loading.free[numbers] > 0).all():
-                why = "nothing holds this rigid region: no material that is deformed is bonded to it"
-                raise ValueError(f"{name}: {why}; hold it by prescribed, or make it one region with what it touches")
 
     def _check_support(self, force: InternalForce) -> None:
         """Refuse points whose bonds lie on one line, or in one plane: only a crack may leave points without a deformation gradient."""

@@ -34,10 +34,11 @@ class Halo:
         order = np.argsort(names, kind="stable")
         self._send = {rank: order[np.searchsorted(names, asked, sorter=order)] for rank, asked in enumerate(wanted) if len(asked)}
 
-    def fill(self, field: np.ndarray) -> None:
+    def fill(self, *fields: np.ndarray) -> None:
         """Copy the rows of the halo from their owners; a field may have more rows, for images."""
-        for rows, values in self._exchanged(field, self._send, self._receive):
-            field[rows] = values
+        for field in fields:
+            for rows, values in self._exchanged(field, self._send, self._receive):
+                field[rows] = values
 
     def fold(self, field: np.ndarray) -> None:
         """Add the rows of the halo to those of their owners and set them to zero, the transpose of `fill`."""

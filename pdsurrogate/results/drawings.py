@@ -89,7 +89,7 @@ def _save_animation(result: Result, path: Path) -> None:
     for number in numbers:
         drawn.set_verts(figures.polygons_of(*result.cells(number)))
         drawn.set_array(result.states[number][1][quantity])
-        axis.set_title(label + result.title(number), pad=4)
+        axis.title.set_text(label + result.title(number))
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
     with replacing(path) as temporary:

@@ -152,23 +152,21 @@ def _sheets(moved: Moved, values: list[np.ndarray], label: str, titles: list[str
 def _solids(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scales: list[Limits]) -> Figure:
     """Return the figure of solids."""
     places = [cells.nodes + displacement for cells, displacement in moved]
-    low, high = np.min([nodes.min(axis=0) for nodes in places], axis=0), np.max([nodes.max(axis=0) for nodes in places], axis=0)
+    box = np.array([np.min([nodes.min(axis=0) for nodes in places], axis=0), np.max([nodes.max(axis=0) for nodes in places], axis=0)])
     axis, middle = cut_of(moved[0][0])
     across = [other for other in range(3) if other != axis]
     figure = Figure(figsize=(7.2, 2.9 * len(moved)), layout="constrained")
     for number, ((cells, _), nodes, value, title, scale) in enumerate(zip(moved, places, values, titles, scales, strict=True)):
         limits = Normalize(*scale)
         outside = figure.add_subplot(len(moved), 2, 2 * number + 1, projection="3d", computed_zorder=False)
-        draw_outside(outside, cells, nodes, matplotlib.colormaps["turbo"](limits(value)))
-        outside.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-        outside.set_box_aspect(high - low, zoom=1.25)
+        draw_outside(outside, cells, nodes, matplotlib.colormaps["turbo"](limits(value)), box, zoom=1.25)
         outside.set_title(title, pad=0)
         cut = figure.add_subplot(len(moved), 2, 2 * number + 2)
         polygons, owners = section(cells, nodes, axis, middle)
         drawn = PolyCollection([polygon[:, across] for polygon in polygons], array=value[owners], cmap="turbo", norm=limits, lw=0.2)
         drawn.set_edgecolor("face")
         cut.add_collection(drawn)
-        cut.set(aspect="equal", xlim=(low[across[0]], high[across[0]]), ylim=(low[across[1]], high[across[1]]))
+        cut.set(aspect="equal", xlim=box[:, across[0]], ylim=box[:, across[1]])
         cut.set_axis_off()
         cut.set_title(f"deformed section, at rest at x{axis + 1} = {middle:.4g}", pad=2)
         figure.colorbar(drawn, ax=cut, label=label, fraction=0.05, pad=0.05, shrink=0.8)
@@ -183,8 +181,11 @@ def cut_of(cells: CellMesh) -> tuple[int, float]:
     return axis, float(cells.nodes[:, axis].min() + cells.nodes[:, axis].max()) / 2
 
 
-def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray) -> None:
-    """Draw the outer sides of cells that face the eye, far ones first, in the colours of the cells (n, 4)."""
+def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray, box: np.ndarray, zoom: float) -> None:
+    """Draw the outer sides of cells that face the eye, far ones first, in the colours of the cells (n, 4), within the corners of a box."""
+    (left, bottom, back), (right, top, front) = box
+    axes.set(xlim=(left, right), ylim=(bottom, top), zlim=(back, front))
+    axes.set_box_aspect(box[1] - box[0], zoom=zoom)
     axes.view_init(ELEVATION, AZIMUTH)
     axes.set_proj_type("ortho")
     axes.set_axis_off()

@@ -226,22 +226,17 @@ def _scenes_in(folder: Path) -> set[str]:
 
 def _is_index(path: Path) -> bool:
     """Return whether a PVD index lists states of a run, named like the index."""
-    if not is_marked(path):
-        return False
-    try:
+    listed = []
+    with suppress(OSError, ElementTree.ParseError):
         listed = [entry.get("file", "") for entry in ElementTree.parse(path).iter("DataSet")]
-    except (OSError, ElementTree.ParseError):
-        return False
-    return bool(listed) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.p?vtu", file) for file in listed)
+    return bool(listed) and is_marked(path) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.p?vtu", file) for file in listed)
 
 
 def read_summary(folder: Path) -> dict | None:
     """Return the summary of the run whose results a folder holds; None where there is none."""
-    try:
+    with suppress(OSError, ValueError, RecursionError):
         read = json.loads((folder / SUMMARY).read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return None
-    if not (isinstance(read, dict) and isinstance(read.get("levels"), list)):
-        return None
-    scene = read.get("scene")
-    return read if isinstance(scene, str) and scene and scene == Path(scene).name else None  # not a path: files are named after it
+        scene = read.get("scene") if isinstance(read, dict) and isinstance(read.get("levels"), list) else None
+        if isinstance(scene, str) and scene and scene == Path(scene).name:  # not a path: files are named after it
+            return read
+    return None

@@ -140,8 +140,9 @@ class PointState:
         """Principal stretches in falling order, of a sheet those in its plane, shape (n, d)."""
         return principal_stretches(self.F)
 
+    @cached_property
     def principal_stretches(self) -> np.ndarray:
-        """Return the principal stretches in falling order, including that of the thickness, shape (n, 3)."""
+        """Principal stretches in falling order, including that of the thickness, shape (n, 3)."""
         if self.plane == "space":
             return self.stretches
         return -np.sort(-np.column_stack([self.stretches, self.deformation_gradient[:, 2, 2]]), axis=1)
@@ -154,10 +155,6 @@ class PointState:
         """Return the root of 3/2 s:s, with the deviator s of the Cauchy stress, shape (n,)."""
         deviator = self.cauchy_stress + self.pressure()[:, None, None] * np.eye(3)
         return np.sqrt(1.5 * (deviator * deviator).sum(axis=(1, 2)))
-
-    def thickness(self) -> np.ndarray | None:
-        """Return C33, the squared stretch of the thickness of a sheet, shape (n,); None of a solid."""
-        return None if self.plane == "space" else self.deformation_gradient[:, 2, 2] ** 2
 
 
 @dataclass(frozen=True)
@@ -188,9 +185,9 @@ POINT_FIELDS = {
     "position": PointField(lambda state: _with_three_components(state.position), 3, "length"),
     "displacement": PointField(lambda state: _with_three_components(state.displacement), 3, "length"),
     "principal_stretch": PointField(lambda state: state.stretches[:, 0].copy()),
-    "principal_stretches": PointField(PointState.principal_stretches, 3),
+    "principal_stretches": PointField(lambda state: state.principal_stretches, 3),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
-    "C33": PointField(PointState.thickness),
+    "C33": PointField(lambda state: None if state.plane == "space" else state.deformation_gradient[:, 2, 2] ** 2),
     "stress": PointField(lambda state: state.stress, 9, "stress"),
     "cauchy_stress": PointField(lambda state: state.cauchy_stress, 9, "stress"),
     "von_mises": PointField(PointState.von_mises, unit="stress"),

@@ -159,9 +159,9 @@ class Equilibria:
                 spent = patience <= 0 or run.state.wasted >= min(MOST_WASTED, run.problem.solver.most_evaluations)
                 self._take_back(increments, error, ran_away or error, spent)
                 continue
-            ran_away, patience, easy = None, np.inf, True
+            ran_away, patience, taken, easy = None, np.inf, run.force.evaluations - began, True
             if self._course.adaptive:
-                run.earlier, taken = (self._accepted.parameter, self._accepted.arrays["positions"]), run.force.evaluations - began
+                run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]
                 easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
                 self._evaluations.append(taken)
             if increments.accept(easy) and self._course.adaptive:

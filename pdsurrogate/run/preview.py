@@ -154,7 +154,9 @@ def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tupl
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    figures.draw_outside(axes, body.cells, nodes, colours)
+    figures.draw_outside(axes, body.cells, nodes, colours, np.array([low, high]), zoom=0.95)
+    axes.set(xticks=[], yticks=[], zticks=[])
+    axes.set_axis_on()
     for mark in marks:
         if mark.arrow is not None:
             axes.quiver(*mark.place, *(2 * ARROW * (high - low).max() * mark.arrow), color=mark.colour, lw=2, zorder=5)
@@ -165,9 +167,6 @@ def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tupl
         hidden = _hidden(np.array(probe.at), tree, np.asarray(body.cell).min(), reach)
         axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7, alpha=0.35 if hidden else 1)
         axes.text(*probe.at, f" {probe.name}{' (hidden)' if hidden else ''}", zorder=8, alpha=0.6 if hidden else 1)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]), xticks=[], yticks=[], zticks=[])
-    axes.set_box_aspect(high - low, zoom=0.95)
-    axes.set_axis_on()
     for name, one, other, axis in zip("123", low, high, (axes.xaxis, axes.yaxis, axes.zaxis), strict=True):
         axis.set_label_text(f"x{name}: {scene.units.amount(f'{one:.4g} to {other:.4g}', 'length')}")
         axis.labelpad = -5  # there are no ticks between it and the axis

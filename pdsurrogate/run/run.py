@@ -80,7 +80,7 @@ class Run:
     Attributes
     ----------
     interruption : Interruption
-        What may end the run early; by default only a signal.
+        Signal or time limit that ends the run early; by default only a signal.
     problem : Problem
     force : InternalForce
     loaded : InternalForce or LoadedForce
@@ -123,8 +123,11 @@ class Run:
         if self.ranks.size > 1:
             _compile_first(self.ranks, self.model, self.problem)
         self.force, self.loaded = self.problem.bind()
+        portion_of = self.force.portion_of
+        if portion_of is not None:  # of the whole body
+            portion_of = self.ranks.to_all(self.body.share.gather(portion_of[: len(self.body)]))
         with scene_errors(scene):
-            self.probes = measures.Probes(self.problem.whole, scene.probes, self._portion_of(), self.body.share)
+            self.probes = measures.Probes(self.problem.whole, scene.probes, portion_of, self.body.share)
         self.whole = None if self.ranks.rank else self.problem.whole
 
         self.positions = self.body.points.copy()
@@ -172,23 +175,16 @@ class Run:
 
     def states_of(self, moments: list[Moment] | None = None) -> States:
         """Return the storage of states, with the moments of those that are recorded already."""
-        if self._in_pieces:
-            return StatesInFiles(self.folder, self.problem.name, self.body, moments)
-        if self.ranks.rank:
+        writer = self.body if self._in_pieces else self.whole
+        if writer is None:
             return States(moments)
-        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, self.whole, moments)
+        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, writer, moments)
 
     @property
     def _in_pieces(self) -> bool:
         """Return whether every rank writes the states of its own points, as for bodies that are too large for one rank to write."""
         large = self.body.share.size > MOST_GATHERED
         return large and self.ranks.size > 1 and self.folder is not None and not self.problem.meshed
-
-    def _portion_of(self) -> np.ndarray | None:
-        """Return the material of every point of the whole body; None where there is one."""
-        if self.force.portion_of is None:
-            return None
-        return self.ranks.to_all(self.body.share.gather(self.force.portion_of[: len(self.body)]))
 
     def report(self, event: str, *details) -> None:
         """Pass an event to the progress; rewrite history and summary in the folder if they are due."""

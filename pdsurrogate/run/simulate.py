@@ -17,7 +17,7 @@ from ..arguments import check_is, check_path, check_seconds, check_whole_number
 from ..engine.compile import compilation_clock
 from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from ..problem.materials import checked_models
+from ..problem.materials import checked_models, scene_errors
 from ..ranks import Communicator, communicator
 from ..results import Result
 from ..results.contents import Contents
@@ -362,7 +362,5 @@ def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
 
     law = scene.law()
     model = force_model_of(force, law)
-    try:
+    with scene_errors(scene):
         return scene, stated_against(model, law, best_of(force).training_inputs_)
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None

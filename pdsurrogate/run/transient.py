@@ -50,9 +50,9 @@ class Transient:
         if self.viscosity is None:
             of_cracks = CRACK_VISCOSITY * run.body.spacing * math.sqrt(spec.density / run.problem.law.shear_modulus)
             self.viscosity = 0.0 if run.damage is None else of_cracks
-        body = run.positions, np.zeros_like(run.positions), run.loading.free, spec.density * run.body.volumes
+        at_rest = run.positions, np.zeros_like(run.positions), run.loading.free, spec.density * run.body.volumes
         self.integrator = ExplicitDynamics(
-            run.force, self._hold, *body, damping=spec.damping, viscosity=self.viscosity, safety=spec.safety, loads=run.loads
+            run.force, self._hold, *at_rest, damping=spec.damping, viscosity=self.viscosity, safety=spec.safety, loads=run.loads
         )
         # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
         self._timed = spec.duration is not None
@@ -230,10 +230,8 @@ class Transient:
         """
         run, account = self.run, self.account
         self._last_row()
-        through = self._cracks is not None and self._cracks.through()
+        through = self._cracks is not None and self._cracks.output()
         self._apply()
-        if self._cracks is not None:
-            self._cracks.output()
         if run.problem.measures.nominal_stress is None:
             run.loaded(run.positions, np.empty_like(run.positions))
             row = output_row(run, run.state.elapsed + account.time)

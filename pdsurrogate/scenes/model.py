@@ -26,8 +26,8 @@ UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
 Level = Annotated[Positive, Field(le=100)]
 """A stretch; rubber breaks below 10."""
 
-HORIZON_RATIOS = {2: 3.15, 3: 1.75}
-"""Default horizon over the side of a cell, by dimension. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
+USUAL: dict[str, dict[int, Any]] = {"plane": {2: "stress", 3: "space"}, "horizon_ratio": {2: 3.15, 3: 1.75}}
+"""Defaults by the dimension of the body. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
 
 RIGID = "rigid"
 """Material of a region that moves as one body, in the place of a law."""
@@ -295,10 +295,7 @@ class Scene(StrictModel):
     @classmethod
     def _usual(cls, value: Any, info: ValidationInfo) -> Any:
         """Fill in what depends on the dimension of the body."""
-        if value is not None:
-            return value
-        dimension = _dimension_of(info.data)
-        return HORIZON_RATIOS[dimension] if info.field_name == "horizon_ratio" else "space" if dimension == 3 else "stress"
+        return USUAL[str(info.field_name)][_dimension_of(info.data)] if value is None else value
 
     @field_validator("regions")
     @classmethod

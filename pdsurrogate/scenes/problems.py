@@ -35,13 +35,7 @@ def suggestion(word: str, known: Iterable[str], otherwise: str = "there are") ->
     return f"did you mean {nearest[0]}?" if nearest else f"{otherwise} {', '.join(known)}"
 
 
-PLAIN = {
-    "tuple_type": "must be a list",
-    "model_type": "must be a table",
-    "model_attributes_type": "must be a table",
-    "dict_type": "must be a table",
-    "missing": "Field required",
-}
+PLAIN = {"tuple_type": "must be a list", **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table")}
 """Messages in the place of Pydantic's, which uses the words of Python; a description is written in TOML."""
 
 

@@ -144,8 +144,7 @@ class Polygon(Outline):
         corners = np.array(self.vertices)
         area = 0.5 * abs(_cross(corners, np.roll(corners, -1, axis=0)).sum())
         extent = np.ptp(corners, axis=0).max()
-        crossing = _crossing(corners)
-        if crossing is not None:
+        if crossing := _crossing(corners):
             raise ValueError(f"the outline {crossing}; give its corners in order, once around, and what is cut out under holes")
         if not area > 1e-9 * extent**2:
             raise ValueError("the polygon has no area")

@@ -68,12 +68,9 @@ def vectors_in(value: Any, key: str = "") -> Iterator[tuple[str, Components]]:
     if isinstance(value, Components):
         yield key, value
         return
-    entries: Iterator = iter(())
     if isinstance(value, StrictModel):
-        entries = ((field.alias or name, getattr(value, name)) for name, field in type(value).model_fields.items())
-    elif isinstance(value, Mapping):
-        entries = iter(value.items())
+        value = {field.alias or name: getattr(value, name) for name, field in type(value).model_fields.items()}
     elif isinstance(value, tuple):
-        entries = enumerate(value)
-    for step, inner in entries:
+        value = dict(enumerate(value))
+    for step, inner in value.items() if isinstance(value, Mapping) else ():
         yield from vectors_in(inner, f"{key}.{step}" if key else str(step))

@@ -93,10 +93,9 @@ class Loading:
         self._of_points = [part for part in held if part.plane is None]
         self._of_planes = [part for part in held if part.plane is not None]
         self.turning = {part.plane for part in self._of_planes if part.angle is not None}
-        each = [(part.plane, component, part.holder) for part in self._of_planes for component in part.components]
-        self._plane, self._plane_component, self._plane_holder = np.array(each, dtype=int).reshape(-1, 3).T
         self.plane_components = np.zeros((len(planes), body.dimension), dtype=bool)
-        self.plane_components[self._plane, self._plane_component] = True
+        for part in self._of_planes:
+            self.plane_components[part.plane, part.components] = True
         rows = [(np.zeros(0, dtype=int),) * 4 + (np.zeros((0, body.dimension)),)]
         for number, part in enumerate(held):
             places = np.broadcast_to(part.places, (len(part.points), body.dimension))
@@ -255,8 +254,8 @@ class Loading:
 
     def _add_planes(self, of_holders: np.ndarray, of_planes: np.ndarray) -> None:
         """Add values of planes, shape (planes, d, ...), to those of the holders that hold their components."""
-        component = self._plane_component
-        np.add.at(of_holders, (self._plane_holder, component), of_planes[self._plane, component])
+        for part in self._of_planes:
+            of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
         """Return the sum of f (x) y over every plane, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""

@@ -13,7 +13,7 @@ from .conditions import Loading, Reactions
 from .equilibrium import TooFar
 from .increments import Motion
 from .nearest_bonds import greatest_bond_strain
-from .preconditioner import Extension
+from .preconditioner import extension_of
 from .rigid import displaced
 
 COMPRESSED = 0.05
@@ -129,8 +129,7 @@ class Paths:
         largest = min(abs(end - start), asked or math.inf) or 1.0
         for _ in range(HALVINGS):
             share = min(1.0, largest / abs(end - start)) if end != start else 1.0
-            guess = self._followed(positions, start, start + share * (end - start))
-            if self._greatest_strain(positions, guess) <= self._largest_strain:
+            if self._followed(positions, start, start + share * (end - start))[1] <= self._largest_strain:
                 break
             largest /= 2
         return largest
@@ -153,8 +152,7 @@ class Paths:
         TooFar
             If the first guess strains a bond too much.
         """
-        guess = self._followed(positions, before, after)
-        strain = self._greatest_strain(positions, guess)
+        guess, strain = self._followed(positions, before, after)
         if strain > self._largest_strain:
             raise TooFar(f"the first guess strains a bond by {strain:.2g}, more than solver.largest_increment = {self._largest_strain:.4g}")
         if earlier is None or earlier[0] == before or after == before:
@@ -212,25 +210,23 @@ class Paths:
 
     def response(self, displacements: np.ndarray) -> np.ndarray:
         """Return the displacements of the body, shape (n, d), near held components that are displaced by (n, d)."""
-        still = np.zeros((len(self._loading.planes), self.body.dimension))
-        return self._stiffness.response(displacements, still)
+        return self._extend(displacements, np.zeros((len(self._loading.planes), self.body.dimension)))
 
     @cached_property
-    def _stiffness(self) -> Extension:
-        return Extension(self.body, self._springs, self._loading.free)
+    def _extend(self) -> Callable[..., np.ndarray]:
+        return extension_of(self.body, self._springs, self._loading.free)
 
-    def _followed(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
-        """Return the guess that follows held parts, in enough portions of the way that none turns far and points move along arcs."""
+    def _followed(self, positions: np.ndarray, before: float, after: float) -> tuple[np.ndarray, float]:
+        """Return the guess that follows held parts, and the greatest strain of a bond on the way.
+
+        It is found in enough portions of the way that no part turns far and points move along arcs.
+        """
         turns = (abs(part.angle(after) - part.angle(before)) for part in self._loading.held if part.angle is not None)
-        portions = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN))
+        portions, guess = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN)), positions
         for start, end in pairwise(np.linspace(before, after, portions + 1)):
-            positions = self._extended(positions, self._loading.plane_motions(start), end)
-        return positions
-
-    def _greatest_strain(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Return the greatest strain of a bond on the way from one state to another."""
-        self._share.fill(before)
-        return self._share.greatest(greatest_bond_strain(self.body, before, after))
+            guess = self._extended(guess, self._loading.plane_motions(start), end)
+        self._share.fill(positions)
+        return guess, self._share.greatest(greatest_bond_strain(self.body, positions, guess))
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:
         """Return the positions in which all held parts are in their place at t, from a start with planes moved by (p, d, d + 1).
@@ -270,7 +266,7 @@ class Paths:
                 turns = identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
                 turns[~held] = 0.0
                 of_planes[held] = (goal_planes[:, :, -1] - planes[:, :, -1] @ gradient.T - shift)[held]
-            guess += self._stiffness.response(moved, of_planes, turns)
+            guess += self._extend(moved, of_planes, turns)
         guess[loading.there] = goals[loading.at_points]
         return guess
 

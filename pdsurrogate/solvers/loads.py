@@ -1,7 +1,6 @@
 """Loads: forces on the boundary, in the volume and on points, and pressures that follow the boundary (theory (42)-(46))."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,137 +17,80 @@ AT_REST = 1e-14
 Amplitude = Callable[[float], float]
 
 
-@dataclass(frozen=True)
 class DeadLoad:
-    """Load whose forces keep their size and direction.
+    """Load whose forces keep their size and direction, at points.
 
-    Attributes
+    Parameters
     ----------
     name : str
         Name under which results report it.
     amplitude : callable
         Factor of the forces, a function of the loading parameter; ValueError where it has no value.
+    share : Share
     points : ndarray of int, shape (k,)
+        Points that this rank owns.
     forces : ndarray, shape (k, d)
         Forces where the amplitude is 1.
-    """
-
-    name: str
-    amplitude: Amplitude
-    points: np.ndarray
-    forces: np.ndarray
-
-
-@dataclass(frozen=True)
-class Pressure:
-    """Pressure on some facets of the boundary.
 
     Attributes
     ----------
-    name, amplitude
-        As for `DeadLoad`.
-    facets : ndarray of int, shape (f,)
-    value : float
-        Pressure where the amplitude is 1.
-    deformed : bool
-        Whether the pressure acts on the thickness of the deformed sheet.
-    """
-
-    name: str
-    amplitude: Amplitude
-    facets: np.ndarray
-    value: float
-    deformed: bool
-
-    def no_potential_because(self, surface: Surface) -> str | None:
-        """Return why the pressure has no potential; None if it has one."""
-        if self.deformed:
-            why = "acts on the deformed thickness; on the undeformed one (thickness=undeformed) a closed boundary would give it a potential"
-        elif not _closed(surface.facets[self.facets]):
-            why = "acts on a part of the boundary that is not closed"
-        else:
-            return None
-        return f"the pressure on {self.name} {why}"
-
-
-class _DeadLoads:
-    """Dead loads of a body, which act at points.
-
-    Parameters
-    ----------
-    body : Body
-    loads : sequence of DeadLoad
-    followed : ndarray of int, shape (k,)
-        Number of the amplitude that the force at each of their points follows.
-
-    Attributes
-    ----------
+    factor : float
+        Present value of the amplitude.
     weights : ndarray, shape (k,)
-        Part of each point in the mean displacement of its load: in proportion to its force along that of the load.
+        Part of each point in the mean displacement: in proportion to its force along that of the load, whose work is then force times
+        displacement.
+    name, amplitude, points, forces
     """
 
-    def __init__(self, body: Body, loads: Sequence[DeadLoad], followed: np.ndarray) -> None:
-        self._body, self._followed = body, followed
-        self._points = np.concatenate([load.points for load in loads])
-        self._forces = np.concatenate([load.forces for load in loads])
-        totals = [body.share.total(load.forces.sum(axis=0)) for load in loads]
-        along = [load.forces @ total / max(np.linalg.norm(total), 1e-300) for load, total in zip(loads, totals, strict=True)]
-        self.weights = np.concatenate(along)
-        # Loads of one amplitude act as one.
-        self._patterns = np.zeros((followed.max(initial=0) + 1, *body.points.shape))
-        np.add.at(self._patterns, (followed, self._points), self._forces)
-
-    def set(self, factors: np.ndarray, t: float) -> None:
-        """Set the forces to those at the values of all amplitudes, those at t; raise InvalidState where a force is not finite."""
-        self._factors = factors[self._followed]
-        with np.errstate(over="ignore"):
-            self._present = np.einsum("a,anc->nc", factors[: len(self._patterns)], self._patterns)
-        if not np.isfinite(self._present).all():
-            raise InvalidState(f"loads: a force is not finite at t = {t:g}")
-
-    def add(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
-        """Add the forces on the points to `out`, shape (n, d)."""
-        out += self._present
+    def __init__(self, name: str, amplitude: Amplitude, share: Share, points: np.ndarray, forces: np.ndarray) -> None:
+        self.name, self.amplitude, self.points, self.forces, self.factor = name, amplitude, points, forces, 0.0
+        total = share.total(forces.sum(axis=0))
+        self.weights = forces @ total / max(np.linalg.norm(total), 1e-300)
 
     def at_sites(self, vectors: np.ndarray) -> np.ndarray:
-        """Return the rows of the points that the loads act on, shape (k, d), of an array (n, d)."""
-        return vectors[self._points]
+        """Return the rows of the points that the load acts on, shape (k, d), of an array (n, d)."""
+        return vectors[self.points]
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
-        """Return the force at each of these points that counts here, shape (k, d)."""
-        return self._factors[:, None] * self._forces
-
-    def potential(self, positions: np.ndarray) -> float:
-        """Return minus the work of the present forces since rest."""
-        return -float(np.einsum("nc,nc->", self._present, positions - self._body.points))
+        """Return the present force on each of these points, shape (k, d)."""
+        return self.factor * self.forces
 
 
-class _Pressures:
-    """Pressures on a body, which act on facets; a facet with two pressures occurs twice.
+class Pressure:
+    """Pressure on some facets of the boundary.
 
     A facet may depend on points of several shares, so that all shares evaluate all facets together, and one of them counts them.
 
     Parameters
     ----------
-    share : Share
+    name, amplitude, share
+        As for `DeadLoad`.
     surface : Surface
-    loads : sequence of Pressure
-    followed : ndarray of int, shape (f,)
-        Number of the amplitude that the pressure on each of their facets follows.
+    facets : ndarray of int, shape (f,)
+    value : float
+        Pressure where the amplitude is 1.
+    deformed : bool
+        Whether the pressure acts on the thickness of the deformed sheet.
 
     Attributes
     ----------
+    no_potential_because : str or None
+        Why the pressure has no potential; None if it has one.
     weights : ndarray, shape (f,)
-        Part of each facet in the mean displacement of its load: all are alike.
+        Part of each facet in the mean displacement: all are alike.
+    name, amplitude, factor, deformed
     """
 
-    def __init__(self, share: Share, surface: Surface, loads: Sequence[Pressure], followed: np.ndarray) -> None:
-        self._share, self._followed = share, followed
-        facets = np.concatenate([load.facets for load in loads])
-        self.weights = np.full(len(facets), float(share.leads))
-        counts = [len(load.facets) for load in loads]
-        self._values = np.repeat([load.value for load in loads], counts)
-        self._undeformed = np.repeat([not load.deformed for load in loads], counts)
+    def __init__(
+        self, name: str, amplitude: Amplitude, share: Share, surface: Surface, facets: np.ndarray, value: float, deformed: bool
+    ) -> None:
+        self.name, self.amplitude, self._share, self._value, self.deformed, self.factor = name, amplitude, share, value, deformed, 0.0
+        self.weights, why = np.full(len(facets), float(share.leads)), None
+        if deformed:
+            why = "acts on the deformed thickness; on the undeformed one (thickness=undeformed) a closed boundary would give it a potential"
+        elif not _closed(surface.facets[facets]):
+            why = "acts on a part of the boundary that is not closed"
+        self.no_potential_because = why and f"the pressure on {name} {why}"
         corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
         # Only points that the facets depend on are used, so that the work of an evaluation is proportional to the boundary.
         self._points = np.unique(np.concatenate([rows.points() for rows in corners]))
@@ -161,10 +103,6 @@ class _Pressures:
         start = surface.nodes[surface.facets[facets]] - self._origin
         self._enclosed_at_rest = _enclosed(start.mean(axis=1), [start[:, end] - start[:, 0] for end in range(1, start.shape[1])])
 
-    def set(self, factors: np.ndarray, t: float) -> None:
-        """Set the pressures to those at the values of all amplitudes."""
-        self._pressures = self._values * factors[self._followed]
-
     def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force on every facet, shape (f, d) (theory (44), (45)).
 
@@ -173,14 +111,12 @@ class _Pressures:
         InvalidState
             Where a force is not finite, or the thickness not positive.
         """
-        pull = self._pressures
-        if not self._undeformed.all():
+        forces = -(self._value * self.factor) * _normals(self._sides_at(positions))
+        if self.deformed:
             there = self._share.total(self._middle @ thickness[self._points])
-            there[self._undeformed] = 1.0
             if not (there > 0).all():
                 raise InvalidState("the thickness of the sheet that a pressure acts on, continued to the boundary, is not positive there")
-            pull = pull * there
-        forces = -pull[:, None] * _normals(self._sides_at(positions))
+            forces *= there[:, None]
         if not np.isfinite(forces).all():
             raise InvalidState("the force of a pressure on the boundary is not finite")
         return forces
@@ -205,7 +141,7 @@ class _Pressures:
     def potential(self, positions: np.ndarray) -> float:
         """Return pressure times the area or volume that the facets have swept since rest, where it counts (theory (46))."""
         enclosed = _enclosed(self.at_sites(positions) - self._origin, self._sides_at(positions))
-        return float((self._pressures * (enclosed - self._enclosed_at_rest)).sum()) * self._share.leads
+        return self._value * self.factor * float((enclosed - self._enclosed_at_rest).sum()) * self._share.leads
 
 
 def _normals(sides: list[np.ndarray]) -> np.ndarray:
@@ -238,8 +174,6 @@ class Loads:
     ----------
     body : Body
     loads : sequence of DeadLoad or Pressure
-    surface : callable
-        Function that returns the boundary of the body; called only if there is a pressure.
 
     Attributes
     ----------
@@ -250,21 +184,13 @@ class Loads:
         Why the loads are not minus the derivative of a potential; None if they are.
     """
 
-    def __init__(self, body: Body, loads: Sequence[DeadLoad | Pressure], surface: Callable[[], Surface]) -> None:
-        dead = [load for load in loads if isinstance(load, DeadLoad)]
-        pressures = [load for load in loads if isinstance(load, Pressure)]
-        self.body, self._names = body, list(dict.fromkeys(load.name for load in loads))
-        self._amplitudes = list(dict.fromkeys(load.amplitude for load in [*dead, *pressures]))
-        # Kinds of loads, each with the number of the name of every place that its loads act at.
-        self._kinds: list[tuple[_DeadLoads | _Pressures, np.ndarray]] = []
-        for some in filter(None, (dead, pressures)):
-            counts = [len(load.points if isinstance(load, DeadLoad) else load.facets) for load in some]
-            followed = np.repeat([self._amplitudes.index(load.amplitude) for load in some], counts)
-            kind = _DeadLoads(body, dead, followed) if some is dead else _Pressures(body.share, surface(), pressures, followed)
-            self._kinds.append((kind, np.repeat([self._names.index(load.name) for load in some], counts)))
-        self.needs_thickness = any(load.deformed for load in pressures)
-        reasons = (pressure.no_potential_because(surface()) for pressure in pressures)
-        self.no_potential_because = next(filter(None, reasons), None)
+    def __init__(self, body: Body, loads: Sequence[DeadLoad | Pressure]) -> None:
+        self.body, self._loads = body, loads
+        self._dead = [load for load in loads if isinstance(load, DeadLoad)]
+        self._pressures = [load for load in loads if isinstance(load, Pressure)]
+        self._present = np.zeros_like(body.points) if self._dead else None
+        self.needs_thickness = any(load.deformed for load in self._pressures)
+        self.no_potential_because = next(filter(None, (load.no_potential_because for load in self._pressures)), None)
         self.set(0.0)
 
     @property
@@ -281,15 +207,21 @@ class Loads:
             Where an amplitude or a force has no finite value there.
         """
         try:
-            factors = np.array([amplitude(t) for amplitude in self._amplitudes])
+            for load in self._loads:
+                load.factor = load.amplitude(t)
         except ValueError as error:
             raise InvalidState(f"loads: {error}") from None
-        for kind, _ in self._kinds:
-            kind.set(factors, t)
+        if self._present is not None:
+            self._present[:] = 0.0
+            with np.errstate(over="ignore"):
+                for load in self._dead:
+                    self._present[load.points] += load.factor * load.forces
+            if not np.isfinite(self._present).all():
+                raise InvalidState(f"loads: a force is not finite at t = {t:g}")
 
     def vanish(self, t: float) -> bool:
         """Return whether all loads are zero at a value of the loading parameter."""
-        return all(abs(amplitude(t)) <= AT_REST for amplitude in self._amplitudes)
+        return all(abs(load.amplitude(t)) <= AT_REST for load in self._loads)
 
     def forces(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
         """Add the forces of the loads on the points, in the plane per unit thickness of the undeformed body, to `out` (n, d).
@@ -306,8 +238,10 @@ class Loads:
         InvalidState
             Where a pressure has no force.
         """
-        for kind, _ in self._kinds:
-            kind.add(positions, thickness, out)
+        if self._present is not None:
+            out += self._present
+        for load in self._pressures:
+            load.add(positions, thickness, out)
 
     def potential(self, positions: np.ndarray) -> float:
         """Return the potential energy of `conservative` loads at their present size, zero at rest (theory (46)).
@@ -319,15 +253,18 @@ class Loads:
         """
         if not self.conservative:
             raise TypeError(f"these loads have no potential: {self.no_potential_because}")
-        return sum(kind.potential(positions) for kind, _ in self._kinds)
+        potential = sum(load.potential(positions) for load in self._pressures)
+        if self._present is not None:
+            potential -= float(np.einsum("nc,nc->", self._present, positions - self.body.points))
+        return potential
 
     def power(self, positions: np.ndarray, velocities: np.ndarray, thickness: np.ndarray | None = None) -> float:
         """Return the power of the loads in a state in which the points have the given velocities (n, d)."""
-        return float(sum((kind.on_sites(positions, thickness) * kind.at_sites(velocities)).sum() for kind, _ in self._kinds))
+        return float(sum((load.on_sites(positions, thickness) * load.at_sites(velocities)).sum() for load in self._loads))
 
     def by_name(self, positions: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the total force of the loads in a state, shape (d,), by name; loads of one name are summed."""
-        return self._named(self._summed(lambda kind: kind.on_sites(positions, thickness)))
+        return self._summed(lambda load: load.on_sites(positions, thickness))
 
     def displacements(self, positions: np.ndarray) -> dict[str, np.ndarray]:
         """Return the mean displacement of the parts that loads act on, shape (d,), by name; loads of one name are averaged together.
@@ -336,28 +273,24 @@ class Loads:
         middles of its facets.
         """
         displacement = positions - self.body.points
-        totals = self._summed(lambda kind: kind.weights[:, None] * kind.at_sites(displacement))
-        weights = self._summed(lambda kind: kind.weights)
-        return self._named(totals / np.where(weights == 0, 1.0, weights)[:, None])
+        totals = self._summed(lambda load: load.weights[:, None] * load.at_sites(displacement))
+        weights = self._summed(lambda load: load.weights)
+        return {name: total / (weights[name] or 1.0) for name, total in totals.items()}
 
     def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the moment of the loads in a state about a place (d,), by name; loads of one name are summed.
 
         The moment is a counter-clockwise number in the plane and a vector of shape (3,) in three dimensions.
         """
-        levers = self._summed(lambda kind: kind.on_sites(positions, thickness)[:, :, None] * (kind.at_sites(positions) - about)[:, None])
-        return self._named(moment_of(levers))
+        levers = self._summed(lambda load: load.on_sites(positions, thickness)[:, :, None] * (load.at_sites(positions) - about)[:, None])
+        return {name: moment_of(lever) for name, lever in levers.items()}
 
-    def _summed(self, of: Callable[[_DeadLoads | _Pressures], np.ndarray]) -> np.ndarray:
-        """Return the sums of values at the places that loads act at, over all shares, shape (names, ...)."""
-        found = [(of(kind), names) for kind, names in self._kinds]
-        totals = np.zeros((len(self._names), *found[0][0].shape[1:]))
-        for values, names in found:
-            np.add.at(totals, names, values)
-        return self.body.share.total(totals)
-
-    def _named(self, values: np.ndarray) -> dict[str, np.ndarray]:
-        return dict(zip(self._names, values, strict=True))
+    def _summed(self, of: Callable[[DeadLoad | Pressure], np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the sums of values at the places that loads act at, over all shares, by name."""
+        totals = dict.fromkeys((load.name for load in self._loads), 0.0)
+        for load in self._loads:
+            totals[load.name] = totals[load.name] + of(load).sum(axis=0)
+        return {name: self.body.share.total(total) for name, total in totals.items()}
 
 
 class LoadedForce:
@@ -365,7 +298,7 @@ class LoadedForce:
 
     All other attributes are those of the internal force. A call moves its positions, in place, to the nearest ones in which regions are
     rigid. Forces on the points of a region are replaced by forces of the same resultant that move it as one body, so that any solver that
-    divides them by volumes, or by `RigidStiffness`, steps in the rigid motions of the region.
+    divides them by volumes, or by `inverse_with_regions`, steps in the rigid motions of the region.
 
     Parameters
     ----------

@@ -265,14 +265,9 @@ class DampedExplicit(SteppingSolver):
         # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both ends, with E = 3 mu.
         extent = force.body.extent
         damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)
-        velocities = np.zeros_like(positions)
-
-        def step(forces):
-            central_difference_step[positions.shape[1]](
-                positions, velocities, forces, self.free, self.volumes, damping, step_length, step_length
-            )
-
-        return step
+        velocities, take = np.zeros_like(positions), central_difference_step[positions.shape[1]]
+        constants = self.free, self.volumes, damping, step_length, step_length
+        return lambda forces: take(positions, velocities, forces, *constants)
 
 
 class Automatic(EquilibriumSolver):

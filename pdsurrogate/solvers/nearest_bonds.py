@@ -3,8 +3,7 @@
 The inverse of a body that is divided among ranks is that of overlapping parts, and of the affine motions of each part.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cached_property
 
 import numpy as np
@@ -67,15 +66,19 @@ UNDEFORMED = 1000
 """Strain, over that of rounding, up to which a body counts as moved without deformation."""
 
 
-class Preconditioner(ABC):
-    """Approximation of the tangent whose linear systems are cheap to solve."""
+class Preconditioner:
+    """Approximation of the tangent whose linear systems are cheap to solve.
 
-    def update(self) -> None:  # noqa: B027 - most preconditioners are the same in all states
-        """Adapt the preconditioner to the state in which the force was last evaluated."""
+    Parameters
+    ----------
+    solve : callable
+        Returns the displacements under forces, shape (n, d).
+    update : callable, optional
+        Adapts the preconditioner to the state in which the force was last evaluated; most are the same in all states.
+    """
 
-    @abstractmethod
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d)."""
+    def __init__(self, solve: Operator, update: Callable[[], None] = lambda: None) -> None:
+        self.solve, self.update = solve, update
 
 
 class NearestBonds:
@@ -225,58 +228,29 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
     return balanced
 
 
-class NearestBondStiffness(Preconditioner):
-    """Factorised stiffness of `springs_of` a body.
+def _factorised_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
+    """Return the inverse of `springs_of` a body in one process, by a factor.
 
     Its low modes agree with those of the true tangent within a factor that does not grow with the number of points, and its factorisation
     needs seconds for 10^5 points.
-
-    Parameters
-    ----------
-    body : Body
-    shear_moduli : float or ndarray, shape (n,)
-        Shear modulus of all points, or around each.
-    free : ndarray, shape (n, d)
-        1 where a component may move, 0 where it is held.
     """
-
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._free, self._balanced = free.ravel(), drift_remover(body, free)
-        self._factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), self._free))
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d)."""
-        return self._balanced(self._factor.solve(forces.ravel() * self._free).reshape(forces.shape))
+    balanced, held = drift_remover(body, free), free.ravel()
+    factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), held))
+    return lambda forces: balanced(factor.solve(forces.ravel() * held).reshape(forces.shape))
 
 
-class NearestBondLaplacian(Preconditioner):
-    """Inverse of `laplacian_of` a body, component by component: a factor, or a multigrid cycle for large bodies.
-
-    Parameters
-    ----------
-    body : Body
-    shear_moduli : float or ndarray, shape (n,)
-    free : ndarray, shape (n, d)
-    """
-
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._free, self._balanced = free, drift_remover(body, free)
-        self._inverses: list[tuple[list[int], Operator]] = []
-        for components, matrix in laplacian_of(body, shear_moduli).matrices():
-            for own in alike(free, components):
-                held = free[:, own[0]]
-                self._inverses.append((own, _inverse(body, held_matrix(matrix, held), held, len(own))))
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d)."""
-        return self._balanced(by_components(self._inverses, forces * self._free)) * self._free
-
-
-def _inverse(body: Body, matrix: sparse.sparray, free: np.ndarray, width: int) -> Operator:
-    """Return an operator that solves with a Laplacian, for `width` right-hand sides at once."""
-    if len(body) > MOST_FACTORISED[body.dimension]:
-        return Multigrid(matrix.tocsr(), body.points, body.spacing, free > 0, width).cycle
-    return factor_of(matrix).solve
+def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
+    """Return the inverse of `laplacian_of` a body in one process, component by component: a factor, or a multigrid cycle if it is large."""
+    balanced, inverses = drift_remover(body, free), []
+    for components, matrix in laplacian_of(body, shear_moduli).matrices():
+        for own in alike(free, components):
+            held = free[:, own[0]]
+            system = held_matrix(matrix, held)
+            if len(body) > MOST_FACTORISED[body.dimension]:
+                inverses.append((own, Multigrid(system.tocsr(), body.points, body.spacing, held > 0, len(own)).cycle))
+            else:
+                inverses.append((own, factor_of(system).solve))
+    return lambda forces: balanced(by_components(inverses, forces * free)) * free
 
 
 class TwoLevels:
@@ -380,67 +354,36 @@ class TwoLevels:
         return float(values[0]), float(values[-1])
 
 
-class SchwarzStiffness(Preconditioner):
-    """Inverse of `springs_of` a body for a body in parts, by conjugate gradients with a factor for every part.
-
-    Parameters
-    ----------
-    body : Body
-        A part.
-    shear_moduli : float or ndarray, shape (n,)
-    free : ndarray, shape (n, d)
-        Zero on the halo.
-    left : float
-        Share of the forces that may be left.
-    """
-
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, left: float) -> None:
-        self._left, springs = left, springs_of(body, shear_moduli)
-        matrix = springs.matrix()
-        self._levels = TwoLevels(springs, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free)
-        factor = factor_of(held_matrix(matrix, self._levels.inside.ravel()))
-        self._levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d), right on the points that are owned."""
-        return self._levels.iterated(forces, self._left)
+def _springs_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, left: float) -> Operator:
+    """Return the inverse of `springs_of` a body in parts, by conjugate gradients that leave a share of the forces, with their factors."""
+    springs = springs_of(body, shear_moduli)
+    matrix = springs.matrix()
+    levels = TwoLevels(springs, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free)
+    factor = factor_of(held_matrix(matrix, levels.inside.ravel()))
+    levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
+    return lambda forces: levels.iterated(forces, left)
 
 
-class SchwarzLaplacian(Preconditioner):
-    """Approximate inverse of `laplacian_of` a body for a body in parts, by some steps of Chebyshev's method.
+def _laplacian_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
+    """Return an approximate inverse of `laplacian_of` a body in parts, by some steps of Chebyshev's method.
 
     Unlike conjugate gradients they form one symmetric positive definite operator for all forces, and need no sums over all ranks.
-
-    Parameters
-    ----------
-    body, shear_moduli, free
-        See `SchwarzStiffness`.
 
     References
     ----------
     Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1.
     """
+    laplacian = laplacian_of(body, shear_moduli)
+    products = [(components, matrix.__matmul__) for components, matrix in laplacian.matrices()]
+    levels = TwoLevels(laplacian, lambda moved: by_components(products, moved), free)
+    levels.invert = _inverted_laplacian(body, shear_moduli, levels.inside)
+    least, greatest = levels.spectrum()
+    middle, half = (MARGIN * greatest + least) / 2, (MARGIN * greatest - least) / 2
+    # So many steps reduce errors between the ends of the spectrum to `LEFT_BY_CHEBYSHEV`.
+    steps = int(np.ceil(np.arccosh(1 / LEFT_BY_CHEBYSHEV) / np.arccosh(middle / half)))
 
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._free, laplacian = free, laplacian_of(body, shear_moduli)
-        products = [(components, matrix.__matmul__) for components, matrix in laplacian.matrices()]
-        self._levels = TwoLevels(laplacian, lambda moved: by_components(products, moved), free)
-        self._levels.invert = NearestBondLaplacian(body, shear_moduli, self._levels.inside).solve
-
-    @cached_property
-    def _ends(self) -> tuple[float, float, int]:
-        """Ends of the spectrum, and the number of steps that reduce errors between them to `LEFT_BY_CHEBYSHEV`."""
-        least, greatest = self._levels.spectrum()
-        greatest *= MARGIN
-        middle = (greatest + least) / (greatest - least)
-        return least, greatest, int(np.ceil(np.arccosh(1 / LEFT_BY_CHEBYSHEV) / np.arccosh(middle)))
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d), right on the points that are owned."""
-        levels = self._levels
-        least, greatest, steps = self._ends
-        middle, half = (greatest + least) / 2, (greatest - least) / 2
-        rest = levels.balanced(forces * self._free)
+    def solve(forces: np.ndarray) -> np.ndarray:
+        rest = levels.balanced(forces * free)
         step = levels.both(rest) / middle
         found, ratio = step.copy(), half / middle
         for _ in range(steps - 1):
@@ -451,17 +394,28 @@ class SchwarzLaplacian(Preconditioner):
             ratio = following
         return levels.balanced(found)
 
+    return solve
+
 
 def inverse_of_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, left: float = SOLVED) -> Preconditioner:
-    """Return the inverse of `springs_of` a body, which leaves a share of the forces if the body is divided among ranks."""
-    if body.share.divided:
-        return SchwarzStiffness(body, shear_moduli, free, left)
-    return NearestBondStiffness(body, shear_moduli, free)
+    """Return the inverse of `springs_of` a body, right on owned points, which leaves a share of the forces if the body is in parts.
+
+    Parameters
+    ----------
+    body : Body
+    shear_moduli : float or ndarray, shape (n,)
+        Shear modulus of all points, or around each.
+    free : ndarray, shape (n, d)
+        1 where a component may move, 0 where it is held and on the halo.
+    left : float
+    """
+    system = body, shear_moduli, free
+    return Preconditioner(_springs_in_parts(*system, left) if body.share.divided else _factorised_springs(*system))
 
 
 def inverse_of_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Preconditioner:
-    """Return the inverse of `laplacian_of` a body, which is approximate in large bodies and those divided among ranks."""
-    return (SchwarzLaplacian if body.share.divided else NearestBondLaplacian)(body, shear_moduli, free)
+    """Return the inverse of `laplacian_of` a body, which is approximate if the body is large or in parts; see `inverse_of_springs`."""
+    return Preconditioner((_laplacian_in_parts if body.share.divided else _inverted_laplacian)(body, shear_moduli, free))
 
 
 def random_vector(share: Share, free: np.ndarray) -> np.ndarray:

@@ -1,5 +1,7 @@
 """Preconditioners of quasi-Newton methods, chosen by the force, and extensions of held displacements into the body."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..body import Body
@@ -7,7 +9,7 @@ from ..forces import InternalForce
 from .held import Supports
 from .multigrid import conjugate_gradient_steps, conjugate_gradients
 from .nearest_bonds import EXACTLY, Preconditioner, inverse_of_laplacian, inverse_of_springs, laplacian_of, springs_of
-from .rigid import RigidStiffness
+from .rigid import inverse_with_regions
 
 EXTENDED = 3e-4
 """Permitted residual of a first guess, relative to the forces of held components, in the energy norm."""
@@ -25,19 +27,18 @@ EXPONENT_ERROR = 0.5
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner for the tangent of a force, with the given free components (n, d)."""
     body, moduli = force.body, force.stiffness_moduli
-    found: Preconditioner
     if regions := getattr(force, "rigid", ()):
-        found = RigidStiffness(body, moduli, free, regions)
+        found = inverse_with_regions(body, moduli, free, regions)
     elif force.nearly_incompressible:
-        found = IncompressibleStiffness(force, inverse_of_laplacian(body, moduli, free))
+        found = incompressible_inverse(force, inverse_of_laplacian(body, moduli, free))
     else:
         found = inverse_of_springs(body, moduli, free)
     supports = getattr(force, "supports", None)
-    return found if supports is None else SupportedPreconditioner(found, supports)
+    return found if supports is None else supported(found, supports)
 
 
-class Extension:
-    """Map from displacements of held components to displacements of the whole body, through a network of springs.
+def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Callable[..., np.ndarray]:
+    """Return the map from displacements of held components to displacements of the whole body, through a network of springs.
 
     In 3D the network is the Laplacian, and conjugate gradients solve it: a factor of all components would fill too much memory.
 
@@ -47,45 +48,39 @@ class Extension:
     shear_moduli : float or ndarray, shape (n,)
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
+
+    Returns
+    -------
+    callable
+        ``response(held, planes, turns)`` returns the displacements, shape (n, d), where held components and planes of reflection are
+        displaced: by `held` (n, d), 0 in free components, by `planes` (planes, d), and by `turns` (planes, d, d), rotations as in
+        `pdsurrogate.body.Ghosts.shifts`, or None.
     """
+    if body.dimension == 2:
+        network, solve = springs_of(body, shear_moduli), inverse_of_springs(body, shear_moduli, free, EXACTLY).solve
+    else:
+        network, precondition = laplacian_of(body, shear_moduli), inverse_of_laplacian(body, shear_moduli, free).solve
 
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._body, self._free = body, free
-        self._network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
-        if body.dimension == 2:
-            self._inverse = inverse_of_springs(body, shear_moduli, free, EXACTLY)
-        else:
-            self._inverse = inverse_of_laplacian(body, shear_moduli, free)
+        def solve(forces: np.ndarray) -> np.ndarray:
+            settings = precondition, lambda moved: -network.forces(moved) * free, body.share.dot, EXTENDED, MOST_STEPS
+            return conjugate_gradients(forces * free, *settings)
 
-    def response(self, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-        """Return the displacements of the body, shape (n, d), where held components and planes of reflection are displaced.
-
-        Parameters
-        ----------
-        held : ndarray, shape (n, d)
-            Displacements in held components, 0 in free ones.
-        planes : ndarray, shape (planes, d)
-            Displacements of the planes.
-        turns : ndarray, shape (planes, d, d), optional
-            Rotations of planes, see `pdsurrogate.body.Ghosts.shifts`.
-        """
-        held, of_images = held.copy(), self._body.ghosts.moved_by_planes(self._body.points, planes, turns)
-        forces = self._network.forces(held, of_images)
-        if self._body.dimension == 2:
-            found = self._inverse.solve(forces) + held
-        else:
-            image_of, dot = (lambda moved: -self._network.forces(moved) * self._free), self._body.share.dot
-            found = conjugate_gradients(forces * self._free, self._inverse.solve, image_of, dot, EXTENDED, MOST_STEPS) + held
-        self._body.share.fill(found)
+    def response(held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
+        held = held.copy()
+        found = solve(network.forces(held, body.ghosts.moved_by_planes(body.points, planes, turns))) + held
+        body.share.fill(found)
         return found
 
+    return response
 
-class IncompressibleStiffness(Preconditioner):
-    """Approximation A + D^T C D of the tangent of a nearly incompressible body, whose systems are solved (theory (58), (59)).
+
+def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> Preconditioner:
+    """Return the inverse of A + D^T C D, an approximation of the tangent of a nearly incompressible body (theory (58), (59)).
 
     A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C the stiffness against
     it. D is exact, since an error in the change of volume is multiplied by K. In the pressures p as unknowns the system has the magnitude
-    of the bulk compliance and not of K, (C^-1 + D A^-1 D^T) p = D A^-1 f, and a few steps of conjugate gradients solve it.
+    of the bulk compliance and not of K, (C^-1 + D A^-1 D^T) p = D A^-1 f, and a few steps of conjugate gradients solve it; each costs about
+    two thirds of a force evaluation and a solution with A.
 
     Parameters
     ----------
@@ -93,49 +88,32 @@ class IncompressibleStiffness(Preconditioner):
         Force with a linearised dilatation.
     laplacian : Preconditioner
         Exact or approximate inverse of A: a fixed operator, symmetric and positive definite.
-
-    Attributes
-    ----------
-    steps : int
-        Conjugate-gradient steps for the pressures so far; each costs about two thirds of a force evaluation and a solution with A.
     """
+    share, dilatation = force.body.share, force.linearised_dilatation()
+    compliance, unit = force.law.shear_modulus / force.law.bulk_modulus, force.law.shear_modulus * force.body.volumes
+    inverse = dilatation.polynomial(_inverse_polynomial(compliance))
 
-    def __init__(self, force: InternalForce, laplacian: Preconditioner) -> None:
-        self._laplacian, self._share = laplacian, force.body.share
-        self._dilatation = force.linearised_dilatation()
-        self._volumes, self._modulus = force.body.volumes, force.law.shear_modulus
-        self._compliance = force.law.shear_modulus / force.law.bulk_modulus
-        self._inverse = self._dilatation.polynomial(_inverse_polynomial(self._compliance))
-        self.steps = 0
+    def precondition(left: np.ndarray) -> np.ndarray:
+        """Return about V mu (mu/K + W^4)^-1 of a rest: D has the smoothing W, and the bonds' means smooth about as much again."""
+        return unit * inverse(left)
 
-    def update(self) -> None:
-        """Update the operator to the state in which the force was last evaluated."""
-        self._dilatation.take()
+    def dot(one: np.ndarray, other: np.ndarray) -> float:
+        return share.dot(one[:, None], other[:, None])
 
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d)."""
-        laplacian, dilatation = self._laplacian, self._dilatation
-        compliance = 1 / dilatation.stiffness
-        displacements = laplacian.solve(forces)
-        moved = displacements
+    def solve(forces: np.ndarray) -> np.ndarray:
+        displacements = moved = laplacian.solve(forces)
 
         def image_of(pressures: np.ndarray) -> np.ndarray:
             nonlocal moved
             moved = laplacian.solve(dilatation.forces(pressures))
-            return compliance * pressures + dilatation.changes(moved)
+            return pressures / dilatation.stiffness + dilatation.changes(moved)
 
-        def dot(one: np.ndarray, other: np.ndarray) -> float:
-            return self._share.dot(one[:, None], other[:, None])
-
-        asked = self._precondition, image_of, dot, NEARLY_SOLVED * self._compliance, MOST_STEPS
-        for share, _, _ in conjugate_gradient_steps(dilatation.changes(displacements), *asked):
-            displacements -= share * moved
-            self.steps += 1
+        settings = precondition, image_of, dot, NEARLY_SOLVED * compliance, MOST_STEPS
+        for length, _, _ in conjugate_gradient_steps(dilatation.changes(displacements), *settings):
+            displacements -= length * moved
         return displacements
 
-    def _precondition(self, left: np.ndarray) -> np.ndarray:
-        """Return about V mu (mu/K + W^4)^-1 of a rest: D has the smoothing W, and the bonds' means smooth about as much again."""
-        return self._modulus * self._volumes * self._inverse(left)
+    return Preconditioner(solve, dilatation.take)
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:
@@ -149,24 +127,20 @@ def _inverse_polynomial(compliance: float) -> np.ndarray:
     return coefficients
 
 
-class SupportedPreconditioner(Preconditioner):
-    """Preconditioner R M R^T of a body held at places between points, from M of the same body held at points; R u moves no such place.
+def supported(inner: Preconditioner, supports: Supports) -> Preconditioner:
+    """Return the preconditioner R M R^T of a body held at places between points, from M of the same body held at points.
 
-    Parameters
-    ----------
-    inner : Preconditioner
-    supports : Supports
+    R u moves no such place.
     """
+    fields, dot = supports.fields, supports.share.dot
 
-    def __init__(self, inner: Preconditioner, supports: Supports) -> None:
-        self._inner, self._fields, self._share, self.update = inner, supports.fields, supports.share, inner.update
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d), which move no supported place."""
+    def solve(forces: np.ndarray) -> np.ndarray:
         balanced = forces.copy()
-        for weights, follows in self._fields:
-            balanced -= weights * self._share.dot(follows, balanced)
-        moved = self._inner.solve(balanced)
-        for weights, follows in reversed(self._fields):
-            moved -= follows * self._share.dot(weights, moved)
+        for weights, follows in fields:
+            balanced -= weights * dot(follows, balanced)
+        moved = inner.solve(balanced)
+        for weights, follows in reversed(fields):
+            moved -= follows * dot(weights, moved)
         return moved
+
+    return Preconditioner(solve, inner.update)

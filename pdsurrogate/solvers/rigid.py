@@ -178,8 +178,8 @@ class RigidRegion:
         forces[self.points] = carried
 
 
-class RigidStiffness(Preconditioner):
-    """The stiffness of the springs along and across the nearest bonds, for the motions of rigid regions and the points of the rest.
+def inverse_with_regions(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, regions: Sequence[RigidRegion]) -> Preconditioner:
+    """Return the inverse of `springs_of` a body for the motions of rigid regions and the points of the rest.
 
     Parameters
     ----------
@@ -189,30 +189,28 @@ class RigidStiffness(Preconditioner):
         1 where a component may move.
     regions : sequence of RigidRegion
     """
+    n, d = free.shape
+    inside, kept = np.zeros(n, dtype=bool), free.copy()
+    columns, motions_free = [], []
+    for region in regions:
+        inside[region.points], kept[region.points] = True, 0
+        own = region.motions(body.points[region.points])
+        motions = np.zeros((n, *own.shape[1:]))
+        motions[region.points] = own
+        columns.append(sparse.csr_array(motions.reshape(d * n, -1)))
+        motions_free.append(np.full(own.shape[-1], float(region.free_motions(own).any())))
+    by_motion = sparse.hstack([sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
+    held = np.concatenate([kept.ravel(), *motions_free])
+    matrix = by_motion.T @ springs_of(body, shear_moduli).matrix(inside) @ by_motion
+    factor = factor_of(held_matrix(matrix.tocsc(), held))
 
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, regions: Sequence[RigidRegion]) -> None:
-        self._regions = regions
-        n, d = free.shape
-        inside, kept = np.zeros(n, dtype=bool), free.copy()
-        columns, motions_free = [], []
-        for region in regions:
-            inside[region.points], kept[region.points] = True, 0
-            own = region.motions(body.points[region.points])
-            motions = np.zeros((n, *own.shape[1:]))
-            motions[region.points] = own
-            columns.append(sparse.csr_array(motions.reshape(d * n, -1)))
-            motions_free.append(np.full(own.shape[-1], float(region.free_motions(own).any())))
-        by_motion = sparse.hstack([sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
-        self._free = np.concatenate([kept.ravel(), *motions_free])
-        matrix = by_motion.T @ springs_of(body, shear_moduli).matrix(inside) @ by_motion
-        self._factor = factor_of(held_matrix(matrix.tocsc(), self._free))
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d)."""
-        motions = [region.projector @ region.resultant(forces[region.points]) for region in self._regions]
-        found = self._factor.solve(np.concatenate([forces.ravel(), *motions]) * self._free) * self._free
+    def solve(forces: np.ndarray) -> np.ndarray:
+        motions = [region.projector @ region.resultant(forces[region.points]) for region in regions]
+        found = factor.solve(np.concatenate([forces.ravel(), *motions]) * held) * held
         displacements, *of_regions = np.split(found, forces.size + np.cumsum([0, *map(len, motions)])[:-1])
         displacements = displacements.reshape(forces.shape)
-        for region, motion in zip(self._regions, of_regions, strict=True):
+        for region, motion in zip(regions, of_regions, strict=True):
             displacements[region.points] = region.expand(region.projector @ motion)
         return displacements
+
+    return Preconditioner(solve)

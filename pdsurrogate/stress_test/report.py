@@ -101,11 +101,8 @@ def planes_of(report: dict) -> list[str]:
 def table(report: dict, plane: str) -> tuple[list[str], list[list[str]]]:
     """Return the header and the rows for a plane: a row for each case, a column for each force model."""
     models = [model for model in report["models"] if model["plane"] == plane]
-    rows = [
-        [case["title"], case["asked"], *(cell(model["results"][case["case"]]) for model in models)]
-        for case in report["cases"]
-        if plane in case["planes"]
-    ]
+    cases = [case for case in report["cases"] if plane in case["planes"]]
+    rows = [[case["title"], case["asked"], *(cell(model["results"][case["case"]]) for model in models)] for case in cases]
     return ["case", "asked", *(model["force"] for model in models)], rows
 
 
@@ -118,7 +115,7 @@ def cell(result: dict) -> str:
         return f"- ({figure})"
     if result["verdict"] == WEAK:
         return f"WEAK {figure}: {result['weakness']}"
-    return f"{ {PASS: 'pass', STOPS: 'stops'}[result['verdict']] } {figure}".strip()
+    return f"{result['verdict']} {figure}".strip()
 
 
 def count(model: dict) -> dict[str, int]:
