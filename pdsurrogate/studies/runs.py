@@ -161,16 +161,11 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     if force not in FORCES:
         # The name with its present version; an artefact that cannot be found by name is given by its whole path.
         named, which = artifacts.find_artifact(force), artifacts.parted(force)[1]
-        force = f"{named.parent.name}@{named.name}" if _found_by_name(named) else str(named.resolve())
+        name, force = f"{named.parent.name}@{named.name}", str(named.resolve())
+        with suppress(artifacts.ArtifactError):
+            force = name if artifacts.find_artifact(name).resolve() == named.resolve() else force
         force += "" if which is None else f"#{which}"
     return SceneTask(scene, force, _scene_digest(scene, model))
-
-
-def _found_by_name(place: Path) -> bool:
-    try:
-        return artifacts.find_artifact(f"{place.parent.name}@{place.name}").resolve() == place.resolve()
-    except artifacts.ArtifactError:
-        return False
 
 
 def _scene_digest(scene: Scene, model: ForceModel) -> str:
