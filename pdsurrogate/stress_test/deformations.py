@@ -416,7 +416,7 @@ def notch_tip(subject: Subject) -> Outcome:
         try:
             _relax(force, positions, np.ones_like(positions))
         except (InvalidState, NotConverged, Diverging) as error:
-            raise Ended(WEAK, f"stretch {target:g}: {error}", "does not converge") from error
+            raise Ended(Outcome(WEAK, f"stretch {target:g}: {error}", weakness="does not converge")) from error
         reached = target
     # x1 varies fastest in the order of the points.
     moved = (positions - body.points).reshape(*counts[::-1], d)
