@@ -187,7 +187,7 @@ class Loading:
                 what = f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
                 error = InvalidState(at_point(self.body, worst, what))
                 if held.sum() > 1 and self._beside_free_side(worst, plane.axis):
-                    what += "; the free side beside it bulges over what it is bonded to, and would lie against it"
+                    what += "; the free side next to it bulges over what it is bonded to, and would lie against it"
                     error = FoldedOver(at_point(self.body, worst, what))
             self.body.share.agree(error)
 

@@ -156,7 +156,7 @@ def chain_limit(subject: Subject) -> Outcome:
     return Outcome(WEAK, "went on beyond the limit", weakness="accuracy")
 
 
-@case("K/mu = 10 to 10^4 (in space 10^3), stretch 2", "stress within 0.1 % of the exact one")
+@case("K/mu = 10 to 10^4 (of solids 10^3), stretch 2", "stress within 0.1 % of the exact one")
 def compressibility(subject: Subject) -> Outcome:
     """Test uniaxial stretch 2 at K/mu = 10, 100, 10^3 and, in the plane, 10^4, by the greatest error of the stress."""
     errors = {}
