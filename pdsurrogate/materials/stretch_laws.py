@@ -1,7 +1,7 @@
 """Laws of the isochoric principal stretches: sums of powers, and a network of chains in all directions."""
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -277,13 +277,17 @@ class FullNetwork(PrincipalStretchLaw):
 
     @property
     def terms(self) -> np.ndarray:
+        return directions()
+
+    @cached_property
+    def parameters(self) -> np.ndarray:
         at_rest = self.chain_links**-0.5
         beta, stiffness = (float(value) for value in inverse_langevin(at_rest))
         # The modulus at rest is that of chains whose 3 r3^2 - 1 has the mean square 4/5, as it has over all directions.
         density = 15 / (stiffness + 4 * beta / at_rest)
-        weights, *squares = directions().T
-        constants = density * self.chain_links * weights, self.chain_links, chain_energy(at_rest, beta), *squares
-        return np.stack(np.broadcast_arrays(*constants), axis=1)
+        # What all terms share stands before them.
+        start = [self.bulk_modulus / self.shear_modulus, len(self.terms), self.chain_links, density, chain_energy(at_rest, beta)]
+        return np.concatenate([start, *self.terms])
 
     def limit(self, squares: np.ndarray) -> str:
         greatest = squares.max()
@@ -291,8 +295,10 @@ class FullNetwork(PrincipalStretchLaw):
 
     @staticmethod
     def coefficients(parameters, k):
-        at = 2 + 6 * k
-        return parameters[at], parameters[at + 1], parameters[at + 2], parameters[at + 3], parameters[at + 4], parameters[at + 5]
+        at = 5 + 4 * k
+        N = parameters[2]
+        density = parameters[3] * N * parameters[at]
+        return density, N, parameters[4], parameters[at + 1], parameters[at + 2], parameters[at + 3]
 
     @staticmethod
     def term(x1, x2, x3, s1, s2, s3, coefficients):
