@@ -25,7 +25,7 @@ console = Console()
 
 PARTS = {
     "setting up: points, bonds, force": ("run/run.py", "__post_init__"),
-    "force evaluations": ("forces/bond_energy.py", "evaluate"),
+    "force evaluations": ("forces/internal_force.py", "__call__"),
     "preconditioner: setting up": ("solvers/preconditioner.py", "preconditioner_of"),
     "preconditioner: D linearised": ("forces/volume_energy.py", "take"),
     "pressure steps: D": ("forces/volume_energy.py", "changes"),
