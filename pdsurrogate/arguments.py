@@ -1,7 +1,5 @@
 """Checks of arguments of public functions before work starts; an error names the argument and the right value."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable
 from numbers import Integral, Real

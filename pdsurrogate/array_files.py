@@ -1,7 +1,5 @@
 """Files of plain arrays from untrusted sources: reading runs no code from them, and takes no more memory than the file."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Collection
 from typing import BinaryIO

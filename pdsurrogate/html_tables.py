@@ -1,7 +1,5 @@
 """Small tables in HTML, for notebooks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any

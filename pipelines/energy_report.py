@@ -16,9 +16,11 @@ from rich.console import Console
 import pdsurrogate as pds
 from pdsurrogate.forces import ForceSettings
 from pdsurrogate.materials import homogeneous
+from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.results import measures
 from pdsurrogate.run.run import Run, Silent
-from pdsurrogate.solvers import SOLVERS, FrequencyEstimate
+from pdsurrogate.solvers.methods import SOLVERS
+from pdsurrogate.solvers.stability import FrequencyEstimate
 
 console = Console(width=160)
 
@@ -148,9 +150,8 @@ def solvers() -> str:
         for method, precision in (("quasi-newton", None), ("minimiser", "float64"), ("relaxation", None)):
             seconds = []
             for _ in range(repeats):
-                run = Run(
-                    pds.load_scene(scene, precision=precision) if precision else pds.load_scene(scene), pds.load_surrogate(ENERGY), Silent()
-                )
+                chosen = pds.load_scene(scene, precision=precision) if precision else pds.load_scene(scene)
+                run = Run(chosen, checked_models(chosen, pds.load_surrogate(ENERGY)), Silent())
                 run.warm_up()
                 (y,) = run.loading.course.guesses(run.positions, 1.0, stretch, None)
                 run.loading.apply(stretch, run.force, y)

@@ -13,7 +13,6 @@ import json
 import os
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 # Training magnifies the last bit of a sum into other weights, as good but not the same.  So that the bytes come back on every processor
@@ -54,9 +53,7 @@ def as_drawn(samples):
     """Return samples in the order in which they were drawn, as the shipped artefacts were fitted to them; Algorithm 1 keeps that order."""
     if samples.design["name"] == "algorithm 1":
         return samples
-    order = np.argsort(random_order(len(samples), samples.design["near_rest"], samples.design["random_state"]))
-    names = ("X", "y", "stretches") if hasattr(samples, "stretches") else ("X", "y")
-    return replace(samples, **{name: getattr(samples, name)[order] for name in names})
+    return samples.take(np.argsort(random_order(len(samples), samples.design["near_rest"], samples.design["random_state"])))
 
 
 def search(model, samples, grid) -> list[dict]:

@@ -30,8 +30,8 @@ PARTS = {
     "preconditioner: D linearised": ("forces/dilatation.py", "take"),
     "pressure steps: D": ("forces/dilatation.py", "changes"),
     "pressure steps: transpose of D": ("forces/dilatation.py", "forces"),
-    "pressure steps: a cycle of multigrid for A": ("solvers/nearest_bonds.py", "NearestBondLaplacian.solve"),
-    "pressure steps: their preconditioner": ("solvers/preconditioner.py", "_precondition"),
+    "pressure steps: a cycle of multigrid for A": ("solvers/multigrid.py", "cycle"),
+    "pressure steps: their preconditioner": ("solvers/preconditioner.py", "precondition"),
 }
 """Functions whose time is told, by file and name; none of them calls another."""
 
@@ -39,18 +39,11 @@ PARTS = {
 def split(profile: cProfile.Profile) -> dict[str, tuple[int, float]]:
     """Calls of every part, and seconds spent in them and in what they call."""
     found = {}
-    for (file, line, name), (_, calls, _, seconds, _) in pstats.Stats(profile).stats.items():
+    for (file, _, name), (_, calls, _, seconds, _) in pstats.Stats(profile).stats.items():
         for part, (place, wanted) in PARTS.items():
-            owner, _, method = wanted.rpartition(".")
-            if Path(file).as_posix().endswith(f"pdsurrogate/{place}") and name == method and (not owner or _within(file, line, owner)):
+            if Path(file).as_posix().endswith(f"pdsurrogate/{place}") and name == wanted:
                 found[part] = calls, seconds
     return found
-
-
-def _within(file: str, line: int, owner: str) -> bool:
-    """Whether a line is in a class."""
-    above = Path(file).read_text().splitlines()[:line]
-    return next(text for text in reversed(above) if text.startswith("class ")).startswith(f"class {owner}:")
 
 
 def main() -> None:

@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 from pdsurrogate.artifacts import default_force
 from pdsurrogate.discretisation import discretise
 from pdsurrogate.engine.threads import thread_count
+from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.ranks import bisected, bond_counts, communicator
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.scenes import load_scene
@@ -84,10 +85,10 @@ class Timed:
 def measure(name: str, points: int, threads: int) -> None:
     """One rank's figures, all of them printed by the first."""
     ranks, scene = communicator(), scene_of(points, name)
-    model = default_force(scene)
+    models = checked_models(scene, default_force(scene))
     with thread_count(threads):
         bare, began = resident(), time.process_time()
-        run = Run(scene, model, Silent(), None, threads)
+        run = Run(scene, models, Silent(), None, threads)
         set_up, held, part = time.process_time() - began, resident() - bare, run.body.share
         positions, forces = run.body.points.copy(), np.empty_like(run.body.points)
         if scene.stretched:
@@ -118,7 +119,7 @@ def measure(name: str, points: int, threads: int) -> None:
     }
     rows = ranks.everywhere(row) if ranks.size > 1 else [row]
     if ranks.rank == 0:
-        found = {"ranks": ranks.size, "points": run.body.share.size, "model": model.name, "of": rows}
+        found = {"ranks": ranks.size, "points": run.body.share.size, "model": run.model.name, "of": rows}
         print("FOUND " + json.dumps(found))
 
 

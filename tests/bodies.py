@@ -5,12 +5,21 @@ from functools import partial
 import numpy as np
 
 from pdsurrogate.discretisation import discretise
+from pdsurrogate.solvers.dynamics import ExplicitDynamics
 from pdsurrogate.stress_test.bodies import disc_with_hole, gripped, jittered, sheet
 
-__all__ = ["build_body", "disc_with_hole", "gripped_sheet", "jittered", "rotation", "sheet"]
+__all__ = ["build_body", "disc_with_hole", "gripped_sheet", "jittered", "nothing_held", "rotation", "sheet"]
 
 
 gripped_sheet = partial(gripped, 2)
+
+
+def nothing_held(force, body, velocities, **settings):
+    """Explicit dynamics of a body of density 1 that nothing holds, with the velocities of its points at the beginning."""
+    free = np.ones_like(velocities)
+    integrator = ExplicitDynamics(force, lambda positions, ahead: None, body.points.copy(), velocities, free, body.volumes, **settings)
+    integrator.begin()
+    return integrator
 
 
 def build_body(scene):

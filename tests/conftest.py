@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+import pdsurrogate as pds
 from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Polyconvex, Yeoh
 
 # A shell starts commands in the background with Ctrl-C ignored, and processes of tests would inherit that.
@@ -32,6 +33,9 @@ needs_torch = pytest.mark.skipif(
     any(importlib.util.find_spec(name) is None for name in ("torch", "skorch")),
     reason='needs torch and skorch: pip install "pdsurrogate[torch]"',
 )
+
+
+PUBLIC_NAMES = [*pds.__all__, *(f"{room}.{name}" for room, names in vars(pds)["_IN_ROOMS"].items() for name in names.split())]
 
 
 @pytest.fixture

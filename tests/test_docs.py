@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import typer
-from conftest import needs_torch
+from conftest import PUBLIC_NAMES, needs_torch
 from test_pages import PAGES as TYPED_PAGES
 
 import pdsurrogate as pds
@@ -20,8 +20,8 @@ from pdsurrogate.forces import FORCES
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.materials import LAWS
 from pdsurrogate.results.measures import POINT_FIELDS
-from pdsurrogate.studies.designs import parameters_of_runs
-from pdsurrogate.studies.tasks import tasks_of
+from pdsurrogate.studies.description import parameters_of_runs
+from pdsurrogate.studies.runs import tasks_of
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -55,9 +55,7 @@ def test_examples_run(page, tables, tmp_path, monkeypatch):
     runpy.run_path(str(script))
 
 
-PUBLIC = sorted(
-    {*pds.__all__, *(f"{room}.{name}" for room, names in vars(pds)["_IN_ROOMS"].items() for name in names.split())} - {"materials.LAWS"}
-)
+EXAMPLES_DUE = sorted(set(PUBLIC_NAMES) - {"materials.LAWS"})
 
 
 def examples_of(name):
@@ -66,7 +64,7 @@ def examples_of(name):
     return doctest.DocTestParser().get_doctest(thing.__doc__, {}, name, None, None)
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=needs_torch if "Torch" in name else ()) for name in PUBLIC])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=needs_torch if "Torch" in name else ()) for name in EXAMPLES_DUE])
 def test_public_names_have_an_example_that_runs(name, tmp_path, monkeypatch, tables):
     found = examples_of(name)
     assert found.examples, f"{name} has no example"

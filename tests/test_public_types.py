@@ -9,6 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 
 import pytest
+from conftest import PUBLIC_NAMES
 
 import pdsurrogate as pds
 
@@ -22,9 +23,7 @@ def test_a_name_of_a_room_says_where_it_is():
 
 def test_a_right_script_uses_every_public_name():
     script = (SCRIPTS / "right.py").read_text(encoding="utf-8")
-    rooms = vars(pds)["_IN_ROOMS"].items()
-    every = [*pds.__all__, *(f"{room}.{name}" for room, names in rooms for name in names.split())]
-    assert not [name for name in every if not re.search(rf"\bpds\.{name}\b", script)]
+    assert not [name for name in PUBLIC_NAMES if not re.search(rf"\bpds\.{name}\b", script)]
 
 
 def test_stub_declares_every_public_name_from_its_home():
@@ -42,8 +41,7 @@ def test_stub_declares_every_public_name_from_its_home():
 
 
 def test_mypy_checks_the_modules_that_define_public_names():
-    every = [*pds.__all__, *(f"{room}.{name}" for room, names in vars(pds)["_IN_ROOMS"].items() for name in names.split())]
-    modules = {getattr(attrgetter(name)(pds), "__module__", "pdsurrogate.materials") for name in every}
+    modules = {getattr(attrgetter(name)(pds), "__module__", "pdsurrogate.materials") for name in PUBLIC_NAMES}
     root = SCRIPTS.parents[1]
     listed = set(tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["mypy"]["files"])
     assert not [module for module in modules if not {f"{(path := module.replace('.', '/'))}.py", f"{path}/__init__.py"} & listed]

@@ -27,23 +27,3 @@ from .store import (
     save_artifact,
     surrogate_for,
 )
-
-__all__ = [
-    "ArtifactError",
-    "Card",
-    "called",
-    "default_force",
-    "find_artifact",
-    "law_of",
-    "list_artifacts",
-    "load_card",
-    "load_pipeline",
-    "load_surrogate",
-    "new_artifact",
-    "next_version",
-    "own_folder",
-    "parted",
-    "save_artifact",
-    "surrogate_for",
-    "with_material",
-]

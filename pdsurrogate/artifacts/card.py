@@ -5,17 +5,20 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator
 
-from ..forces import Domain, EnergyNetwork
-from ..forces.learnt_energy import energy_shape
+from ..forces import Domain, EnergyNetwork, IsochoricNetwork, NetworkForce, PolynomialForce, SplineForce
 from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from ..scenes import MaterialSpec
-from ..scenes.problems import explain
+from ..scenes.problems import PLAIN, explain
+
+KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
+"""Force models that can be stored, by the kind in their card."""
 
 FORMAT = "pdsurrogate artefact"
 SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
@@ -142,6 +145,13 @@ class Material(_Part):
     trained_with: dict[str, Any]
     shape: dict[str, Finite]
 
+    def build(self) -> Law:
+        """Return the law, with the parameters for which the model was trained; raise ValueError for a wrong field or an unknown law."""
+        try:
+            return MaterialSpec.model_validate(self.trained_with).build()
+        except ValidationError as error:
+            raise ValueError(f"material.trained_with: {explain(error)}") from None
+
 
 class Payload(_Part):
     """One file of an artefact."""
@@ -209,7 +219,7 @@ class Card(_Part):
         """Return the card of a member of the committee, numbered from 1."""
         member = self.members[number - 1]
         named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": (), "digest": None}
-        return self.model_copy(update={**named, "material": member.material, "domain": member.domain, "errors": member.errors})
+        return self.model_copy(update={**named, **dict(member)})
 
     def __repr__(self) -> str:
         return f"<Card of {self.name}@{self.version}: {self.kind} of {self.material.law}>"
@@ -240,8 +250,7 @@ def read_card(data: bytes, where: str) -> Card:
     if len(data) > MOST_BYTES:
         raise ArtifactError(f"{where}: the card has {len(data)} bytes, which is not a card")
     try:
-        text = data.decode("utf-8")
-        content = json.loads(text, parse_constant=_finite, parse_float=_finite, object_pairs_hook=_without_duplicates)
+        content = json.loads(data.decode(), parse_constant=_finite, parse_float=_finite, object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
         raise ArtifactError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -276,9 +285,15 @@ def checked_card(content: Mapping[str, Any]) -> Card:
         raise ArtifactError(_explained(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
     if card.schema_version > OLDEST_SCHEMA and card.digest is None:
         raise ArtifactError("digest: is missing")
-    for problem in _contradictions(card):
+    if problem := next(_contradictions(card), None):
         raise ArtifactError(problem)
     return card
+
+
+def new_card(entries: Mapping[str, Any]) -> Card:
+    """Return the card of a new artefact from its other entries, with format, schema version and digest; see `checked_card` for errors."""
+    card = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64})
+    return card.model_copy(update={"digest": card.found_digest()})
 
 
 def check_plain(content: Mapping[str, Any]) -> None:
@@ -286,20 +301,6 @@ def check_plain(content: Mapping[str, Any]) -> None:
     for field, value in _leaves(dict(content)):
         if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
             raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
-
-
-def law_described(material: Material) -> Law:
-    """Return the law that a material names, with the parameters for which the model was trained.
-
-    Raises
-    ------
-    ValueError
-        If a field is wrong or the law is unknown; the message names it.
-    """
-    try:
-        return MaterialSpec.model_validate(material.trained_with).build()
-    except ValidationError as error:
-        raise ValueError(f"material.trained_with: {explain(error)}") from None
 
 
 def _contradictions(card: Card) -> Iterator[str]:
@@ -335,14 +336,14 @@ def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
         yield f"material.law: must be that of material.trained_with, {_shown(material.trained_with.get('law'))}, not {_shown(material.law)}"
     if material.law in LAWS:  # a user's own law may be absent here
         try:
-            law = law_described(material)
+            law = material.build()
         except ValueError as error:
             yield str(error)
             return
         right = law.describe()
         for name in sorted(set(right) - set(material.trained_with)):
             yield f"material.trained_with.{name}: is missing"
-        shape = energy_shape(law) if kind == EnergyNetwork.kind else law.shape
+        shape = KINDS[kind].shape_of(law) if kind in KINDS else law.shape
         for name in sorted(set(shape) | set(material.shape)):
             found, meant = (numbers.get(name, "not there") for numbers in (material.shape, shape))
             if not same_values(found, meant):
@@ -390,6 +391,7 @@ def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
 
 
 WORDS = {
+    **PLAIN,
     "missing": "is missing",
     "extra_forbidden": "is unknown: take it out",
     "float_type": "must be a number",
@@ -402,8 +404,6 @@ WORDS = {
     "greater_than_equal": "must be at least {ge:g}",
     "too_short": "must have at least {min_length} entries",
     "too_long": "must have at most {max_length} entries",
-    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "must be a table"),
-    "tuple_type": "must be a list",
 }
 """Messages about a field by pydantic's types of errors."""
 
@@ -432,9 +432,7 @@ def _finite(text: str) -> float:
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in found:
+    for key, count in Counter(key for key, _ in pairs).items():
+        if count > 1:
             raise ValueError(f"{key!r} is there twice in one table")
-        found[key] = value
-    return found
+    return dict(pairs)

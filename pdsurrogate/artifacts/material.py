@@ -1,7 +1,5 @@
 """Material of an artefact, for scenes that do not state their own."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import MISSING, fields
 from pathlib import Path
@@ -54,6 +52,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     if rms > NOTED:
         off = f"{model.name} is off by {100 * rms:.2g} % RMS from {card.material.law}, the law that it was stored as"
         warnings.warn(f"{off}: what it gives is off as well", stacklevel=3)
+    is_example = scene.name in scene_names() and scene.material == load_scene(scene.name).material
     try:
         if own is None:
             raise ValueError("none is given")
@@ -65,17 +64,14 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
             model.check_material(described)
         except ValueError:  # the model contradicts its own card
             raise SceneError(f"scene {scene.name}: {error}") from None
-        if own is not None and not _is_an_example(scene):
+        if own is not None and not is_example:
             flag = f"--set 'material={in_words(described)}'"
             raise SceneError(f"scene {scene.name}: material: {error}; {flag} takes the material of {model.name}") from None
-    if described is own and _is_an_example(scene) and not scene.materials and _has_moduli(card):
+    if described is own and is_example and not scene.materials and _has_moduli(card):
         described = material_on(card, scene)
-    return (scene if described == own else _changed(scene, described)), model
-
-
-def _is_an_example(scene: Scene) -> bool:
-    """Return whether a scene is a built-in one with its default material."""
-    return scene.name in scene_names() and scene.material == load_scene(scene.name).material
+    if described != own:
+        scene = scene.model_copy(update={"material": MaterialSpec.model_validate(described.describe())})
+    return scene, model
 
 
 def material_on(card: Card, scene: Scene) -> Law:
@@ -97,17 +93,8 @@ def material_on(card: Card, scene: Scene) -> Law:
 
 def _has_moduli(card: Card) -> bool:
     """Return whether the moduli of a card were identified or given, rather than defaults of its law."""
-    if card.training.get("identification"):
-        return True
-    try:
-        given = law_of(card)
-    except ValueError:
-        return False
-    return abs(given.shear_modulus - type(given)().shear_modulus) > 1e-9
-
-
-def _changed(scene: Scene, law: Law) -> Scene:
-    return scene.model_copy(update={"material": MaterialSpec.model_validate(law.describe())})
+    given = law_of(card)
+    return bool(card.training.get("identification")) or abs(given.shear_modulus - type(given)().shear_modulus) > 1e-9
 
 
 def in_words(law: Law) -> str:

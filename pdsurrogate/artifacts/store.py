@@ -1,8 +1,5 @@
 """Artefacts on disk: ``NAME/VERSION/`` with a card and its payloads, written once and never changed."""
 
-from __future__ import annotations
-
-import errno
 import hashlib
 import io
 import os
@@ -20,36 +17,14 @@ import numpy as np
 
 from ..arguments import check_path
 from ..array_files import DamagedFile, read_arrays
-from ..forces import (
-    FORCES,
-    EnergyNetwork,
-    ForceModel,
-    IsochoricNetwork,
-    LearntBondForce,
-    LearntEnergy,
-    Member,
-    NetworkForce,
-    PolynomialForce,
-    SplineForce,
-)
+from ..forces import FORCES, ForceModel, LearntBondForce, LearntEnergy, Member
 from ..materials import LAWS, Law
 from ..scenes import Scene
-from .card import (
-    DIGESTED,
-    FORMAT,
-    MEMBERS,
-    NAME_PATTERN,
-    PIPELINE,
-    SCHEMA_VERSION,
-    SURROGATE,
-    VERSION_PATTERN,
-    ArtifactError,
-    Card,
-    checked_card,
-    law_described,
-    read_card,
-)
+from .card import DIGESTED, KINDS, MEMBERS, NAME_PATTERN, PIPELINE, SURROGATE, VERSION_PATTERN, ArtifactError, Card, new_card, read_card
 from .shipped import SHIPPED_CARDS
+
+Surrogate = LearntBondForce | LearntEnergy
+"""Model that an artefact holds."""
 
 CARD = "card.json"
 
@@ -60,9 +35,6 @@ ALL = "all"
 
 MOST_BYTES = 64 * 2**20
 """Greatest size of a payload in bytes."""
-
-KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
-"""Force models that can be stored, by the kind in their card."""
 
 
 @contextmanager
@@ -93,7 +65,7 @@ def own_folder() -> Path:
 def next_version(folder: str | Path, name: str) -> str:
     """Return the version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
     check_path(folder, "folder")
-    _check_name(name)
+    _check_name(name, "1")
     versions = _versions(Path(folder) / name)
     return str(_version_key(versions[-1])[0] + 1) if versions else "1"
 
@@ -204,7 +176,7 @@ def load_card(reference: str | Path) -> Card:
     folder, which = find_artifact(reference), parted(reference)[1]
     card = _card_of(folder)
     _check_unchanged(folder, card)
-    return card if which in (None, ALL) else card.of_member(_number(folder, card, which))
+    return card if which in (None, ALL) else card.of_member(*_meant(folder, card, which))
 
 
 def called(folder: Path, card: Card, which: str | None = None) -> str:
@@ -221,15 +193,18 @@ def called(folder: Path, card: Card, which: str | None = None) -> str:
     return (f"{found}#{which}" if which else found) + (f" ({own} by its card)" if found != own else "")
 
 
-def _number(folder: Path, card: Card, which: str) -> int:
-    """Return the number of a member of a committee; raise ArtifactError if there is no such member."""
-    if int(which) > len(card.members):
-        has = f"members #1 to #{len(card.members)}" if card.members else NO_COMMITTEE
-        raise ArtifactError(f"{called(folder, card)} has no member #{which}: it has {has}")
-    return int(which)
-
-
-NO_COMMITTEE = "no committee; pdsurrogate fit --committee, or the members of pds.store, make one"
+def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
+    """Return the numbers of the members that a reference means (`parted`); raise ArtifactError if the committee has no such member."""
+    if which is None:
+        return ()
+    members = range(1, len(card.members) + 1)
+    if which == ALL and members:
+        return members
+    if which != ALL and int(which) in members:
+        return (int(which),)
+    what = f"{called(folder, card, ALL)}:" if which == ALL else f"{called(folder, card)} has no member #{which}:"
+    made = "no committee; pdsurrogate fit --committee, or the members of pds.store, make one"
+    raise ArtifactError(f"{what} it has {f'members #1 to #{len(members)}' if members else made}")
 
 
 def _card_of(folder: Path) -> Card:
@@ -281,9 +256,20 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 
 
 def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
+    """Return the model that the card and the payloads in a folder describe."""
     card = _card_of(folder)
-    model = _described_model(folder, card, which)
-    _check_unchanged(folder, card)  # after the check that names the field
+    if card.kind not in KINDS:
+        raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
+    numbers = _meant(folder, card, which)
+    members = _members(folder, card, numbers) if numbers else []
+    if which in (None, ALL):
+        model = _built(called(folder, card, which), folder, card, SURROGATE, _arrays(folder, card, SURROGATE))
+        laws = [law_of(card.of_member(number)) for number in numbers]
+        ratios = [law.shear_modulus / law_of(card).shear_modulus for law in laws]
+        model = replace(model, members=tuple(map(Member, members, laws, ratios)))
+    else:
+        [model] = members
+    _check_unchanged(folder, card)  # after the checks that name the field
     if card.digest is None and card.payloads[SURROGATE].sha256 not in SHIPPED_CARDS:
         warnings.warn(
             f"{called(folder, card)} was stored by an earlier pdsurrogate, whose cards have no digest: nothing tells whether its material, "
@@ -293,25 +279,7 @@ def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
     return model
 
 
-def _described_model(folder: Path, card: Card, which: str | None) -> ForceModel:
-    """Return the model that a card and its payloads describe."""
-    if card.kind not in KINDS:
-        raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
-    if which not in (None, ALL):
-        return _members(folder, card, [_number(folder, card, which)])[0]
-    name = called(folder, card, which)
-    if which == ALL and not card.members:
-        raise ArtifactError(f"{name}: it has {NO_COMMITTEE}")
-    model = _built(name, folder, card, SURROGATE, _arrays(folder, card, SURROGATE))
-    if which is None:
-        return model
-    numbers, modulus = range(1, len(card.members) + 1), law_of(card).shear_modulus
-    laws = [law_of(card.of_member(number)) for number in numbers]
-    members = zip(_members(folder, card, numbers), laws, strict=True)
-    return replace(model, members=tuple(Member(found, law, law.shear_modulus / modulus) for found, law in members))
-
-
-def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[LearntBondForce | LearntEnergy]:
+def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate]:
     """Return members of a committee by their numbers; the file is read once."""
     arrays = _arrays(folder, card, MEMBERS)
     held: dict[str, dict] = {}
@@ -330,7 +298,7 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
         raise ArtifactError(f"{called(folder, card)}: {file}: {error}") from None
 
 
-def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> LearntBondForce | LearntEnergy:
+def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Surrogate:
     """Return the model in the arrays of a payload, and check what its card states of it."""
     try:
         model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
@@ -352,7 +320,7 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Lea
 def law_of(card: Card) -> Law:
     """Return the law that a card names, with the parameters for which the model was trained; raise ArtifactError if the law is unknown."""
     try:
-        return law_described(card.material)
+        return card.material.build()
     except ValueError as error:
         raise ArtifactError(f"{card.name}@{card.version}: the card's {error}") from None
 
@@ -445,9 +413,7 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     if trust is not True:
         raise ArtifactError("loading a pipeline runs code from its file; say trust=True if you trust whoever made the artefact")
     folder = find_artifact(reference)
-    card = _card_of(folder)
-    _check_unchanged(folder, card)
-    return joblib.load(io.BytesIO(_checked_payload(folder, card, PIPELINE)))
+    return joblib.load(io.BytesIO(_checked_payload(folder, load_card(folder), PIPELINE)))
 
 
 def new_artifact(folder: str | Path, name: str, version: str) -> Path:
@@ -460,32 +426,23 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     """
     if not str(folder):
         raise ArtifactError("a folder of artefacts is needed, and its name is empty; None is that in which they are found by name")
-    _check_name(name)
-    _check_matches("version", version, VERSION_PATTERN)
+    _check_name(name, version)
     target = Path(folder) / name / version
     if target.exists():
         raise ArtifactError(f"{name}@{version} exists already in {folder}; versions never change, choose another")
     return target
 
 
-def _check_name(name: str) -> None:
-    _check_matches("name", name, NAME_PATTERN)
+def _check_name(name: str, version: str) -> None:
+    """Raise ArtifactError for a name or a version that no artefact may have."""
+    for key, value, pattern in (("name", name, NAME_PATTERN), ("version", version, VERSION_PATTERN)):
+        if not isinstance(value, str) or not re.fullmatch(pattern, value):
+            raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
     if name in FORCES:
         raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artefact")
 
 
-def _check_matches(key: str, value: str, pattern: str) -> None:
-    if not isinstance(value, str) or not re.fullmatch(pattern, value):
-        raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
-
-
-def save_artifact(
-    folder: str | Path,
-    card: dict,
-    surrogate: LearntBondForce | LearntEnergy,
-    pipeline=None,
-    members: Sequence[LearntBondForce | LearntEnergy] = (),
-) -> Path:
+def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline=None, members: Sequence[Surrogate] = ()) -> Path:
     """Write an artefact, whole or not at all.
 
     Parameters
@@ -511,7 +468,7 @@ def save_artifact(
         If the version exists already (versions are immutable), the name or version is not allowed, or the written files cannot be read
         again, as of a model that the kernels do not evaluate.  No file is left on disk then.
     """
-    target = new_artifact(folder, card["name"], card["version"])
+    target, title = new_artifact(folder, card["name"], card["version"]), f"{card['name']}@{card['version']}"
     Path(folder).mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(prefix=f".{card['name']}-{card['version']}-", dir=folder, ignore_cleanup_errors=True) as held:
         temporary = Path(held) / card["name"] / card["version"]
@@ -519,8 +476,9 @@ def save_artifact(
         np.savez(temporary / SURROGATE, **surrogate.payload())
         contents = {SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"}
         if members:
-            by_number = enumerate((one.payload() for one in members), 1)
-            arrays: dict[str, Any] = {f"{number}.{key}": value for number, payload in by_number for key, value in payload.items()}
+            arrays: dict[str, Any] = {
+                f"{number}.{key}": value for number, one in enumerate(members, 1) for key, value in one.payload().items()
+            }
             np.savez(temporary / MEMBERS, **arrays)
             contents[MEMBERS] = "the same of every member of the committee, by its number"
         if pipeline is not None:
@@ -528,20 +486,18 @@ def save_artifact(
             contents[PIPELINE] = "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit trust"
         payloads = {name: _describe(temporary / name, what) for name, what in contents.items()}
         try:
-            undigested = {"format": FORMAT, "schema_version": SCHEMA_VERSION, **card, "payloads": payloads, "digest": "0" * 64}
-            full = checked_card(undigested)
-            full = full.model_copy(update={"digest": full.found_digest()})
+            full = new_card({**card, "payloads": payloads})
         except ArtifactError as error:
-            raise ArtifactError(f"{card['name']}@{card['version']}: it cannot be stored with this card: {error}") from None
+            raise ArtifactError(f"{title}: it cannot be stored with this card: {error}") from None
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
         _surrogate_in(temporary, ALL if members else None)
         target.parent.mkdir(exist_ok=True)
         try:
             os.rename(temporary, target)
-        except OSError as error:
-            if error.errno not in (errno.EEXIST, errno.ENOTEMPTY):
+        except OSError:
+            if not target.exists():
                 raise
-            raise ArtifactError(f"{card['name']}@{card['version']} exists already in {folder}; versions never change") from None
+            raise ArtifactError(f"{title} exists already in {folder}; versions never change") from None
     return target
 
 

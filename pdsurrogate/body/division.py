@@ -1,7 +1,5 @@
 """Division of a body among ranks, and the place of its arrays' rows in the whole body."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""The command line: words and exit statuses, no physics.
+"""The command line: words and exit statuses, no physics; a table of the commands, each of which is loaded when it is called.
 
 Exit status 0: done; 1: the run failed, and what it reached is saved; 2: bad input, one line on standard error; 130: interrupted, or
 ended by --max-time, and a checkpoint is left.
@@ -6,10 +6,74 @@ ended by --max-time, and a checkpoint is left.
 
 import os
 import sys
+from importlib import import_module
+from typing import Annotated
 
-from .application import app
-from .endings import FAILED, end_soon_after_interrupts
-from .terminal import complain
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from .. import __version__
+from .terminal import FAILED, complain, end_soon_after_interrupts, error_as_json, out, settings
+
+COMMANDS = {
+    "compare": ("measure", "Measure every force model: speed against error, on one thread and on all."),
+    "materials": ("lists", "List the material laws with their parameters."),
+    "identify": ("fit", "Find a law's parameters from test data."),
+    "run": ("run", "Run a scene and compare it with its reference."),
+    "scenes": ("lists", "List the built-in scenes, or show (and plot) one of them."),
+    "new": ("lists", "Write a commented scene to start from."),
+    "show": ("show", "Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."),
+    "stress-test": ("measure", "Run hard cases with every force model: for each the limit, the value, and a pass or a named weakness."),
+    "study": ("study", "Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused."),
+    "fit": ("fit", "Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."),
+    "evaluate": ("evaluate", "Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."),
+    "artifacts": ("lists", "List the artefacts that are found by name, or show one's card."),
+}
+"""Commands in the order of the help: the file of each, which has a function of that name with ``_`` for ``-``, and its line of help."""
+
+
+class Commands(TyperGroup):
+    """Group of commands that loads the one that is called, and reports wrong arguments as JSON if that command was to print JSON."""
+
+    def __init__(self, **options) -> None:
+        super().__init__(**options)
+        self.commands = {name: TyperCommand(name, help=text) for name, (_, text) in COMMANDS.items()}
+
+    def resolve_command(self, ctx, args):
+        """Return the name, the command, loaded, and its arguments."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None:
+            function = getattr(import_module(f".{COMMANDS[name][0]}", __package__), name.replace("-", "_"))
+            command = import_module(".command", __package__).command(function)
+        return name, command, rest
+
+    def invoke(self, ctx):
+        """Run a command; with ``--json`` its errors are printed as JSON too."""
+        settings.as_json, settings.printed = "--json" in (*getattr(ctx, "_protected_args", ()), *ctx.args), False
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            if hasattr(error, "format_message"):
+                error_as_json(error.exit_code, error.format_message())
+            raise
+        finally:
+            out.quiet = False  # as JSON had it
+
+
+app = typer.Typer(name="pdsurrogate", cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        out.print(f"pdsurrogate {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def _before(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")] = False,
+) -> None:
+    """Learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
 
 
 def main() -> None:

@@ -1,7 +1,5 @@
 """Commands as functions, with the options that all or several of them have."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import logging
@@ -17,16 +15,15 @@ from typer import Option
 
 from ..forces import CompilerSwitchedOff, OutsideDomainWarning
 from ..materials import LAWS, Law
+from ..ranks import NotUnderMPI
 from ..results.files import check_writable
 from ..results.folder import check_report
 from ..scenes import MaterialSpec
 from ..scenes.reading import parse_change
-from .endings import bad_input
-from .terminal import WARNING, complain, err, out, settings
+from .terminal import WARNING, bad_input, complain, err, out, settings
 
 Overwrite = Annotated[bool, Option("--overwrite", help="Overwrite results in DIR of another run, or of this one if interrupted.")]
 MaxTime = Annotated[float | None, Option(metavar="SECONDS", help="Stop a run after this time and write a checkpoint to resume from.")]
-AsJson = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
 SetScene = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a scene key; may be repeated.")]
 SetLaw = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")]
 ReportFolder = Annotated[Path | None, Option("--out", metavar="DIR", help="Write a report, and figures if it has any, here.")]
@@ -34,13 +31,12 @@ Threads = Annotated[int | None, Option(help="Most threads of the kernels; by def
 
 
 def command(function: Callable) -> typer.core.TyperCommand:
-    """Return the command of a function, called like it, with the options that all commands have after its own."""
+    """Return the command of a function, named like it, with the options that all commands have after its own."""
     own, shared = (_command(one) for one in (function, _begin))
     body = own.callback
 
     def both(**given) -> None:
-        out.quiet = given.get("as_json", False)  # no tables and remarks; JSON is written past it
-        with warnings_as_lines(), bad_input(ValueError, CompilerSwitchedOff):
+        with warnings_as_lines(), bad_input(ValueError, CompilerSwitchedOff, NotUnderMPI):
             shared.callback(**{option.name: given.pop(option.name) for option in shared.params})
             body(**given)
 
@@ -55,17 +51,18 @@ def _command(function: Callable) -> typer.core.TyperCommand:
 
 
 def _begin(
+    as_json: Annotated[bool, Option("--json", help="Print JSON instead of tables.")] = False,
     verbose: Annotated[int, Option("-v", "--verbose", count=True, show_default=False, help="Print log messages; -vv for debug ones.")] = 0,
     quiet: Annotated[bool, Option("-q", "--quiet", help="Print only result tables, warnings and errors.")] = False,
     imports: Annotated[list[Path] | None, Option("--import", metavar="FILE.py", help="Module that defines laws; may be repeated.")] = None,
 ) -> None:
-    settings.quiet = quiet
+    settings.quiet, settings.as_json = quiet, as_json
+    out.quiet = as_json  # no tables and remarks; JSON is written past it
     logger = logging.getLogger("pdsurrogate")
-    for handler in [handler for handler in logger.handlers if isinstance(handler, _OnStandardError)]:
-        logger.removeHandler(handler)
     logger.setLevel({0: logging.NOTSET, 1: logging.INFO}.get(verbose, logging.DEBUG))
+    logger.removeHandler(_log)
     if verbose:
-        logger.addHandler(_OnStandardError())
+        logger.addHandler(_log)
     for path in imports or ():
         with bad_input(OSError):
             _import_laws(path)
@@ -76,6 +73,9 @@ class _OnStandardError(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         err.print(f"{record.name}: {record.getMessage()}", markup=False, highlight=False, soft_wrap=True)
+
+
+_log = _OnStandardError()
 
 
 def _import_laws(path: Path) -> None:

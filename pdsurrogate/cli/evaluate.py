@@ -1,7 +1,5 @@
 """The command that compares a force model with its law, and the tables of errors that ``fit`` prints as well."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from typer import Argument, Option
@@ -11,20 +9,17 @@ from ..artifacts import load_card, load_surrogate
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
 from ..learning.sampling import checked_range
 from ..scenes import MaterialSpec
-from .command import AsJson, command, law_of
+from .command import law_of
 from .terminal import out, print_json, print_table
 
 
-@command
 def evaluate(
     reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")],
-    *,
     least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,
     greatest: Annotated[float | None, Option(help="Greatest principal stretch, above 1.")] = None,
     samples: Annotated[int, Option(help="States in each set.", min=100)] = 20_000,
     seed: Annotated[int, Option(help="Seed of the states.", min=0)] = 2_000_003,
     law: Annotated[str | None, Option(help="Law to compare with; the artefact's own by default.")] = None,
-    as_json: AsJson = False,
 ) -> None:
     """Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."""
     model = load_surrogate(reference)
@@ -40,10 +35,8 @@ def evaluate(
     low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else (0.5, 4.0)
     stretches = checked_range((low if least is None else least, high if greatest is None else greatest))
     report = learning.evaluate(model, material, stretches, samples, seed)
-    if as_json:
-        print_json(report)
-    else:
-        print_errors(report)
+    print_json(report)
+    print_errors(report)
 
 
 def print_errors(report: dict) -> None:

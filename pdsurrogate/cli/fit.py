@@ -1,9 +1,6 @@
-"""The command that fits a surrogate."""
+"""The commands that find the parameters of laws from test data, and fit surrogates."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -11,24 +8,108 @@ import numpy as np
 from typer import Argument, Option
 
 from ..artifacts import load_card, load_surrogate, new_artifact, next_version, own_folder
-from ..identification import figure, load_test_data
+from ..forces.identity import digest_of
+from ..identification import figure, fitted_laws, load_test_data
 from ..identification.regressor import N_TERMS
-from ..identification.settings import IdentificationSettings, Identified, identified, simulate_tests
-from ..learning import store
+from ..identification.reporting import Identified, bulk_arguments, differences, identified, simulate_tests
+from ..identification.reporting import identify as identify_laws
 from ..learning.fitting import TooInexact
-from ..learning.marquardt import listening
+from ..learning.levenberg_marquardt import listening
 from ..learning.settings import FitSettings
 from ..results import figures
-from .command import AsJson, SetLaw, check_folder, command, law_of
-from .endings import FAILED, bad_input, ended, writing
+from ..results.files import write_json
+from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
 from .evaluate import print_errors
-from .identify import DATA_HELP, BulkModulus, BulkRatio, Terms, differences_in_words, print_identified
-from .terminal import Rate, note, out, print_json, progress_bar, status, warn
+from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, status, warn, writing
+
+DIGITS = 16
+"""Number of digits of the digest by which a report knows its test data."""
+
+LARGE_GROWTH = 1.05
+"""Volume ratio of a law in the tests above which the user is warned: that of rubber grows by a per cent or so."""
 
 FOLDER_HELP = "Folder of artefacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS."
 
+DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
 
-@command
+BulkModulus = Annotated[float | None, Option(help="Bulk modulus of the law, in the unit of the stresses: such tests do not determine it.")]
+BulkRatio = Annotated[float | None, Option(help="Bulk modulus over shear modulus instead; 1000 by default.")]
+Terms = Annotated[int | None, Option(help=f"Terms of Ogden's law; {N_TERMS} by default.", min=1, max=4)]
+
+
+def identify(
+    data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
+    *,
+    law: Annotated[list[str] | None, Option(help="Law; may be repeated; all laws by default.")] = None,
+    terms: Terms = None,
+    stretch: Annotated[float | None, Option("--up-to", help="Leave out rows beyond this stretch.")] = None,
+    bulk_modulus: BulkModulus = None,
+    bulk_ratio: BulkRatio = None,
+    hold_out: Annotated[bool, Option("--hold-out", help="Hold out each mode in turn, and report how the others predict it.")] = False,
+    folder: ReportFolder = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Find a law's parameters from test data."""
+    laws, rows = law or fitted_laws(), load_test_data(data)
+    if terms is not None and "ogden" not in laws:
+        raise ValueError(f"--terms is of the law ogden, which --law {', '.join(laws)} leaves out")
+    terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    asked = {"laws": laws, "terms": terms, "up_to": stretch, **bulk}
+    asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
+    check_folder(folder, "identify.json", asked, overwrite)
+    if stretch is not None:
+        rows = rows.up_to(stretch)
+    with Bar("Fitting") as bar:
+        count = len(laws)
+        models, reports, held_out = identify_laws(
+            rows, laws, terms, bulk, hold_out, lambda done, law: bar.count("laws", done, count, f"now {law}")
+        )
+    for report in reports:
+        print_identified(report)
+    # Remarks on the data are in the report of every law, and are printed once.
+    for text in dict.fromkeys(text for report in reports for text in (*report["refusals"], *report["remarks"])):
+        warn(text)
+    print_json({"laws": reports, "held_out": held_out})
+    if held_out:
+        cells = []
+        for row in held_out:
+            scores = ", ".join(f"{mode} {value:.3f}" for mode, value in row["held_out"].items())
+            cells.append((row["law"], ", ".join(row["fitted_to"]), scores, f"{row['relative_rms']:.3f}"))
+        print_table("Modes held out", ("law", "fitted to", "R^2 of the mode held out", "relative RMS"), cells)
+    if folder is not None:
+        with writing(folder):
+            write_json(folder / "identify.json", {"asked": asked, "laws": reports})
+            figures.save(figure(models, rows), folder / "identify.png")
+        note(f"Results in {folder}")
+
+
+def print_identified(report: dict) -> None:
+    """Print parameters with their standard errors, and R^2 and the greatest difference by mode."""
+    form, cells = report.get("form", report["law"]["law"]), []
+    for name, value in report["parameters"].items():
+        error = report["standard_errors"][name]
+        shown = "at its bound" if name in report["at_bound"] else "not determined by the data" if error is None else f"{error:.2g}"
+        cells.append((name, f"{value:.5g}", shown))
+    print_table(f"{form} from {report['data']}, {report['rows']} rows", ("parameter", "value", "standard error"), cells, left=1)
+    out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in report["r_squared"].items()))
+    out.print(f"law against tests, greatest difference by mode: {differences_in_words(report['differences'])}")
+    if report["at_bound"]:
+        warn(
+            f"{form}: {', '.join(report['at_bound'])} ended at the bound of the search: the data do not determine it, or want another law."
+        )
+    if report["volume_ratio"] and report["volume_ratio"] > LARGE_GROWTH:
+        growth = f"the volume grows by {100 * (report['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
+        warn(f"{form}: with this bulk modulus {growth}: a greater one is given by --bulk-modulus.")
+
+
+def differences_in_words(differences: dict) -> str:
+    """Return the greatest difference from the tests by mode, in per cent of the greatest stress of the mode."""
+    return ", ".join(
+        f"{mode} no stress" if row["difference"] is None else f"{mode} {100 * row['difference']:+.2g} % at stretch {row['stretch']:g}"
+        for mode, row in differences.items()
+    )
+
+
 def fit(
     name: Annotated[str, Argument(help="Name of the new artefact.")],
     *,
@@ -54,7 +135,6 @@ def fit(
     folds: Annotated[int, Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
     seed: Annotated[int, Option(help="Seed of samples, split and first weights.", min=0)] = 0,
     folder: Annotated[Path | None, Option("--out", metavar="DIR", help=FOLDER_HELP)] = None,
-    as_json: AsJson = False,
 ) -> None:
     """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
     with bad_input(OSError):
@@ -66,9 +146,9 @@ def fit(
         raise ValueError("--free finds an energy without a law, --law names one: choose one")
     if terms is not None and (data is None or law != "ogden"):
         raise ValueError("--terms is of --law ogden with test data, which --data gives; of a law's own parameters by --set")
-    law, identification = law or "neo-hookean", IdentificationSettings(terms or N_TERMS, bulk_modulus, bulk_ratio)
+    law, bulk = law or "neo-hookean", bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
-        if identification.bulk or force_fit:
+        if bulk or force_fit:
             raise ValueError("--bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
         if free:
             raise ValueError("--free is of an energy from test data: give them by --data")
@@ -78,7 +158,7 @@ def fit(
         if change:
             raise ValueError("--data finds the law's parameters, --set gives them: choose one")
         with status(f"Fitting {'an energy' if free else law} to {data}"):
-            tests = identified(load_test_data(data), None if free else law, identification, committee, seed)
+            tests = identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, seed)
         hull, material, members = None, tests.model.law_, tests.members
         if free:
             settings, hull = settings.within(*tests.model.stretch_range_), tests.model.domain_hull()
@@ -88,22 +168,18 @@ def fit(
             warn(text)
         if refusals and not force_fit:
             raise ValueError(f"{'; '.join(refusals)}; --force-fit goes on all the same")
-    with _training_bar() as progress:
-        trained = settings.train(material, members, hull, progress)
-    try:
-        with writing(folder):
-            text = settings.text(material, trained.cross_validation, tests and tests.report)
-            # The next version is that of now: another fit of the same name may have ended since.
-            path = store(trained.pipeline, trained.samples, material, folder, name, version, text, trained.members)
-    except TooInexact as error:
-        raise ended(FAILED, str(error)) from None
+    with _TrainingBar() as bar, listening(bar.iteration):
+        write = settings.train(material, members, hull, tests and tests.report, bar.begin)
+    with writing(folder), bad_input(TooInexact, status=FAILED):
+        # The next version is that of now: another fit of the same name may have ended since.
+        path = write(folder, name, version)
     card = load_card(path)
     simulated = {} if tests is None else _simulate_tests(path, tests)
-    if as_json:
-        found = {"artefact": f"{card.name}@{card.version}", "path": str(path), "errors": card.errors, "training": card.training}
-        print_json({**found, **simulated})
+    print_json(
+        {"artefact": f"{card.name}@{card.version}", "path": str(path), "errors": card.errors, "training": card.training, **simulated}
+    )
     print_errors(card.errors["box"])
-    for row in trained.cross_validation:
+    for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on samples left out")
     for number, member in enumerate(card.members, 1):
         modulus = member.material.trained_with["shear_modulus"]
@@ -115,14 +191,15 @@ def _simulate_tests(path: Path, tests: Identified) -> dict:
     """Simulate the tests with an artefact, print how far it is from them and from the law, draw all three, and return it for programs."""
     with status(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)
-        found = simulate_tests(surrogate, tests)
-    out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(found.differences)}")
-    off = "no stress" if np.isnan(found.off_law) else f"{100 * found.off_law:.2g} % of the greatest stress"
+        stress, off_law, outside = simulate_tests(surrogate, tests.data, tests.model)
+    against_measured = differences(tests.data, stress)
+    out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(against_measured)}")
+    off = "no stress" if np.isnan(off_law) else f"{100 * off_law:.2g} % of the greatest stress"
     out.print(f"simulated against the law: {off} at the most")
-    if found.outside:
+    if outside:
         domain, stretches = surrogate.domain, tests.data.stretches
         warn(
-            f"{found.outside} of {len(tests.data)} rows lie outside the artefact's domain, stretches from {domain.least_stretch:.4g} to "
+            f"{outside} of {len(tests.data)} rows lie outside the artefact's domain, stretches from {domain.least_stretch:.4g} to "
             f"{domain.greatest_stretch:.4g}: the exact force stands in for it there, so their simulation does not test it. The "
             f"stretches of the data go from {stretches.min():.4g} to {stretches.max():.4g}: --least and --greatest set the domain as far "
             "as the law reaches; a larger one needs a higher --degree or more --units"
@@ -130,34 +207,29 @@ def _simulate_tests(path: Path, tests: Identified) -> dict:
     picture = path.with_name(f"{path.name}.png")
     if not picture.exists():
         with writing(path.parent):
-            figures.save(figure([tests.model], tests.data, found.stress), picture)
+            figures.save(figure([tests.model], tests.data, stress), picture)
         note(f"Tests, law and simulation drawn in {picture}")
-    stress = [float(value) if np.isfinite(value) else None for value in found.stress]
-    return {"simulated": {"against_measured": found.differences, "rows_outside_domain": found.outside, "nominal_stress": stress}}
+    values = [float(value) if np.isfinite(value) else None for value in stress]
+    return {"simulated": {"against_measured": against_measured, "rows_outside_domain": outside, "nominal_stress": values}}
 
 
-@contextmanager
-def _training_bar() -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a function that shows the stage, the number and the count of fits; the iterations of each show by themselves."""
-    now, iterations, rate = ("", 0, 1), 0, Rate("iterations")
-    with progress_bar() as shown:
+class _TrainingBar(Bar):
+    """Progress of fits: the stage, the number and the count of the fit that has begun, and its iterations."""
 
-        def begin(*stage_number_count) -> None:
-            nonlocal now, iterations, rate
-            if stage_number_count[0] != now[0]:
-                iterations, rate = 0, Rate("iterations")
-            now = stage_number_count
-            show(0.0)
+    _begun, _iterations = ("", 0, 1), 0
 
-        def show(share: float, *words: str) -> None:
-            stage, number, count = now
-            fold = [f"fold {number + 1} of {count}"] if count > 1 else []
-            shown((number + share) / count, ", ".join([*fold, *words]), stage)
+    def begin(self, *stage_number_count) -> None:
+        """Show that a fit begins."""
+        self._begun = stage_number_count
+        self._show_fit(0.0)
 
-        def iteration(done: int, most: int, loss: float) -> None:
-            nonlocal iterations
-            iterations += 1
-            show(done / most, f"iteration {done} of at most {most}", f"loss {loss:.2e}{rate.after(iterations)}")
+    def iteration(self, done: int, most: int, loss: float) -> None:
+        """Show an iteration of the fit."""
+        self._iterations += 1
+        rate = self.rate("iterations", self._iterations)
+        self._show_fit(done / most, f"iteration {done} of at most {most}", f"loss {loss:.2e}{rate}")
 
-        with listening(iteration):
-            yield begin
+    def _show_fit(self, share: float, *words: str) -> None:
+        stage, number, count = self._begun
+        fold = [f"fold {number + 1} of {count}"] if count > 1 else []
+        self.show((number + share) / count, ", ".join([*fold, *words]), stage)

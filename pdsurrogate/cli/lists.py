@@ -1,32 +1,34 @@
-"""The commands that list laws and artefacts."""
+"""The commands that list and show laws, artefacts and scenes, and write a scene to start from."""
 
-from __future__ import annotations
-
+import json
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import fields
+from importlib import resources
+from pathlib import Path
 from typing import Annotated
 
 from rich.markup import escape
-from typer import Argument
+from typer import Argument, Option
 
 from ..artifacts import ArtifactError, called, list_artifacts, load_card
 from ..materials import LAWS, Law
-from .command import AsJson, command
-from .terminal import print_json, print_table
+from ..results.files import write_text
+from ..scenes import load_scene, scene_names
+from .command import SetScene, check_folder
+from .terminal import note, print_json, print_table, writing
 
 
-@command
-def materials(as_json: AsJson = False) -> None:
+def materials() -> None:
     """List the material laws with their parameters."""
-    if as_json:
-        print_json([{**law().describe(), "bounds": law.bounds, "source": law.reference} for law in LAWS.values()])
+    print_json([{**law().describe(), "bounds": law.bounds, "source": law.reference} for law in LAWS.values()])
     columns = ("law", "parameter", "default", "bounds in identification", "source")
-    rows = (row for law in LAWS.values() for row in _rows_of(law))
+    rows = (row for law in LAWS.values() for row in _rows_of_law(law))
     print_table("Laws; every parameter is set by --set material.NAME=VALUE", columns, rows)
 
 
-def _rows_of(law: type[Law]) -> Iterator[tuple[str, ...] | None]:
+def _rows_of_law(law: type[Law]) -> Iterator[tuple[str, ...] | None]:
     """Yield a row for each parameter of a law, and None after the last one."""
     default = law()
     for number, field in enumerate(fields(law)):
@@ -38,11 +40,7 @@ def _rows_of(law: type[Law]) -> Iterator[tuple[str, ...] | None]:
     yield None
 
 
-@command
-def artifacts(
-    reference: Annotated[str | None, Argument(metavar="[REF]", help="Artefact whose card is shown.")] = None,
-    as_json: AsJson = False,
-) -> None:
+def artifacts(reference: Annotated[str | None, Argument(metavar="[REF]", help="Artefact whose card is shown.")] = None) -> None:
     """List the artefacts that are found by name, or show one's card."""
     if reference is not None:
         sys.stdout.write(load_card(reference).to_json())
@@ -60,5 +58,64 @@ def artifacts(
         rows.append((escape(shown), law, card.features["set"], f"{card.errors['box']['on_surface']['rms']:.1e}", str(folder)))
     folds = ("artefact", "law", "features", "where")
     print_table("Artefacts", ("artefact", "law", "features", "RMS error", "where"), rows, folds=folds)
-    if as_json:
-        print_json(known)
+    print_json(known)
+
+
+def scenes(
+    name: Annotated[str | None, Argument(metavar="[SCENE]", help="Scene to show: a name, or the path of a scene file.")] = None,
+    plot: Annotated[bool, Option("--plot", help="Plot the scene with its regions, grips, loads and probes, without running it.")] = False,
+    change: SetScene = None,
+    pictures: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the picture; this one by default.")] = None,
+) -> None:
+    """List the built-in scenes, or show (and plot) one of them."""
+    if pictures is not None and not plot:
+        raise ValueError("--out is the folder of the picture that --plot draws: give --plot as well")
+    if name is None:
+        if plot or change:
+            raise ValueError(f"{'--plot' if plot else '--set'} needs the scene that is meant: pdsurrogate scenes NAME")
+        known = [load_scene(one) for one in scene_names()]
+        print_json([{"name": one.name, "dimension": one.dimension, "title": one.title} for one in known])
+        rows = ((one.name, "solid" if one.dimension == 3 else "sheet", one.title) for one in known)
+        print_table("Scenes", ("scene", "body", "what it is"), rows)
+        return
+    scene = load_scene(name, change or [])
+    given = scene.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
+    print_json(given)
+    print_table(f"Scene {scene.name}", ("key", "value"), _rows_of_scene(given), folds=("value",), show_header=False)
+    if plot:
+        # Imported here, since only pictures need matplotlib.
+        from ..results import figures
+        from ..run.preview import preview
+
+        pictures = pictures or Path()
+        path = pictures / f"{scene.name}-scene.png"
+        check_folder(pictures)
+        figure = preview(scene)
+        with writing(pictures):
+            figures.save(figure, path)
+        note(f"Wrote {path}")
+
+
+def _rows_of_scene(given: dict) -> Iterator[tuple[str, str]]:
+    """Yield a row for each key of a scene, and for each entry of a list of tables."""
+    for key, value in given.items():
+        several = isinstance(value, list) and value and isinstance(value[0], dict)
+        for name, entry in ((f"{key}.{number}", entry) for number, entry in enumerate(value)) if several else ((key, value),):
+            if isinstance(entry, dict):
+                entry = ", ".join(f"{inner} = {json.dumps(one)}" for inner, one in entry.items())
+            yield name, escape(entry if isinstance(entry, str) else json.dumps(entry))
+
+
+def new(file: Annotated[Path, Argument(metavar="FILE.toml", help="Path of the scene file to create.")]) -> None:
+    """Write a commented scene to start from."""
+    if file.suffix != ".toml":
+        raise ValueError(f"{file}: the file of a scene ends in .toml")
+    if file.exists():
+        raise ValueError(f"{file}: the file already exists; choose another name")
+    name = re.sub(r"[^A-Za-z0-9 ._-]", "-", file.stem).lstrip(" ._-")[:64] or "scene"
+    text = (resources.files(__package__) / "template.toml").read_text("utf-8")
+    with writing(file):
+        write_text(file, text.format(name=name, file=file))
+    load_scene(file)
+    print_json({"name": name, "path": str(file)})
+    note(f"Wrote {file}; look at it with: pdsurrogate scenes {file} --plot; run it with: pdsurrogate run {file} --out out")

@@ -1,36 +1,38 @@
-"""The command that runs a scene."""
-
-from __future__ import annotations
+"""The command that runs a scene, and the tables and lines on its result."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from typer import Argument, Option
 
 from ..artifacts import default_force, with_material
 from ..artifacts.material import in_words
 from ..forces import ForceModel
-from ..ranks import NotUnderMPI, communicator
+from ..ranks import communicator
 from ..results import Result
 from ..results.checkpoint import NAME
 from ..results.folder import occupied
 from ..run.simulate import Progress, SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene, load_scene
-from .command import AsJson, MaxTime, Overwrite, SetScene, check_folder, command
-from .endings import FAILED, INTERRUPTED, bad_input, ended, share, writing
-from .run_tables import print_result
-from .terminal import WARNING, Rate, err, note, print_json, progress_bar, warn
+from .command import MaxTime, Overwrite, SetScene, check_folder
+from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, err, note, out, print_json, print_table, share, warn, writing
 
 FORCE_HELP = "analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); default: chosen for the scene."
 
 CAUTION = 0.01
 """Relative RMS error on the card of an artefact above which the user is warned."""
 
+LEAST_SHARE = 0.01
+"""Share of the moment over the extent of the body below which a force is not printed: a part that is turned has smaller ones."""
 
-@command
+LEAST_SHOWN = 5e-6
+"""Force that is printed as zero, relative to the greatest one where that is below 1: tables have five decimals."""
+
+
 def run(
     scene: Annotated[str, Argument(metavar="SCENE", help="Name of a built-in scene, or path of a scene file (.toml).")],
     *,
@@ -41,13 +43,10 @@ def run(
     resume: Annotated[bool, Option("--resume", help="Resume from the checkpoint in DIR; the result is the same.")] = False,
     overwrite: Overwrite = False,
     max_time: MaxTime = None,
-    as_json: AsJson = False,
 ) -> None:
     """Run a scene and compare it with its reference."""
-    with bad_input(NotUnderMPI):
-        ranks = communicator()
+    ranks = communicator()
     share(ranks)
-    first = ranks.rank == 0
     asked = load_scene(scene, change or [])
     described, model = (asked, default_force(asked)) if force is None else with_material(asked, force)
     if described is not asked:
@@ -60,7 +59,7 @@ def run(
     if resume and out_folder is None:
         raise ValueError("--resume needs --out, the folder with the checkpoint")
     folder = None if out_folder is None else Path(out_folder)
-    writes = folder if first else None
+    writes = folder if ranks.rank == 0 else None
     check_folder(writes)
     failure = None
     with ExitStack() as held:
@@ -69,8 +68,8 @@ def run(
                 held.enter_context(occupied(writes))
             options = {"folder": folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
             try:
-                with progress_bar() as shown:
-                    result = simulate(described, model, threads=threads, progress=_Shown(described, shown), **options)
+                with Bar() as bar:
+                    result = simulate(described, model, threads=threads, progress=_Shown(described, bar), **options)
             except SimulationFailed as error:
                 failure, result = error, error.result
         print_result(result)
@@ -81,8 +80,7 @@ def run(
             note(f"Results in {writes}")
             if result.in_pieces:
                 note(f"The body is in pieces, and no picture of it is drawn: open {described.name}.pvd in ParaView")
-        if as_json and first:
-            print_json(result.summary)
+        print_json(result.summary)
         ranks.barrier()  # a rank that is alone with an error ends the others
     _warn_of(result, described, model)
     if isinstance(failure, SimulationInterrupted):
@@ -128,10 +126,9 @@ def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
 class _Shown(Progress):
     """Progress of a simulation, shown by a bar; the residual falls over many decades, so the bar counts decades."""
 
-    def __init__(self, scene: Scene, shown: Callable[..., None]) -> None:
-        self._scene, self._shown = scene, shown
-        self._title, self._first, self._account = "", 0.0, ""
-        self._rate: Rate | None = None
+    def __init__(self, scene: Scene, bar: Bar) -> None:
+        self._scene, self._bar = scene, bar
+        self._first, self._account = 0.0, ""
 
     def compiling(self) -> None:
         """Print that kernels are being compiled."""
@@ -140,37 +137,166 @@ class _Shown(Progress):
     def level(self, number: int, parameter: float) -> None:
         """Begin the bar of the next output."""
         if self._scene.stretched:
-            self._begin(f"{self._scene.name}: stretch {parameter:g} ({number + 1}/{len(self._scene.stretches)})")
+            at = f"stretch {parameter:g} ({number + 1}/{len(self._scene.stretches)})"
         else:
-            self._begin(f"{self._scene.name}: t = {parameter:g} (step {number + 1}/{len(self._scene.steps)})")
-
-    def _begin(self, title: str) -> None:
-        if title != self._title:
-            self._title, self._first, self._rate = title, 0.0, None
-            self._shown(0.0, title=title)
-
-    def _rate_of(self, items: str, count: int) -> str:
-        """Return the rate of evaluations or steps since the first call for this output."""
-        if self._rate is None:
-            self._rate = Rate(items, count)
-        return self._rate.after(count)
+            at = f"t = {parameter:g} (step {number + 1}/{len(self._scene.steps)})"
+        self._first = 0.0
+        self._bar.show(0.0, title=f"{self._scene.name}: {at}")
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
         """Show how many of the decades between the greatest residual and the tolerance are done."""
         self._first = max(self._first, residual, 1e-300)
         span = math.log10(self._first / tolerance)
         done = math.log10(self._first / max(residual, 1e-300)) / span if span > 0 else 1.0
-        state = f"residual {residual:.1e}, {evaluations} evaluations{self._rate_of('evaluations', evaluations)}"
-        self._shown(min(max(done, 0.0), 1.0), state, self._title)
+        rate = self._bar.rate("evaluations", evaluations)
+        self._bar.show(min(max(done, 0.0), 1.0), f"residual {residual:.1e}, {evaluations} evaluations{rate}")
 
     def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
         """Show the share of a dynamic stage that is done."""
-        self._begin(f"{self._scene.name}: dynamics")
         broken = f", {broken_bonds} bonds broken" if self._scene.fracture is not None else ""
         state = f"{'stretch ' if self._scene.stretched else 't = '}{parameter:.4f}{broken}{self._account}"
-        self._shown(done, state, self._title)
+        self._bar.show(done, state, f"{self._scene.name}: dynamics")
 
     def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
         """Keep the energies for the next call of `dynamics`."""
-        rate = self._rate_of("steps", steps)
+        rate = self._bar.rate("steps", steps)
         self._account = f", energies {strain_energy:.3g} strain, {kinetic_energy:.2g} kinetic{rate}"
+
+
+def print_result(result: Result) -> None:
+    """Print the result of a run: cells, outputs, cracks, the account of energy, and the time taken."""
+    print_cells(result)
+    if result.levels:
+        (print_levels if result.scene.stretched else _print_outputs)(result)
+    summary = result.summary
+    if "crack" in summary:
+        _print_crack(result)
+    for account in summary.get("dynamics", ()):
+        if account["energy_gap"] is None:
+            out.print(f"No account of energy: {account['remark']}")
+        else:
+            put_in = result.scene.units.amount(account["energy_put_in"], "energy", ".4g")
+            out.print(f"Account of energy: off by {account['energy_gap']:+.2g} % of the {put_in} put in")
+    threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
+    cost = f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond on {threads}"
+    out.print(f"{cost}, {summary['seconds_total']:.1f} s in all, of which {summary['seconds_compile']:.1f} s compiling")
+
+
+def print_cells(result: Result) -> None:
+    """Print the size of the cells if it differs from the spacing asked for."""
+    summary, asked, units = result.summary, result.scene.spacing, result.scene.units
+    horizon = f"the horizon is {units.amount(summary['horizon'], 'length', '.6g')}"
+    if result.scene.body.shape == "mesh":
+        out.print(f"The mesh has a spacing of {units.amount(summary['spacing'], 'length', '.6g')}; {horizon}")
+    elif any(side != asked for side in summary["cell_size"]):
+        cells = units.amount(" x ".join(f"{side:.6g}" for side in summary["cell_size"]), "length")
+        out.print(f"Cells of {cells} fill the body, the nearest to the spacing of {asked:g}; {horizon}")
+
+
+def print_levels(result: Result) -> None:
+    """Print the levels of a stretched body, with the exact solution or the reference if there is one."""
+    units, levels = result.scene.units, result.levels
+    compared = any("nominal_stress_reference" in level for level in levels)
+    # The mean narrowing if the exact solution is homogeneous, else the greatest one.
+    homogeneous = any("lateral_displacement_reference" in level for level in levels)
+    lateral = ("lateral_displacement", "lateral") if homogeneous else ("greatest_lateral_displacement", "greatest lateral")
+    columns = [("stretch", [f"{level['stretch']:.10g}" for level in levels])]
+    for key, quantity, unit in ((*lateral, "length"), ("nominal_stress", "stress", "stress")):
+        values, references, errors = ([level.get(name) for level in levels] for name in (key, f"{key}_reference", f"{key}_error"))
+        greatest = _greatest(values)
+        if all(value is None for value in values):
+            continue
+        columns.append((units.label(quantity, unit), _figures(values, greatest)))
+        if compared:
+            columns.append(("exact" if homogeneous else "reference", _figures(references, greatest)))
+            columns.append(("error (%)", ["" if error is None else f"{100 * error:+.4f}" for error in errors]))
+    _print_columns(_title(result), columns)
+    print_grip(result)
+
+
+def print_grip(result: Result) -> None:
+    """Print which of two unequal cross-sections the nominal stress refers to."""
+    units, areas, used = result.scene.units, result.summary["grip_areas"], result.levels[-1]["nominal_stress_grip"]
+    other = next(edge for edge in areas if edge != used)
+    if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
+        area, another = (units.amount(areas[edge], "length", ".5g", "^2") for edge in (used, other))
+        force = f"Stress: force of the {used} grip over its cross-section of {area}"
+        out.print(f"{force}; the {other} grip's is {another}.")
+
+
+def _print_outputs(result: Result) -> None:
+    """Print the forces on the body at every output, without components that are always zero, and the displacements of probes."""
+    units, levels = result.scene.units, result.levels
+    columns = [("t", [f"{level['t']:g}" for level in levels])]
+    times = [f"{level['time']:.4g}" if "time" in level else "" for level in levels]
+    timed = [(units.label("time", "time"), times)] if any(times) else []
+    _print_columns(f"{_title(result)}: forces on the body", columns + timed + _alike(_force_columns(result)))
+    if "probes" in levels[0]:
+        moved = {
+            units.label(f"{name} x{component + 1}", "length"): [level["probes"][name]["displacement"][component] for level in levels]
+            for name, probe in levels[0]["probes"].items()
+            for component in range(len(probe["displacement"]))
+        }
+        _print_columns("displacements of the probes", columns + _alike(moved))
+
+
+def _force_columns(result: Result) -> dict[str, list[float]]:
+    """Return the non-negligible forces and moments of each region by heading; in the plane the moment only if there is no force."""
+    units, levels, columns = result.scene.units, result.levels, {}
+    extent = float(np.ptp(result.body.points, axis=0).max())
+    zero = LEAST_SHOWN * min(1.0, _greatest([value for level in levels for force in level["forces"].values() for value in force]))
+    for name in dict.fromkeys(name for level in levels for name in level["forces"]):
+        forces = np.array([level["forces"][name] for level in levels])
+        # In the plane about x3 only, in three dimensions about all three axes.
+        moments = np.array([np.atleast_1d(level["moments"][name]) for level in levels])
+        in_space, sizes = moments.shape[1] == 3, np.abs(moments).max(axis=0)
+        shown = np.flatnonzero(np.abs(forces).max(axis=0) >= max(zero, LEAST_SHARE * sizes.max() / extent))
+        for component in shown:
+            columns[units.label(f"{name} x{component + 1}", "force")] = forces[:, component].tolist()
+        for component in np.flatnonzero(sizes >= zero * min(1.0, extent)) if in_space else [0] * (not len(shown)):
+            heading = f"{name} moment{f' about x{component + 1}' if in_space else ''}"
+            columns[units.label(heading, "energy")] = moments[:, component].tolist()
+    return columns
+
+
+def _print_crack(result: Result) -> None:
+    summary, units = result.summary, result.scene.units
+    crack = summary["crack"]
+    if crack["start"] is None:
+        out.print(f"No bond reached the critical stretch {summary['critical_stretch']:.4g}.")
+        return
+    start = crack["start"]
+    where = " and ".join(f"({', '.join(f'{value:.3g}' for value in tip)})" for tip in start["tips"])
+    at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
+    told = [f"First bond broken at {where} at {at}"]
+    if peak := crack.get("peak"):
+        told += [f"peak nominal stress {units.amount(peak['nominal_stress'], 'stress', '.5g')} at stretch {peak['stretch']:.4f}"]
+    told += [f"{crack['broken_bonds']} bonds broken, {'the body came apart' if crack['through'] else 'the body still holds'}"]
+    out.print("; ".join([*told, f"{summary['unsupported_points']} points without support"]))
+
+
+def _title(result: Result) -> str:
+    return f"{result.summary['scene']}, force {result.summary['force']}, {result.summary['n_points']} points"
+
+
+def _print_columns(title: str, columns: Sequence[tuple[str, Sequence[str]]]) -> None:
+    """Print a table of numbers column by column."""
+    headings, cells = zip(*columns, strict=True)
+    print_table(title, headings, zip(*cells, strict=True), left=0)
+
+
+def _alike(columns: dict[str, list[float]]) -> list[tuple[str, list[str]]]:
+    """Return columns with their cells, all in the form that the greatest value needs."""
+    greatest = _greatest([value for column in columns.values() for value in column])
+    return [(heading, _figures(column, greatest)) for heading, column in columns.items()]
+
+
+def _greatest(values: Sequence[float | None]) -> float:
+    return max((abs(value) for value in values if value is not None), default=0.0)
+
+
+def _figures(values: Sequence[float | None], greatest: float) -> list[str]:
+    """Return the cells of a column, empty for None: with five decimals, or in powers of ten if the greatest value needs them."""
+    form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
+    # Rounded first, so that no zero has a minus.
+    return ["" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form) for value in values]

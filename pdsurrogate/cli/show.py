@@ -1,7 +1,6 @@
 """The command that draws what a run has saved."""
 
-from __future__ import annotations
-
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -12,9 +11,10 @@ from ..results.files import write_text
 from ..results.folder import RUNNING
 from ..results.page import html_page
 from ..results.tables import column_title
-from .command import AsJson, check_folder, command
-from .endings import bad_input, writing
-from .terminal import WARNING, complain, counting_bar, note, out, print_json, print_table, warn
+from .command import check_folder
+from .terminal import WARNING, Bar, bad_input, complain, note, out, print_json, print_table, warn, writing
+
+FIELD_HELP = "Field to draw, such as von_mises or stress_22; may be repeated; default: chosen."
 
 MARK, MARK_WITHIN = b'content="pdsurrogate show"', 400
 """Bytes by which a page of a result is known, and the number of first bytes that have them."""
@@ -23,17 +23,12 @@ ZERO_FORCE = 1e-4
 """Share of the greatest force below which a component counts as zero: the tolerance of an equilibrium leaves less."""
 
 
-@command
 def show(
     folder: Annotated[Path, Argument(metavar="DIR", help="Folder with the results of a run.")],
-    field: Annotated[
-        list[str] | None,
-        Option(metavar="FIELD", help="Field to draw, such as von_mises or stress_22; may be repeated; default: chosen."),
-    ] = None,
+    field: Annotated[list[str] | None, Option(metavar="FIELD", help=FIELD_HELP)] = None,
     level: Annotated[int | None, Option(help="Number of the output, from 0; -1 is the last one, the default.")] = None,
     pictures: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the pictures; this one by default.")] = None,
     html: Annotated[Path | None, Option(metavar="FILE", help="One page of HTML with all of it in the place of pictures.")] = None,
-    as_json: AsJson = False,
 ) -> None:
     """Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."""
     with bad_input(OSError):
@@ -44,14 +39,13 @@ def show(
         result = load_result(folder)
     pictures, level = pictures or Path(), -1 if level is None else level
     check_folder(pictures if html is None else html.parent)
-    if as_json:
-        print_json({"fields": result.field_names() if result.states else [], "history": result.history})
+    print_json({"fields": result.field_names() if result.states else [], "history": result.history})
     _print_history(result)
     if result.status != "done":
         warn(f"{folder}: {result.summary['failure']}; what it had come to is shown.")
     if html is not None:
-        with counting_bar("pictures", "drawing") as counted, writing(html):
-            write_text(html, html_page(result, field or (), counted))
+        with Bar("drawing") as bar, writing(html):
+            write_text(html, html_page(result, field or (), partial(bar.count, "pictures")))
         note(f"Wrote {html}")
     elif not result.states:
         why = "its summary lists none yet; --resume goes on with the run" if result.status == RUNNING else "the run came to no output"
@@ -79,4 +73,4 @@ def _print_history(result: Result) -> None:
     titles = [column_title(column, result.scene.units).replace("_", " ") for column in columns]
     cells = ([f"{row[column]:.5g}" if column in row else "" for column in columns] for row in rows)
     print_table(repr(result)[1:-1], titles, cells, left=0)
-    out.print(f"fields: {', '.join(result.field_names())}" if result.states else "no states", soft_wrap=True)
+    out.print(f"fields: {', '.join(result.field_names())}" if result.states else "no states")

@@ -1,20 +1,24 @@
-"""Standard output and standard error: tables, JSON, remarks and progress."""
-
-from __future__ import annotations
+"""Standard output and standard error: tables, JSON, remarks and progress; ends of a command, alone or on several ranks."""
 
 import json
+import os
+import signal
 import sys
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from types import SimpleNamespace
 
+import typer
 from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
+
+from ..run.interruption import heard
 
 MOST_COLUMNS = 10_000
 """Width, in characters, that no line of a table in its narrowest form reaches."""
@@ -25,36 +29,40 @@ SOONEST = 0.5
 ERROR, WARNING = "[red]pdsurrogate:[/]", "[yellow]pdsurrogate:[/]"
 """Beginnings of lines on standard error."""
 
-out = Console()
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+"""Exit statuses; the last one is 128 and the number of the signal, as shells have it."""
+
+SECONDS_BEFORE_THE_OTHERS = 5.0
+"""Time that ranks have to come to the same end; a rank that does not is ended with the others."""
+
+SECONDS_TO_END = 1.7
+"""Time after Ctrl-C until the process is ended; a run that has noticed it takes the time that it needs to save its state."""
+
+_INTERRUPTED_IN_A_CALL = b"pdsurrogate: interrupted in the middle of a calculation; what had been saved before is kept\n"
+
+_ranks = None
+"""Communicator of the ranks that share the command; None for a command that one process carries out."""
+
+out = Console(soft_wrap=True)
 err = Console(stderr=True)
 
 
-@dataclass
-class Settings:
-    """Values of the options that all commands have, set when a command begins.
-
-    Attributes
-    ----------
-    quiet : bool
-        Neither progress nor remarks are printed.
-    as_json : bool
-        Standard output is JSON.
-    printed : bool
-        JSON has been printed.
-    """
-
-    quiet: bool = False
-    as_json: bool = False
-    printed: bool = False
-
-
-settings = Settings()
+settings = SimpleNamespace(quiet=False, as_json=False, printed=False)
+"""Values set when a command begins: whether neither progress nor remarks are printed, and whether standard output is JSON; and whether
+JSON has been printed."""
 
 
 def print_json(data) -> None:
-    """Print data for programs."""
-    settings.printed = True
-    sys.stdout.write(json.dumps(data, indent=2) + "\n")
+    """Print data for programs, if the user asked for JSON; of several ranks, the first prints."""
+    if settings.as_json and not err.quiet:
+        settings.printed = True
+        sys.stdout.write(json.dumps(data, indent=2) + "\n")
+
+
+def error_as_json(status: int, reason: str) -> None:
+    """Print the reason of an error as JSON, unless JSON has been printed: results give the reason themselves."""
+    if not settings.printed:
+        print_json({"error": " ".join(reason.split()), "exit_status": status})
 
 
 def note(text: str) -> None:
@@ -117,58 +125,7 @@ def show(table: Table) -> None:
     needed = Measurement.get(out, out.options.update(width=MOST_COLUMNS), table).minimum
     if needed > out.width:
         table.width = needed
-    out.print(table, crop=False)
-
-
-class Bar(Progress):
-    """Progress columns: task, share done, time elapsed and left; below them the ``state`` of the task (counts, rate, residual, energy).
-
-    A narrow terminal would cut the state if it stood in the same line. Nothing is drawn if standard error is no terminal.
-    """
-
-    def __init__(self) -> None:
-        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-        super().__init__(*columns, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
-
-    def get_renderables(self) -> Iterator[RenderableType]:
-        """Yield the lines of every task."""
-        for task in self.tasks:
-            yield self.make_tasks_table([task])
-            if task.fields["state"]:
-                yield Text(task.fields["state"])
-
-
-@contextmanager
-def progress_bar(title: str = "") -> Iterator[Callable[..., None]]:
-    """Yield a function that shows the share done and a state in words, under another ``title`` in a new bar."""
-    with Bar() as bar:
-        current = None
-
-        def shown(share: float, state: str = "", title: str = title) -> None:
-            nonlocal current
-            if title != current:
-                for task in bar.task_ids:
-                    bar.remove_task(task)
-                current = title
-                bar.add_task(escape(title), completed=share, total=1.0, state=state)
-            bar.update(bar.task_ids[0], completed=share, state=state)
-
-        if title:
-            shown(0.0)
-        yield shown
-
-
-@contextmanager
-def counting_bar(items: str, title: str = "") -> Iterator[Callable[..., None]]:
-    """Yield a function that shows how many of all items are done, their rate, and a state in words, as `progress_bar` does."""
-    rates: dict[str, Rate] = {}
-    with progress_bar(title) as shown:
-
-        def counted(done: float, total: int, state: str = "", title: str = title) -> None:
-            rate = rates.setdefault(title, Rate(items, done))
-            shown(done / total, f"{int(done)} of {total} {items}{rate.after(done)}{state and f', {state}'}", title)
-
-        yield counted
+    out.print(table, soft_wrap=False, crop=False)
 
 
 class Rate:
@@ -186,11 +143,106 @@ class Rate:
         return f", {rate:.3g} {self._items}/s" if rate >= 1 else f", {60 * rate:.3g} {self._items}/min"
 
 
+class Bar(Progress):
+    """Progress of one task: its title, share done, time elapsed and left; below them its ``state`` (counts, rate, residual, energy).
+
+    A narrow terminal would cut the state if it stood in the same line. Nothing is drawn if standard error is no terminal.
+    """
+
+    def __init__(self, title: str = "") -> None:
+        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+        super().__init__(*columns, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
+        self._title, self._rate = "", None
+        if title:
+            self.show(0.0, title=title)
+
+    def get_renderables(self) -> Iterator[RenderableType]:
+        """Yield the lines of every task."""
+        for task in self.tasks:
+            yield self.make_tasks_table([task])
+            if task.fields["state"]:
+                yield Text(task.fields["state"])
+
+    def show(self, share: float, state: str = "", title: str = "") -> None:
+        """Show the share done and a state in words; another title begins a new bar."""
+        if title not in ("", self._title) or not self.tasks:
+            for task in self.task_ids:
+                self.remove_task(task)
+            self._title, self._rate = title, None
+            self.add_task(escape(title), completed=share, total=1.0, state=state)
+        self.update(self.task_ids[0], completed=share, state=state)
+
+    def rate(self, items: str, count: float) -> str:
+        """Return the rate of items since the first call under the title of the bar, as `Rate` has it."""
+        self._rate = self._rate or Rate(items, count)
+        return self._rate.after(count)
+
+    def count(self, items: str, done: float, total: int, state: str = "", title: str = "") -> None:
+        """Show how many of all items are done, their rate, and a state in words."""
+        self.show(done / total, state, title)
+        self.show(done / total, f"{int(done)} of {total} {items}{self.rate(items, done)}{state and f', {state}'}")
+
+
+def status(text: str) -> AbstractContextManager:
+    """Return a context with a line on what is being done; without it if standard error is no terminal."""
+    return nullcontext() if settings.quiet or not err.is_terminal else err.status(escape(text))
+
+
+def share(ranks) -> None:
+    """Share the command among the ranks of a communicator, of which the first prints for all."""
+    global _ranks
+    _ranks = ranks
+    err.quiet = ranks.rank > 0
+    out.quiet = out.quiet or err.quiet  # also quiet for JSON
+    ranks.barrier()  # the time that each took to start is no part of the time to end
+
+
+def ended(status: int, reason: str, prefix: str = ERROR) -> typer.Exit:
+    """Return the exception that ends the command on all ranks, after one of them has printed the reason."""
+    error_as_json(status, reason)
+    complain(reason, prefix)
+    if _ranks is not None and not _ranks.leave(SECONDS_BEFORE_THE_OTHERS) and err.quiet:
+        err.quiet = False
+        complain(reason, prefix)
+    return typer.Exit(status)
+
+
 @contextmanager
-def status(text: str) -> Iterator[None]:
-    """Show a line on what is being done; nothing if standard error is no terminal."""
-    if settings.quiet or not err.is_terminal:
+def bad_input(*kinds: type[Exception], status: int = BAD_INPUT) -> Iterator[None]:
+    """Turn errors, by default those in what the user gave, into one line and an exit status."""
+    try:
         yield
+    except kinds as error:
+        text = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
+        raise ended(status, " ".join(text.split())) from None
+
+
+@contextmanager
+def writing(folder) -> Iterator[None]:
+    """Turn errors in writing results, such as a full disk, into one line and exit status 1."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"could not write {folder or error.filename or 'a file'}: {error.strerror or error}"
+        raise ended(FAILED, reason) from None
+
+
+def end_soon_after_interrupts() -> None:
+    """End the process soon after Ctrl-C, also while it compiles or factorises a matrix: Python itself waits until such a call returns.
+
+    A process that shares its command with others is not ended: they would wait for it.
+    """
+    if threading.current_thread() is not threading.main_thread() or os.name == "nt":
         return
-    with err.status(escape(text)):
-        yield
+    receiver, sender = os.pipe()
+    os.set_blocking(sender, False)
+    signal.set_wakeup_fd(sender, warn_on_full_buffer=False)
+
+    def watch() -> None:
+        while numbers := os.read(receiver, 64):
+            shared = _ranks is not None and _ranks.size > 1
+            if signal.SIGINT in numbers and not shared and not heard.wait(SECONDS_TO_END):
+                os.write(2, _INTERRUPTED_IN_A_CALL)
+                os._exit(INTERRUPTED)
+
+    threading.Thread(target=watch, name="interrupts", daemon=True).start()

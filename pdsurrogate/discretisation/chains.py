@@ -1,7 +1,5 @@
 """Closed chains of straight facets in the plane: cut where they meet, and the pieces kept that have material on one side alone."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -53,6 +54,11 @@ class MeshFile:
         """Return the corners of the cells of each block, arrays of shape (n, corners, d)."""
         return [self.nodes[block] for block in self.cells]
 
+    def centroids(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return centroids (n, d) and volumes (n,) of all cells."""
+        points, volumes = zip(*map(centroids, self.corners()), strict=True)
+        return np.concatenate(points), np.concatenate(volumes)
+
     def sides(self) -> Sides:
         """Return the sides of the cells: edges in two dimensions, faces in three."""
         extent = np.ptp(self.nodes, axis=0).max()
@@ -60,7 +66,7 @@ class MeshFile:
         number = same_places(self.nodes, 1e-9 * extent)
         blocks = self.cells
         if self.nodes.shape[1] == 2:
-            clockwise = [signed_areas(places) < 0 for places in self.corners()]
+            clockwise = [volumes_of(places).sum(axis=1) < 0 for places in self.corners()]
             blocks = [np.where(turned[:, None], block[:, ::-1], block) for turned, block in zip(clockwise, blocks, strict=True)]
         return Sides(*CellMesh(self.nodes, tuple(number[block] for block in blocks)).sides(), number)
 
@@ -152,7 +158,7 @@ def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
     kinds = {block.type for block in read.cells if len(block.data)}
     refused = sorted(kind for kind in kinds - set(CELL_TYPES[dimension]) if not kind.startswith(BESIDE_CELLS[dimension]))
     if refused:
-        advice = "; a body in space is asked for by dimension = 3" if dimension == 2 and kinds & set(CELL_TYPES[3]) else ""
+        advice = "; give dimension = 3 for a solid" if dimension == 2 and kinds & set(CELL_TYPES[3]) else ""
         raise ValueError(
             f"body.file: {file} has cells of type {', '.join(refused)}; {' and '.join(CELL_TYPES[dimension])} are taken{advice}"
         )
@@ -161,7 +167,7 @@ def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
         raise ValueError(f"body.file: {file} is not flat: its third coordinate varies")
     if not cells:
         words, flat = ("triangles or quadrilaterals", False) if dimension == 2 else ("tetrahedra or hexahedra", kinds & set(CELL_TYPES[2]))
-        raise ValueError(f"body.file: {file} has no {words}" + ("; a body in the plane is asked for by dimension = 2" if flat else ""))
+        raise ValueError(f"body.file: {file} has no {words}" + ("; give dimension = 2 for a sheet" if flat else ""))
     if dimension == 3:
         for block in cells:
             _check_solid_cells(file, points[block])
@@ -215,45 +221,15 @@ def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.n
     return cell_groups, side_groups
 
 
-def signed_areas(cells: np.ndarray) -> np.ndarray:
-    """Return the areas of polygons (n, corners, 2), negative where the corners run clockwise."""
-    return _cross_products(cells).sum(axis=1) / 2
-
-
-def _cross_products(cells: np.ndarray) -> np.ndarray:
-    following = np.roll(cells, -1, axis=1)
-    return cells[..., 0] * following[..., 1] - following[..., 0] * cells[..., 1]
-
-
-def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centroids (n, d) and volumes (n,) of cells of one kind, shape (n, corners, d)."""
-    if cells.shape[2] == 3:
-        return _centroids_of_solids(cells)
-    cross = _cross_products(cells)
-    area = cross.sum(axis=1) / 2
-    if (area == 0).any():
-        raise ValueError("body.file: a cell has no area")
-    if cells.shape[1] == 4 and _crossed(cells).any():
-        raise ValueError("body.file: the sides of a quadrilateral cross each other; its corners must be in order around it")
-    middles = ((cells + np.roll(cells, -1, axis=1)) * cross[..., None]).sum(axis=1) / (6 * area[:, None])
-    return middles, np.abs(area)
-
-
-def _centroids_of_solids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return volumes and centroids of tetrahedra and hexahedra, divided as `tetrahedra_of` divides them."""
-    parts = tetrahedra_of(cells)
-    volumes = np.linalg.det(parts[:, :, 1:] - parts[:, :, :1]) / 6
-    volume = volumes.sum(axis=1)
-    return (volumes[..., None] * parts.mean(axis=2)).sum(axis=1) / volume[:, None], volume
-
-
-def tetrahedra_of(cells: np.ndarray) -> np.ndarray:
-    """Return the tetrahedra that make each cell, shape (n, parts, 4, 3).
+def simplices_of(cells: np.ndarray) -> np.ndarray:
+    """Return the triangles or tetrahedra that make each cell (n, corners, d), shape (n, parts, d + 1, d).
 
     A face of a hexahedron need not be flat: it is four triangles about the mean of its corners, whichever of two cells it is seen from.
     """
-    if cells.shape[1] == 4:
+    if cells.shape[1] == cells.shape[2] + 1:
         return cells[:, None]
+    if cells.shape[2] == 2:
+        return cells[:, [[0, 1, 2], [0, 2, 3]]]
     faces = cells[:, np.array(FACES[3, 8])]
     middles = np.broadcast_to(faces.mean(axis=2, keepdims=True), faces.shape)
     tops = np.broadcast_to(cells.mean(axis=1)[:, None, None], faces.shape)
@@ -261,10 +237,35 @@ def tetrahedra_of(cells: np.ndarray) -> np.ndarray:
     return np.stack([tops, faces, np.roll(faces, -1, axis=2), middles], axis=3).reshape(len(cells), -1, 4, 3)
 
 
+def volumes_of(cells: np.ndarray) -> np.ndarray:
+    """Return the volumes (n, parts) of the simplices of cells, in the plane areas, negative where the corners run clockwise."""
+    parts = simplices_of(cells)
+    return np.linalg.det(parts[:, :, 1:] - parts[:, :, :1]) / math.factorial(cells.shape[2])
+
+
+def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return centroids (n, d) and volumes (n,) of cells of one kind, shape (n, corners, d)."""
+    volumes = volumes_of(cells)
+    volume = volumes.sum(axis=1)
+    if (volume == 0).any():
+        raise ValueError("body.file: a cell has no area")
+    # The sides of a quadrilateral cross if either diagonal cuts it into triangles of opposite senses.
+    if cells.shape[1:] == (4, 2) and ((volumes.prod(axis=1) < 0) & (volumes_of(np.roll(cells, 1, axis=1)).prod(axis=1) < 0)).any():
+        raise ValueError("body.file: the sides of a quadrilateral cross each other; its corners must be in order around it")
+    return (volumes[..., None] * simplices_of(cells).mean(axis=2)).sum(axis=1) / volume[:, None], np.abs(volume)
+
+
+SECTIONS = {
+    2: ((1, ((0, 1), (0, 2))), (2, ((2, 0), (2, 1)))),
+    3: ((1, ((0, 1), (0, 2), (0, 3))), (3, ((3, 0), (3, 1), (3, 2))), (2, ((0, 2), (0, 3), (1, 3), (1, 2)))),
+}
+"""Edges of triangles and tetrahedra that a cut crosses, by the dimension and the number of corners below; corners rise in height."""
+
+
 def section_area(cells: np.ndarray, axis: int, position: float) -> float:
-    """Return the area of the cut through tetrahedra or hexahedra on which a coordinate has the given value."""
-    heights = cells[..., axis] - position
-    parts = tetrahedra_of(cells[(heights.min(axis=1) <= 0) & (heights.max(axis=1) > 0)]).reshape(-1, 4, 3)
+    """Return the area, in the plane the length, of the cut through cells on which a coordinate has the given value."""
+    dimension, heights = cells.shape[2], cells[..., axis] - position
+    parts = simplices_of(cells[(heights.min(axis=1) <= 0) & (heights.max(axis=1) > 0)]).reshape(-1, dimension + 1, dimension)
     heights = parts[..., axis] - position
     order = np.argsort(heights, axis=1)
     parts, heights = np.take_along_axis(parts, order[..., None], axis=1), np.take_along_axis(heights, order, axis=1)
@@ -276,23 +277,13 @@ def section_area(cells: np.ndarray, axis: int, position: float) -> float:
         return parts[chosen, one] + share * (parts[chosen, other] - parts[chosen, one])
 
     area = 0.0
-    for count, edges in ((1, ((0, 1), (0, 2), (0, 3))), (3, ((3, 0), (3, 1), (3, 2))), (2, ((0, 2), (0, 3), (1, 3), (1, 2)))):
+    for count, edges in SECTIONS[dimension]:
         chosen = np.flatnonzero(below == count)
         first, *others = (crossing(chosen, *edge) for edge in edges)
-        twice = sum(np.cross(one - first, other - first) for one, other in pairwise(others))
-        area += float(np.linalg.norm(twice, axis=1).sum()) / 2
+        sides = [place - first for place in others]
+        sizes = sides[0] if dimension == 2 else sum(np.cross(one, other) for one, other in pairwise(sides)) / 2
+        area += float(np.linalg.norm(sizes, axis=1).sum())
     return area
-
-
-def _crossed(quadrilaterals: np.ndarray) -> np.ndarray:
-    """Return which quadrilaterals, shape (n, 4, 2), have sides that cross: either diagonal cuts them into triangles of opposite senses."""
-    a, b, c, d = quadrilaterals.transpose(1, 0, 2)
-
-    def sense(start, middle, end):
-        one, two = middle - start, end - start
-        return one[:, 0] * two[:, 1] - two[:, 0] * one[:, 1]
-
-    return (sense(a, b, c) * sense(a, c, d) < 0) & (sense(a, b, d) * sense(b, c, d) < 0)
 
 
 def loops_of(corners: np.ndarray) -> np.ndarray:

@@ -1,7 +1,5 @@
 """Places that are the same to rounding."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components

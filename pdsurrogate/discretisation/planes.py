@@ -1,7 +1,5 @@
 """Edges of a scene that hold its body by reflection, known from their names before the body is made."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from ..body import ReflectionPlane

@@ -1,7 +1,5 @@
 """Points of the body of a scene, and the separation of their bonds."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -12,10 +10,10 @@ from scipy.spatial import cKDTree
 
 from ..body import Body, CellMesh, Cells
 from ..body.local_fit import REACH
-from ..scenes import Box, Mesh, Rectangle, Scene, SceneError
+from ..scenes import Box, Circle, Ellipse, Mesh, Rectangle, Scene, SceneError, Sphere
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
-from ..scenes.solids import Solid
+from ..scenes.solids import Prism
 from .meshes import centroids, mesh_of, section_area
 from .planes import reflected_edges, reflection_planes
 
@@ -115,9 +113,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
 
     def cut(axis: int, position: float) -> float:
         if cells is not None:
-            if scene.dimension == 3:
-                return sum(section_area(block, axis, position) for block in cells)
-            return sum(float(_chords(block, axis, position).sum()) for block in cells)
+            return sum(section_area(block, axis, position) for block in cells)
         return _section_inside(scene, axis, position, lower, upper)
 
     for edge in [grip.edge for grip in scene.grips] or reflected_edges(scene, faces):
@@ -200,24 +196,13 @@ def _integral(values, low: float, high: float) -> float:
     return float(total + whole.sum())
 
 
-def _chords(cells: np.ndarray, axis: int, position: float) -> np.ndarray:
-    """Return the length of the chord of each convex polygon that the line of a given coordinate crosses."""
-    following = np.roll(cells, -1, axis=1)
-    spans = (cells[..., axis] > position) != (following[..., axis] > position)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (position - cells[..., axis]) / (following[..., axis] - cells[..., axis])
-        crossing = cells[..., 1 - axis] + share * (following[..., 1 - axis] - cells[..., 1 - axis])
-    chords = np.where(spans, crossing, -np.inf).max(axis=1) - np.where(spans, crossing, np.inf).min(axis=1)
-    return chords[spans.any(axis=1)]
-
-
 def _points_of(scene: Scene):
     """Return points, volumes, spacing and cell, the corners of the bounding box of the body, and groups of its points."""
     if isinstance(scene.body, Mesh):
         mesh = mesh_of(scene.body)
         cells = mesh.corners()
         corners = np.concatenate([block.reshape(-1, scene.dimension) for block in cells])
-        points, volumes = (np.concatenate(parts) for parts in zip(*map(centroids, cells), strict=True))
+        points, volumes = mesh.centroids()
         # Its cells have any shape: those whose centroid lies in a hole are left out whole.
         kept = _in_material(scene, points, np.ones(len(points), dtype=bool))
         number = np.cumsum(kept) - 1
@@ -254,7 +239,7 @@ def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[
     if mesh is None or not mesh.side_groups:
         return {}
     sides = mesh.sides()
-    outer, _ = sides.boundary(_outside_holes(scene, np.concatenate([centroids(block)[0] for block in mesh.corners()])))
+    outer, _ = sides.boundary(_outside_holes(scene, mesh.centroids()[0]))
     places, found = mesh.nodes[sides.corners[outer]], {}
     members = {name: sides.among(corners)[outer] for name, corners in mesh.side_groups.items()}
     for edge in edge_names(scene.dimension):
@@ -269,8 +254,7 @@ def _mesh_cells(scene: Scene) -> CellMesh | None:
     if not isinstance(scene.body, Mesh):
         return None
     mesh = mesh_of(scene.body)
-    middles = np.concatenate([centroids(block)[0] for block in mesh.corners()])
-    return CellMesh.of_mesh(mesh.nodes, mesh.cells, _outside_holes(scene, middles))
+    return CellMesh.of_mesh(mesh.nodes, mesh.cells, _outside_holes(scene, mesh.centroids()[0]))
 
 
 def _within_outline(scene: Scene, places: np.ndarray) -> np.ndarray:
@@ -375,7 +359,10 @@ def _cuts(scene: Scene, horizon: float, cell: Sequence[float], lower: np.ndarray
 
 def _surely_convex(scene: Scene) -> bool:
     """Return whether no bond, nor one between images, can leave the outline."""
-    return scene.body.convex if isinstance(scene.body, Solid) else isinstance(scene.body, Rectangle)
+    body = scene.body
+    if isinstance(body, Prism):
+        return not body.straight.bores and isinstance(body.straight.section, Rectangle | Circle | Ellipse)
+    return isinstance(body, Rectangle | Sphere)
 
 
 def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):

@@ -1,7 +1,5 @@
 """Check that the body of a scene fits into memory, before it is built."""
 
-from __future__ import annotations
-
 import math
 import os
 from contextlib import suppress

@@ -6,8 +6,6 @@ boundary of their own, and lie inside the body.  Of a part of a sphere it is tha
 faces between the rims of these; spherical holes about places on its flat faces are cut with it.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise, product
 

@@ -4,8 +4,6 @@ In the plane the outline and the holes become closed chains of facets, see `chai
 `solid_surfaces`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..body import Body, Following, Surface
@@ -15,7 +13,7 @@ from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
-from .meshes import centroids, loops_of, mesh_of
+from .meshes import loops_of, mesh_of
 from .solid_surfaces import boundary_of_solids, quarters
 
 EDGE = 0.8
@@ -107,7 +105,7 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
     left to right.
     """
     mesh = mesh_of(scene.body)
-    middles = np.concatenate([centroids(block)[0] for block in mesh.corners()])
+    middles, _ = mesh.centroids()
     hole = np.full(len(middles), -1)
     for number, shape in reversed(list(enumerate(scene.holes))):
         hole[shape.contains(middles)] = number

@@ -6,16 +6,12 @@ from .bond_energy import BondEnergyForce, EnergySurrogate
 from .bond_force import AnalyticBondForce, ForceSurrogate
 from .errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from .internal_force import InternalForce
-from .learnt import LearntBondForce
 from .learnt_energy import EnergyNetwork, IsochoricNetwork, LearntEnergy
-from .network import NetworkForce
+from .learnt_force import LearntBondForce, NetworkForce, PolynomialForce, SplineForce
 from .nosb import NOSBForce
 from .own import OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from .polynomial import PolynomialForce
-from .portions import bind_portions
-from .protocol import Domain, ForceModel, Member, Portion
+from .protocol import Domain, ForceModel, Member, Portion, bind_portions
 from .settings import ForceSettings
-from .spline import SplineForce
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}
 """Force models that need no artefact, by their names in scenes and on the command line."""

@@ -3,8 +3,6 @@
 Name and parameters are not enough: an expression of a user's own law may have changed since the model was fitted.
 """
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 
@@ -14,7 +12,6 @@ from ..engine.keys import NotKeyable
 from ..materials import PLANES, Law, plane_stress
 from ..materials.consistency import law_digest
 from .bond_force import exact_bond_force
-from .protocol import Domain
 
 MOST_OF_STATED = 5.0
 """Greatest accepted error of a model with a card, relative to the maximum error that the card states.
@@ -39,32 +36,6 @@ PLACES = np.stack([0.07 + 0.86 * (np.arange(1, 13) * step % 1) for step in (0.75
 
 _exact: dict = {}
 """Cache of exact answers; the keys hold the box and everything that the law depends on."""
-
-
-def states_within(law: Law, domain: Domain, exact) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Return plane-stress states in a domain, as arguments of the model, and the exact answer there.
-
-    Parameters
-    ----------
-    law : Law
-    domain : Domain
-    exact : {`bond_states`, `invariant_states`, `isochoric_states`}
-
-    Raises
-    ------
-    ValueError
-        If the law has no state somewhere in the domain.
-    """
-    box = max(domain.least_stretch, WIDEST[0]), min(domain.greatest_stretch, WIDEST[1])
-    low, high = np.log(box)
-    stretches = np.exp(low + (high - low) * PLACES.T)
-    try:
-        key = exact, box, law_digest(law)
-    except NotKeyable:
-        return exact(law, *stretches)
-    if key not in _exact:
-        _exact[key] = exact(law, *stretches)
-    return _exact[key]
 
 
 def bond_states(law: Law, first, second):
@@ -108,19 +79,17 @@ def isochoric_stresses(squares, by_1, by_2) -> np.ndarray:
     return (stresses - stresses.mean(axis=0)).T
 
 
-def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
+def check_agreement(model, law: Law, exact, remedy: str) -> None:
     """Check that a model gives the forces of a law.
 
     Parameters
     ----------
     model
-        With its `name`, `domain` and `stated`.
+        With its `name`, `domain`, `stated`, and `answer` to the arguments that `exact` returns.
     law : Law
     exact : {`bond_states`, `invariant_states`, `isochoric_states`}
-    answer : callable
-        Function of the arguments that `exact` returns: the model's answer there, shape (n, 2).
-    serves : str
-        Name of the force model that accepts every law, for the error message.
+    remedy : str
+        End of the error message.
 
     Raises
     ------
@@ -132,20 +101,27 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
     UserWarning
         If it has no card, and is further off than `NOTED`.
     """
-    advice = (
-        "the law has changed since, or the model is of another material, or its fit is too coarse; "
-        f"fit it again, or use force={serves}, which serves every law"
-    )
+    advice = f"the law has changed since, or the model is of another material, or its fit is too coarse; {remedy}"
     if model.stated is not None:
         # States lie on the plane-stress surface of training: the force at given C33 does not depend on the bulk modulus, the surface does.
         bulk = model.stated["bulk_ratio"] * law.shear_modulus
         law = law if law.bulk_modulus == bulk else replace(law, bulk_modulus=bulk)
+    box = max(model.domain.least_stretch, WIDEST[0]), min(model.domain.greatest_stretch, WIDEST[1])
+    low, high = np.log(box)
     try:
-        arguments, right = states_within(law, model.domain, exact)
-    except ValueError as error:
-        raise ValueError(f"{model.name} was trained where {error}: {advice}") from None
+        key = exact, box, law_digest(law)
+    except NotKeyable:
+        key = None
+    if (found := _exact.get(key)) is None:
+        try:
+            found = exact(law, *np.exp(low + (high - low) * PLACES.T))
+        except ValueError as error:  # the law has no state somewhere in the domain
+            raise ValueError(f"{model.name} was trained where {error}: {advice}") from None
+    if key is not None:
+        _exact[key] = found
+    arguments, right = found
     size = np.linalg.norm(right, axis=1)
-    error = np.linalg.norm(answer(*arguments) - right, axis=1).max()
+    error = np.linalg.norm(model.answer(*arguments) - right, axis=1).max()
     if model.stated is None:
         reference, most, said = size.max(), MOST_UNSTATED, f"the greatest force, more than {100 * MOST_UNSTATED:g} %"
     else:

@@ -1,8 +1,5 @@
 """Bond-associated correspondence model, theory (11)-(15): the stable reference method of the paper."""
 
-from __future__ import annotations
-
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -38,12 +35,16 @@ class BondAssociatedStress(Term):
         n, total = len(body), len(points)
 
         # Directed bonds by owner: a point's own, then those of images towards points of the body.
-        outer = np.flatnonzero(bonds.second >= n)
-        from_image = outer[np.argsort(bonds.second[outer], kind="stable")]
+        order = np.argsort(bonds.second[kinematics.outer_pairs], kind="stable")
+        from_image = kinematics.outer_pairs[order]
         self._owners = owners = np.concatenate([kinematics.owners(), bonds.second[from_image]]).astype(np.uint32)
         self._targets = targets = np.concatenate([bonds.neighbours, bonds.first[from_image]])
-        self._reverse = _reverse_bonds(owners, targets)
-        self._of_images, self._mirrored = self._mirrored_bonds()
+        # Iterations at the bonds of images begin where those at the mirrored bonds ended, so that bonds of points are all the state.
+        self._mirrored = kinematics.bonds_of_pairs[0][kinematics.mirrored_pairs[order]]
+        pair_of = np.concatenate([bonds.pair_of, from_image])
+        self._forward, backward = np.argsort(pair_of, kind="stable").reshape(-1, 2).T
+        self._reverse = np.empty(len(owners), dtype=np.uint32)
+        self._reverse[self._forward], self._reverse[backward] = backward, self._forward
         bond_pointers = pointers_to(owners, total)
 
         # Tables: all points within the horizon; of an image, those that exist.
@@ -75,13 +76,10 @@ class BondAssociatedStress(Term):
         ba_nosb.bond_references(points, volumes, weighted, (owners, targets), shared, horizon_volumes, *shapes)
         self._volume_ratios, self.bond_forces = np.ones(len(owners)), np.empty((len(owners), 2))
         self.state.append(StateArray("bond_volume_ratios", "bonds", self._volume_ratios[: len(bonds.neighbours)]))
-        memory = (
-            aligned_rows((chunks.threads, int(np.diff(self._table_pointers).max()), 4)),
-            aligned_rows((chunks.threads, BLOCK, 4), value=1),
-            aligned_rows((chunks.threads, SCRATCH_ROWS + 4, BLOCK), value=1),
-        )
+        of_table = aligned_rows((chunks.threads, int(np.diff(self._table_pointers).max()), 4))
+        of_bonds, scratch = (aligned_rows((chunks.threads, *shape), value=1) for shape in ((BLOCK, 4), (SCRATCH_ROWS + 4, BLOCK)))
         state = self._volume_ratios, material.response.address, material.parameters
-        arrays = kinematics.positions, weighted, (bond_pointers, *shared, *shapes), *state, memory, self.bond_forces
+        arrays = kinematics.positions, weighted, (bond_pointers, *shared, *shapes), *state, (of_table, of_bonds, scratch), self.bond_forces
         sums = self.bond_forces, bond_pointers, self._reverse, material.law.shear_modulus, np.empty_like(body.points)
         self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, chunks=chunks)
         self._find_forces = Chain(ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces)
@@ -97,20 +95,8 @@ class BondAssociatedStress(Term):
     def pass_bonds(self, out: np.ndarray) -> list[int]:
         """Compute stresses and forces; return the number of bonds without a state and the number of points without a force."""
         self._sum_forces.give("out", out)
-        # Iterations at the bonds of images begin where those at the mirrored bonds ended, so that bonds of points are all the state.
-        self._volume_ratios[self._of_images] = self._volume_ratios[self._mirrored]
+        self._volume_ratios[len(self.body.bonds.neighbours) :] = self._volume_ratios[self._mirrored]
         return self._find_forces()
-
-    def _mirrored_bonds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the numbers of the bonds of images, and of the bonds of points that they mirror."""
-        ghosts, n, count = self.body.ghosts, len(self.body), len(self.body.bonds.neighbours)
-        names = np.concatenate([np.arange(n), ghosts.source + ghosts.image * n])
-        key, image = self._owners[:count] * (names.max() + 1) + names[self._targets[:count]], self._owners[count:] - n
-        wanted = ghosts.source[image] * (names.max() + 1) + self._targets[count:] + ghosts.image[image] * n
-        order = np.argsort(key)
-        found = order[np.searchsorted(key, wanted, sorter=order).clip(max=count - 1)]
-        there = key[found] == wanted
-        return count + np.flatnonzero(there), found[there]
 
     def _without_state(self) -> str:
         """Return a message about the bond with the least det F, after the gradients of all bonds have been recomputed."""
@@ -124,7 +110,7 @@ class BondAssociatedStress(Term):
         J = np.where(self._inverse_shapes[:, 0] == 0, 1.0, np.linalg.det(F))
         bond = int(np.where(np.isfinite(J), J, -np.inf).argmin())
         x1, x2 = body.all_points[self._targets[bond]]
-        owner = int(np.concatenate([np.arange(len(body)), body.ghosts.source])[owners[bond]])
+        owner = int(self.kinematics.sources[owners[bond]])
         if not np.isfinite(J[bond]):
             reason = "a position is not finite"
         elif J[bond] <= 0:
@@ -136,23 +122,6 @@ class BondAssociatedStress(Term):
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         forward = self._forward[pairs]
         return self.binding.portions[0].law.shear_modulus * (self.bond_forces[forward] - self.bond_forces[self._reverse[forward]])
-
-    @cached_property
-    def _forward(self) -> np.ndarray:
-        """Numbers of the bonds (i, j) of the pairs (i, j)."""
-        bonds = self.body.bonds
-        numbers = np.flatnonzero(self.kinematics.owners() == bonds.first[bonds.pair_of])
-        forward = np.empty(len(bonds.first), dtype=np.int64)
-        forward[bonds.pair_of[numbers]] = numbers
-        return forward
-
-
-def _reverse_bonds(owners: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """Return the number of the bond (j, i) for every bond (i, j)."""
-    size = int(max(owners.max(), targets.max())) + 1
-    forward, backward = owners.astype(np.int64) * size + targets, targets.astype(np.int64) * size + owners
-    order = np.argsort(forward)
-    return order[np.searchsorted(forward[order], backward)].astype(np.uint32)
 
 
 class BANOSBForce(ForceModel):

@@ -1,29 +1,101 @@
 """Force models that map the invariants of a bond's deformation gradient to its energy."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Self
 
 import numpy as np
 
 from ..kernels.energy_density import analytic_energy_density
+from ..kernels.isochoric_energy import N_SIZES, OUTSIDE
+from ..kernels.selective_energy import RESULT_ROWS, evaluate_isochoric_energy
 from ..materials import PLANES, Law, plane_stress
-from .isochoric import IsochoricEnergy
 from .pair_energy import PairEnergy
 from .pair_passes import EnergyDerivatives
-from .protocol import CompiledBondForce, Domain, ForceModel
+from .protocol import CompiledBondForce, Domain, ForceModel, by_blocks
 from .settings import OUTSIDE_POLICIES, PRECISIONS
 from .term import Term
 
 
-class EnergySurrogate(ForceModel):
-    """Force model that maps the invariants of a bond's deformation gradient to its energy: a surrogate, or the exact energy.
+@dataclass(frozen=True)
+class IsochoricEnergy:
+    """W and its stress for the pass over the pairs, as (p, q, r, energy) of `pdsurrogate.materials.response`, exact or learnt.
+
+    Attributes
+    ----------
+    response : int
+        Address of the law's isochoric response (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
+    parameters : ndarray
+        Parameters of the law.
+    address : int
+        Address of a learnt energy (`pdsurrogate.kernels.isochoric_energy`); 0 for the exact one.
+    sizes : ndarray of int64, shape (N_SIZES,)
+    weights : ndarray
+        Constants of a learnt energy; `sizes` counts the states found outside its domain.
+    precision : {"float32", "float64"}
+        Precision of states and results.
+    """
+
+    response: int
+    parameters: np.ndarray
+    address: int = 0
+    sizes: np.ndarray = field(default_factory=lambda: np.zeros(N_SIZES, dtype=np.int64))
+    weights: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    precision: str = "float64"
+
+    @classmethod
+    def exact(cls, law: Law, plane: str) -> Self:
+        """Return the energy of a law itself."""
+        return cls(PLANES[plane].isochoric_response.block(law).address or 0, law.parameters)
+
+    @property
+    def arguments(self) -> tuple:
+        """Arguments of kernels that evaluate the energy."""
+        return self.address, (self.sizes, self.weights, self.response, self.parameters)
+
+    def count_outside(self) -> int:
+        """Return the number of states found outside the domain since the last call."""
+        count = int(self.sizes[OUTSIDE])
+        self.sizes[OUTSIDE] = 0
+        return count
+
+    def evaluate(self, *state) -> np.ndarray:
+        """Return the result at states given as three vectors of n numbers, shape (4, n); these states are not counted."""
+        counted = self.sizes.copy()
+        found = by_blocks(partial(evaluate_isochoric_energy, *self.arguments), np.stack(state), RESULT_ROWS, self.precision)
+        self.sizes[:] = counted
+        return found
+
+
+class EnergyModel(ForceModel):
+    """Force model whose forces follow from the energy of the pairs, in the planes that `several_materials` names.
 
     Attributes
     ----------
     domain : Domain or None
         Bounds of the principal stretches in training; None if the model is valid everywhere.
+    """
+
+    family = "bond energy"
+    domain: Domain | None
+
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        # The energy is exact on incomplete horizons, and its invariants do not depend on rotations.
+        honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": self.several_materials}
+        return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
+
+    def terms(self, plane: str) -> tuple[type[Term], ...]:
+        return (PairEnergy,)
+
+
+class EnergySurrogate(EnergyModel):
+    """Force model that maps the invariants of a bond's deformation gradient to its energy: a surrogate, or the exact energy.
+
+    Attributes
+    ----------
     default_precision : str
 
     Examples
@@ -33,19 +105,7 @@ class EnergySurrogate(ForceModel):
     True
     """
 
-    family = "bond energy"
-    several_materials = tuple(PLANES)
-    domain: Domain | None
-    default_precision: str
-
-    @property
-    def honours(self) -> Mapping[str, tuple]:
-        # The energy is exact on incomplete horizons, and its invariants do not depend on rotations. The learnt energy is that of a sheet.
-        honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": ("stress",)}
-        return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
-
-    def terms(self, plane: str) -> tuple[type[Term], ...]:
-        return (PairEnergy,)
+    several_materials: tuple[str, ...] = ("stress",)
 
     @abstractmethod
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
@@ -74,12 +134,8 @@ class BondEnergyForce(EnergySurrogate):
     """
 
     name = "bond-energy"
+    several_materials = tuple(PLANES)
     domain = None
-    default_precision = "float64"
-
-    @property
-    def honours(self) -> Mapping[str, tuple]:
-        return {**super().honours, "plane": tuple(PLANES)}
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:
         # In a selective energy, single precision of the pairs' forces and moments would save only 4 per cent of the time.

@@ -1,12 +1,10 @@
 """Force models that map quantities of a bond to its force, including the exact one, and the force term that evaluates them."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
-from typing import cast
+from functools import cached_property, partial
+from typing import Self, cast
 
 import numpy as np
 
@@ -20,13 +18,14 @@ from ..kernels.bond_state import LEAST_NORMAL_STRETCH, along_and_across, lateral
 from ..kernels.plane_strain import plane_strain_bond_force
 from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
-from ..materials.stretches import principal_stretches
+from ..materials.response import volume_residual_block
+from ..materials.states import principal_stretches
 from .errors import at_point
 from .kinematics import matrices
 from .material_points import MaterialPoints
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
-from .term import Binding, Term
+from .term import Binding, DomainWatch, Term, sum_on_pairs
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
 """Relative step of J3 at which the iteration ends: a few times the error from rounding in the force at K = 10 mu."""
@@ -54,9 +53,9 @@ class BondStates:
         total, difference = np.sqrt(trace + 2 * self.J), np.sqrt(np.maximum(trace - 2 * self.J, 0))
         return np.stack([total + difference, total - difference], axis=1) / 2
 
-    def chosen(self, which) -> BondStates:
+    def chosen(self, which) -> Self:
         """Return the states of some of the bonds."""
-        return BondStates(*(getattr(self, part.name)[which] for part in fields(self)))
+        return type(self)(*(getattr(self, part.name)[which] for part in fields(self)))
 
     def quantities(self) -> tuple[np.ndarray, ...]:
         """Return the arguments of `ForceSurrogate.bond_force`."""
@@ -89,7 +88,7 @@ class PairForces:
         Shear modulus of the material.
     """
 
-    def __init__(self, binding: Binding, model: ForceSurrogate, points: MaterialPoints, strength: np.ndarray, correction: str) -> None:
+    def __init__(self, binding: Binding, model, points: MaterialPoints, strength: np.ndarray, correction: str) -> None:
         law, kinematics, precision, plane = points.law, binding.kinematics, binding.precision, binding.settings.plane
         body, threads, blocks = kinematics.body, kinematics.chunks.threads, len(points.first) // BLOCK
         self.model, self.points, self.unit, self._kinematics = model, points, law.shear_modulus, kinematics
@@ -104,26 +103,18 @@ class PairForces:
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
         self.find_geometry(np.arange(len(strength), dtype=np.uint32), strength, correction)
         self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
-        if self.learns_thickness and model.domain is not None:
+        if self.learns_thickness:
             points.state_pass = surrogate_states(points, compiled, model.domain, precision, kinematics.chunks)
-        guard = OUTSIDE_POLICIES[binding.outside] if model.domain is not None else bond_force.UNGUARDED
+        guard = bond_force.UNGUARDED if model.domain is None else OUTSIDE_POLICIES[binding.outside]
         domain = EVERYWHERE if model.domain is None or binding.outside == "extrapolate" else model.domain
         within = domain.interior if binding.outside == "fallback" else domain
+        limits = np.stack([domain.limits(precision), within.limits(precision)])
         self.forces = aligned_rows((len(points.first), 2), precision)
+        arrays = points.positions, points.records, (points.first, points.second, self.geometry)
+        force = compiled.address, analytic_bond_force(precision).address, compiled.constants(points), guard, limits
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
-        self.find = bond_force.pair_forces.bind(
-            points.positions,
-            points.records,
-            (points.first, points.second, self.geometry),
-            compiled.address,
-            analytic_bond_force(precision).address,
-            (compiled.sizes, compiled.weights, points.response.address, points.parameters),
-            guard,
-            np.stack([domain.limits(precision), within.limits(precision)]),
-            (buffers, compiled.memory(threads, precision), kinematics.scratch),
-            self.forces,
-            chunks=kinematics.chunks,
-        )
+        memory = buffers, compiled.memory(threads, precision), kinematics.scratch
+        self.find = bond_force.pair_forces.bind(*arrays, *force, memory, self.forces, chunks=kinematics.chunks)
 
     def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str) -> None:
         """Compute the geometry of some of these pairs from the strengths of all."""
@@ -147,33 +138,25 @@ class BondForces(Term):
         self.correction = binding.settings.correction or ("tensor" if all(model.gives_transverse for model in models) else "scalar")
         if models[0].members and binding.settings.plane == "strain":
             name = models[0].name
-            raise ValueError(f"{name} tells the deviation of its members under plane stress; fit it with --energy for other planes")
+            raise ValueError(f"{name} gives the deviation of its members under plane stress; fit it with --energy for other planes")
         self._strength, self._parts = pair_strength(body), []
-        pairs: list[np.ndarray | None] = [None]
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]
             self._strength *= np.where(of_ends[0] == of_ends[1], 1.0, 0.5)
-            pairs = [np.flatnonzero((of_ends == number).any(axis=0)) for number in range(len(models))]
         for number, model in enumerate(models):
-            points = self.points_of(number, pairs[number])
+            points = self.points_of(number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0)))
             self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction))
-            self.watch(model, points, "force", "bond force")
+            self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         self.learnt_thickness = any(part.learns_thickness for part in self._parts)
         self._model, self._domain = models[0], models[0].domain if binding.whole else None
         if binding.whole:
             self._forces, self._unit, collect = self._parts[0].forces, self._parts[0].unit, []
         else:
-            self._forces, self._unit, collect = aligned_rows((len(bonds.first), 2), binding.precision), 1.0, [self._collect]
+            self._forces, self._unit = aligned_rows((len(bonds.first), 2), binding.precision), 1.0
+            collect = [partial(sum_on_pairs, self._forces, self._parts, "forces")]
         sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self._unit, np.empty_like(body.points)
         to_points = sum_pair_forces[2].bind(*sums, chunks=self.kinematics.chunks)
         self.bind_steps(*(part.find for part in self._parts), *collect, to_points)
-
-    def _collect(self) -> None:
-        """Add up the forces of all materials on the pairs."""
-        self._forces[:] = 0.0
-        for part in self._parts:
-            pairs = np.asarray(part.points.pairs)
-            self._forces[pairs] += part.unit * part.forces[: len(pairs)]
 
     def diagnose(self, out: np.ndarray) -> str:
         body = self.body
@@ -242,22 +225,13 @@ def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain
 
     The model must provide T_mm; the law determines the states of points outside the model's domain.
     """
-    return surrogate_thickness.surrogate_node_states.bind(
-        points.gradients,
-        points.volume_ratios,
-        plane_stress.volumetric_block(points.law).address,
-        compiled.address,
-        (compiled.sizes, compiled.weights, points.response.address, points.parameters),
-        np.stack([domain.limits("float64"), domain.interior.limits("float64")]),
-        THICKNESS_TOLERANCE[str(np.dtype(precision))],
-        (
-            aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1),
-            compiled.memory(chunks.threads, precision),
-            aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1),
-        ),
-        points.records,
-        chunks=chunks,
-    )
+    limits = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
+    tolerance, volumetric = THICKNESS_TOLERANCE[precision], volume_residual_block(points.law)
+    force = volumetric.address, compiled.address, compiled.constants(points), limits, tolerance
+    buffers = aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
+    scratch = aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
+    memory, states = (buffers, compiled.memory(chunks.threads, precision), scratch), (points.gradients, points.volume_ratios)
+    return surrogate_thickness.surrogate_node_states.bind(*states, *force, memory, points.records, chunks=chunks)
 
 
 def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
@@ -265,7 +239,7 @@ def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBon
 
     Only the derivative of U comes from the law, so that an expensive law adds no cost in plane strain either.
     """
-    addresses = [compiled.address, plane_stress.volumetric_block(law).address]
+    addresses = [compiled.address, volume_residual_block(law).address]
     return replace(compiled, address=plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
 
 
@@ -282,7 +256,7 @@ class ForceSurrogate(ForceModel):
     Attributes
     ----------
     features : tuple of str
-        Quantities of a bond that the model depends on.
+        Quantities of a bond that the model depends on; by default all.
     domain : Domain or None
         States on which the model was trained; None if it is valid everywhere.
     gives_transverse : bool
@@ -299,10 +273,9 @@ class ForceSurrogate(ForceModel):
 
     family = "bond force"
     several_materials: tuple[str, ...] = ("stress",)
-    features: tuple[str, ...]
+    features: tuple[str, ...] = ("stretch", "rotation", "length", "C33", "J")
     domain: Domain | None
-    gives_transverse: bool
-    default_precision: str
+    gives_transverse: bool = True
 
     @property
     def honours(self) -> Mapping[str, tuple]:
@@ -363,10 +336,7 @@ class AnalyticBondForce(ForceSurrogate):
     """
 
     name = "analytic"
-    features = ("stretch", "rotation", "length", "C33", "J")
-    domain: Domain | None = None
-    gives_transverse = True
-    default_precision = "float64"
+    domain = None
 
     def __init__(self, law: Law | None = None) -> None:
         self.law = law or NeoHookean()
@@ -399,7 +369,7 @@ def bond_arrays(stretch, rotation, length, C33, J) -> tuple[np.ndarray, ...]:
     arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in (stretch, rotation, length, C33, J)))
     if arrays[0].ndim != 1:
         raise ValueError(f"bond quantities must be vectors, not of shape {arrays[0].shape}")
-    for name, array in zip(AnalyticBondForce.features, arrays, strict=True):
+    for name, array in zip(ForceSurrogate.features, arrays, strict=True):
         if not np.isfinite(array).all():
             raise ValueError(f"{name} has a value that is not finite")
         if name in ("stretch", "C33", "J") and not (array > 0).all():

@@ -1,17 +1,15 @@
 """Volume shares of the bonds of a body, and assembly of the forces and moments of its pairs at the points."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from functools import cached_property
+from functools import partial
 
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, aligned_rows
-from ..engine.passes import Chain
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
 from .kinematics import Kinematics, entries_of, pointers_to
+from .steps import Step, Steps
 
 
 class BondShares:
@@ -78,8 +76,7 @@ class BondShares:
         if body.share.divided:
             body.bond_halo.fill(self.bond_shares)
             around = np.union1d(around, body.share.beside_halo(bonds.first, bonds.second))
-        entries, starts = kinematics.pair_entries
-        one, other = entries[starts[around]], entries[starts[around + 1] - 1]
+        one, other = (bonds[around] for bonds in kinematics.bonds_of_pairs)
         self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
         _, neighbours, weighted_bonds, volumes = self._of_ghosts
         ratio = volumes[neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
@@ -101,23 +98,8 @@ class BondShares:
         """Return flags of the pairs that carry forces; a pair with a ghost only if its mirrored pair does, for V_i W_ij to be symmetric."""
         carries = self.bond_weights > 0
         if breakable and len(self._body.ghosts):
-            outer, mirrored = self.mirrored_pairs
-            carries[outer] &= carries[mirrored]
+            carries[self._kinematics.outer_pairs] &= carries[self._kinematics.mirrored_pairs]
         return carries
-
-    @cached_property
-    def mirrored_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of a point i and the ghost of a point k, and for each that of k and the ghost of i under the same reflections."""
-        bonds, ghosts, n = self._body.bonds, self._body.ghosts, len(self._body)
-        outer = np.flatnonzero(bonds.second >= n)
-        ghost = bonds.second[outer].astype(np.int64) - n
-        number = np.full((int(ghosts.image.max()) + 1, n), -1)
-        number[ghosts.image, ghosts.source] = np.arange(len(ghosts))
-        partner = ghosts.source[ghost].astype(np.int64), n + number[ghosts.image[ghost], bonds.first[outer]]
-        total = n + len(ghosts)
-        keys = bonds.first[outer].astype(np.int64) * total + bonds.second[outer]
-        order = np.argsort(keys)
-        return outer, outer[order[np.searchsorted(keys[order], partner[0] * total + partner[1])]]
 
     def geometry(self, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
         """Return reference data of pairs in blocks, shape (n_blocks, d + 2 or d + 3, BLOCK).
@@ -152,21 +134,37 @@ class BondShares:
         own : ndarray of bool, shape (n_bonds,), optional
             Directed bonds that count.
         """
-        entries, starts = self._kinematics.pair_entries
-        shares = self.bond_shares if own is None else self.bond_shares * own
-        end_shares[places // BLOCK, 0, places % BLOCK] = shares[entries[starts[pairs]]]
-        within = self._body.bonds.second[pairs] < len(self._body)
-        places, pairs = places[within], pairs[within]
-        end_shares[places // BLOCK, 1, places % BLOCK] = shares[entries[starts[pairs + 1] - 1]]
+        one, other = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
+        shares, within = self.bond_shares if own is None else self.bond_shares * own, self._body.bonds.second[pairs] < len(self._body)
+        end_shares[places // BLOCK, 0, places % BLOCK] = shares[one]
+        end_shares[places // BLOCK, 1, places % BLOCK] = np.where(within, shares[other], 0.0)
 
-    def sums_of(
-        self,
-        forces: np.ndarray,
-        moments: np.ndarray,
-        stresses: np.ndarray,
-        unit: float,
-        others_of: Callable[[np.ndarray], np.ndarray] | None = None,
-    ) -> Callable[..., int]:
+    def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step) -> list[Step]:
+        """Return the steps that add the forces of the points' moments to those on points and ghosts, and fold all onto the body's points.
+
+        Parameters
+        ----------
+        moments : ndarray, shape (n + m, d d)
+            Derivatives by the gradients, by columns; spoilt by the steps.
+        forces : ndarray, shape (n + m, d), or (n, d) without ghosts
+        unit : float
+            Factor of all forces.
+        *before : Step
+            Steps that find the other forces, when the moments have been folded.
+        """
+        body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
+        d, chunks = body.dimension, kinematics.chunks
+        weigh = weigh_moments[d].bind(moments, kinematics.inverse_shape, body.volumes, chunks=chunks)
+        of_both = (self._of_points, 0), (self._of_ghosts, len(body))
+        own, others = (
+            add_node_forces[d].bind(moments, *bonds, unit, first, self._node_parts, forces, chunks=chunks) for bonds, first in of_both
+        )
+        if not len(ghosts):
+            return [moments, *before, weigh, own]
+        fold = partial(kinematics.gradient_ghosts.fold_moments, moments)
+        return [fold, moments, *before, weigh, own, others, partial(ghosts.fold_forces, forces)]
+
+    def sums_of(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float, *further: Step) -> Callable[..., int]:
         """Bind the sum of the pairs' forces and moments at the body's points; forces on a ghost are added to the point that it mirrors.
 
         Parameters
@@ -177,71 +175,37 @@ class BondShares:
             For the weighted moments of the points.
         unit : float
             Factor of all forces.
-        others_of : callable, optional
-            Function of the moments of the points that returns further forces on them.
+        *further : Step
+            Functions that read the moments of the points before these are weighted.
 
         Returns
         -------
         callable
-            Function of the array to write to, and optionally of one for the moments and one for the forces of the ghosts; it returns the
-            number of points and ghosts without a force.
+            Function of the array to write to; it returns the number of points and ghosts without a force.
         """
-        body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
-        n, d, chunks = len(body), body.dimension, kinematics.chunks
+        body, chunks, d = self._body, self._kinematics.chunks, self._body.dimension
+        n, total = len(body), np.empty((len(body.all_points), d))
         gather = sum_moments[d].bind(moments, *self.pairs_of_points, stresses, chunks=chunks)
-        total = np.zeros_like(self._node_parts) if len(ghosts) else np.empty_like(body.points)
         sum_forces = sum_pair_forces[d].bind(forces, *self.pairs_of_points, unit, total, chunks=chunks)
-        add_own = add_node_forces[d].bind(stresses, *self._of_points, unit, 0, self._node_parts, total, chunks=chunks)
-        passes = [weigh_moments[d].bind(stresses, kinematics.inverse_shape, body.volumes, chunks=chunks), sum_forces, add_own]
-        if len(ghosts):
-            passes.append(add_node_forces[d].bind(stresses, *self._of_ghosts, unit, n, self._node_parts, total, chunks=chunks))
-        weigh_and_sum = Chain(*passes)
+        *steps, last = self.steps_to_points(stresses, total, unit, *further, sum_forces)
+        find = Steps(body.share, gather, *steps, last)
 
-        def to_points(out: np.ndarray, on_ghosts: tuple[np.ndarray, np.ndarray] | None = None) -> int:
-            gather()
-            if on_ghosts is not None:
-                on_ghosts[0][:] = stresses[n:]
-            kinematics.gradient_ghosts.fold_moments(stresses)
-            body.share.fill(stresses[:n])
-            beside = None if others_of is None else others_of(stresses[:n])
-            if not len(ghosts):
+        def to_points(out: np.ndarray) -> int:
+            if total.shape == out.shape:
                 sum_forces.give("out", out)
-                add_own.give("out", out)
-            _, _, *without_force = weigh_and_sum()
-            if len(ghosts):
-                if on_ghosts is not None:
-                    on_ghosts[1][:] = total[n:]
-                ghosts.fold_forces(total)
-                out[:] = total[:n]
-            if beside is not None:
-                out += beside
-            return sum(without_force)
+                last.give("out", out)
+                return find()[-1]
+            *_, on_points, on_ghosts = find()
+            out[:] = total[:n]
+            return on_points + on_ghosts
 
         return to_points
 
-    def moments_to_points(self, moments: np.ndarray, forces: np.ndarray) -> Callable[[], None]:
-        """Bind a function that adds the forces of the points' moments to those on points and ghosts, and folds all onto the body's points.
-
-        Parameters
-        ----------
-        moments : ndarray, shape (n + m, d d)
-            Derivatives by the gradients, by columns; spoilt by the call.
-        forces : ndarray, shape (n + m, d)
-        """
-        body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
-        n, d, chunks = len(body), body.dimension, kinematics.chunks
-        passes = [
-            weigh_moments[d].bind(moments, kinematics.inverse_shape, body.volumes, chunks=chunks),
-            add_node_forces[d].bind(moments, *self._of_points, 1.0, 0, self._node_parts, forces, chunks=chunks),
-        ]
-        if len(ghosts):
-            passes.append(add_node_forces[d].bind(moments, *self._of_ghosts, 1.0, n, self._node_parts, forces, chunks=chunks))
-        weigh_and_add = Chain(*passes)
-
-        def to_points() -> None:
-            kinematics.gradient_ghosts.fold_moments(moments)
-            body.share.fill(moments[:n])
-            weigh_and_add()
-            ghosts.fold_forces(forces)
-
-        return to_points
+    def on_ghosts(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the forces, shape (m, d), and the moments, (m, d d), on the ghosts, from the weighted moments of the last sums."""
+        n, d, pairs = len(self._body), self._body.dimension, self.pairs_of_points
+        found, on_ghosts = np.empty_like(stresses), np.empty_like(self._node_parts)
+        sum_moments[d](moments, *pairs, found)
+        sum_pair_forces[d](forces, *pairs, unit, on_ghosts)
+        add_node_forces[d](stresses, *self._of_ghosts, unit, n, self._node_parts, on_ghosts)
+        return on_ghosts[n:], found[n:]

@@ -1,7 +1,5 @@
 """Homogeneous states of a small body with any force model, as in a simulation of a uniformly stretched test piece."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

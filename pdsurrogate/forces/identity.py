@@ -1,7 +1,5 @@
 """Identity of a force model: its name, and a digest of its numbers."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from typing import Any

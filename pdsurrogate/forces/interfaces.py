@@ -1,6 +1,6 @@
 """Jumps of the deformation gradient at interfaces between materials, and the body as either material sees it."""
 
-from __future__ import annotations
+from typing import TypeAlias
 
 import numpy as np
 from scipy import sparse
@@ -50,6 +50,9 @@ energies of both sides depend on each other's points. That is more accurate: hom
 WORST_CONDITION = 1e6
 """Condition number up to which a fit is accepted, with lengths in units of its reach. For a layer of two rows it is 1e3."""
 
+Near: TypeAlias = tuple[float, np.ndarray, int, float]
+"""Distance and direction of the interface near a point, the material beyond it, and the share of volume on the wrong side."""
+
 
 class Interfaces:
     """Interfaces between the materials of a body, as far as they are straight within a horizon.
@@ -63,9 +66,7 @@ class Interfaces:
 
     Parameters
     ----------
-    body : Body
     kinematics : Kinematics
-        Of the body.
     portion_of : ndarray of int, shape (n + m,)
         Material of every point and image.
     moduli : ndarray, shape (n + m,)
@@ -95,17 +96,15 @@ class Interfaces:
         Forces on the points by which an energy acts on the jumps, as last found by `hand_on`.
     """
 
-    def __init__(
-        self, body: Body, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool
-    ) -> None:
-        self._body, self._portion_of, self._by_gradient = body, portion_of, 2.0 * volumes_held
+    def __init__(self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool) -> None:
+        self._body, self._portion_of, self._by_gradient = kinematics.body, portion_of, 2.0 * volumes_held
+        body, share = self._body, self._body.share
         n, total, bonds, owners = len(body), len(body.all_points), body.bonds, kinematics.owners()
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
-        near = np.unique(np.concatenate([owners[across], _sources(body)[bonds.neighbours[across]]]))
-        rows, mirrored = [], []
+        near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbours[across]])])
+        jumps, mirrored = sparse.lil_array((n, n)), sparse.lil_array((n, n))
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
-        share = body.share
         for i in near[share.own[near]]:
             found = _interface_beside(body, everywhere, portion_of, i)
             if quadratic and (found is None or found[3] > ASTRAY):
@@ -125,27 +124,25 @@ class Interfaces:
                 sizes = depth / reach, body.spacing / reach
                 jump, at_image = _mirrored((x, V, beyond), normal, sizes, around == i, volumes_held)
                 if jump is not None:
-                    mirrored.append((i, np.append(around[beyond], i), np.append(at_image, -1.0)))
+                    mirrored[i, around[beyond]], mirrored[i, i] = at_image, -1.0
             else:
                 jump = _jump_of_slopes(x, V, beyond, normal, quadratic)
             if jump is not None:
                 self.depths[i], self.normals[i] = depth, normal
-                rows.append((i, around, jump / reach))
-        self._jump, self._jump_back = self._with_transpose(rows)
+                jumps[i, around] = jump / reach
+        self._jump, self._jump_back = self._with_transpose(jumps)
         self._images: tuple[np.ndarray, sparse.csr_array, sparse.csr_array] | None = None
-        if share.any(bool(mirrored)):
-            is_image = np.zeros((n, 1))
-            is_image[[i for i, *_ in mirrored]] = 1.0
+        if share.any(mirrored.nnz > 0):
+            is_image = (mirrored.diagonal() != 0).astype(float)[:, None]
             share.fill(is_image)
             self._images = is_image, *self._with_transpose(mirrored)
-        share.fill(self.depths[:n])
-        share.fill(self.normals)
+        share.fill(self.depths, self.normals)
         body.ghosts.fill(self.depths)
         d = body.dimension
         self.on_jumps = np.zeros((n, d))
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._one_sided: tuple[sparse.csr_array, sparse.csr_array] | None = None
-        weights = kinematics.gradient_weights()
+        weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
             weights = self._leave_out(kinematics, owners, weights)
@@ -155,13 +152,9 @@ class Interfaces:
         self.jumps, self.seen_positions = np.zeros((2, total, d))
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
 
-    def _with_transpose(self, rows: list[tuple[int, np.ndarray, np.ndarray]]) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Return the matrix (n, n) of some rows (number, columns, values), and its transpose including the rows of other ranks."""
-        numbers, columns, values = ([part[place] for part in rows] for place in range(3))
-        counts, empty = [len(part) for part in columns], np.empty(0, dtype=np.int64)
-        entries = np.repeat(np.array(numbers, dtype=np.int64), counts), np.concatenate([empty, *columns])
-        matrix = sparse.csr_array((np.concatenate([np.empty(0), *values]), entries), shape=(len(self._body),) * 2)
-        return matrix, self._body.share.with_rows_of_others(matrix).T.tocsr()
+    def _with_transpose(self, matrix: sparse.lil_array) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Return a matrix (n, n) of rows of own points, and its transpose including the rows of other ranks."""
+        return matrix.tocsr(), self._body.share.with_rows_of_others(matrix.tocsr()).T.tocsr()
 
     def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Return the matrix (n d, n + m) from values at points and images to the columns of the points' gradients, and its transpose.
@@ -184,15 +177,13 @@ class Interfaces:
     def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Remove bonds from the gradients of their points; return the weights of the remaining bonds, see `gradient_weights`."""
         body, bonds = self._body, self._body.bonds
-        n = len(body)
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
             kept[self.left_out] = 0.0
             inverse, supported = np.zeros_like(kinematics.inverse_shape), np.zeros_like(kinematics.supported)
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
             shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbours, body.all_points, kept, inverse, supported)
-            body.share.fill(inverse[:n])
-            body.share.fill(supported[:n])
+            body.share.fill(inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
         touched = np.flatnonzero(supported[owners])
         if not len(touched):
@@ -201,12 +192,10 @@ class Interfaces:
         changes = found[touched] - weights[touched]
         weights = weights.copy()
         weights[touched] = found[touched]
-        ends = owners[touched], bonds.neighbours[touched]
-        self.one_sided_bonds = touched, ends[0], changes
-        numbers = np.unique(ends[0])
-        own = np.stack([np.bincount(ends[0], column, n)[numbers] for column in changes.T], axis=1)
-        ends = (np.concatenate([end, numbers]) for end in ends)
-        self._one_sided = self._on_columns(np.concatenate([changes, -own]), *ends)
+        points = owners[touched]
+        self.one_sided_bonds = touched, points, changes
+        ends = np.concatenate([bonds.neighbours[touched], points])
+        self._one_sided = self._on_columns(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
         return weights
 
     def cells_across(self, number: int, most: int) -> float:
@@ -235,16 +224,15 @@ class Interfaces:
         gradients : ndarray, shape (n + m, d d)
             Gradients of the points by columns, changed in place.
         """
-        n, ghosts = len(self._body), self._body.ghosts
+        n = len(self._body)
         own = gradients[:n].reshape(-1, positions.shape[1])
         if self._one_sided is not None:
             own += self._one_sided[0] @ positions
         self.jumps[:n] = self._jump @ positions[:n]
         if self._images is not None:
             self.jumps[:n] -= self._by_gradient * self._images[0] * _along(gradients[:n], self.normals)
-        self._body.share.fill(self.jumps[:n])
-        if len(ghosts):
-            self.jumps[n:] = ghosts.parity * self.jumps[ghosts.source]
+        self._body.share.fill(self.jumps)
+        self._body.ghosts.fill_displacements(self.jumps)
         own -= self._corrections[0] @ self.jumps
 
     def see(self, positions: np.ndarray, gradients: np.ndarray) -> None:
@@ -285,9 +273,8 @@ class Interfaces:
         on_jumps[:n] -= on_slopes
         columns = own_moments.reshape(-1, forces.shape[1])
         on_jumps += self._corrections[1] @ columns
+        ghosts.fold_forces(on_jumps)
         own = on_jumps[:n]
-        if len(ghosts):
-            np.add.at(own, ghosts.source, ghosts.parity * on_jumps[n:])
         if self._images is not None:
             own_moments += self._by_gradient * is_image * _columns(self.normals, own)
             share.fill(own_moments)
@@ -296,10 +283,8 @@ class Interfaces:
         if self._one_sided is None:
             return self.on_jumps
         pulls = self._one_sided[1] @ columns
-        found = self.on_jumps - pulls[:n]
-        if len(ghosts):
-            np.subtract.at(found, ghosts.source, ghosts.parity * pulls[n:])
-        return found
+        ghosts.fold_forces(pulls)
+        return self.on_jumps - pulls[:n]
 
 
 def _along(gradients: np.ndarray, normals: np.ndarray) -> np.ndarray:
@@ -313,13 +298,8 @@ def _columns(normals: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return (normals[:, :, None] * vectors[:, None]).reshape(len(normals), -1)
 
 
-def _sources(body: Body) -> np.ndarray:
-    """Return the point behind every point and image."""
-    return np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])
-
-
-def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> tuple[float, np.ndarray, int, float] | None:
-    """Return distance and direction of the interface near a point, the material beyond, and the share of volume on the wrong side."""
+def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
+    """Return the straight interface near a point that divides the volume around it as the materials do; None if there is none."""
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
@@ -349,10 +329,8 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
     return (float(depth), normal, int(kinds[0]), float(astray)) if depth > 0 else None
 
 
-def _nearest_softer(
-    body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int
-) -> tuple[float, np.ndarray, int, float] | None:
-    """Return the tuple of `_interface_beside`, from the nearest points of a much softer material, half a cell beyond the interface."""
+def _nearest_softer(body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int) -> Near | None:
+    """Return the interface near a point from the nearest points of a much softer material, half a cell beyond it."""
     around = np.array(tree.query_ball_point(body.points[i], body.horizon * (1 + 1e-9), return_sorted=True), dtype=np.int64)
     softer = around[moduli[around] * YIELDING < moduli[i]]
     if not len(softer):

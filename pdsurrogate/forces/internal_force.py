@@ -1,7 +1,5 @@
 """Internal force on a body: the sum of the terms of its materials."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from functools import reduce
@@ -9,6 +7,7 @@ from operator import add
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator
 
 from ..body import Body
 from .interfaces import YIELDING, Interfaces
@@ -17,10 +16,8 @@ from .settings import ForceSettings
 from .term import Binding, Release
 
 if TYPE_CHECKING:
-    from scipy.sparse.linalg import LinearOperator
-
-    from .dilatation import LinearisedDilatation
     from .protocol import Portion
+    from .volume_energy import LinearisedDilatation
 
 
 class InternalForce:
@@ -86,7 +83,7 @@ class InternalForce:
     timed : int
     """
 
-    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
+    def __init__(self, body: Body, portions: Sequence["Portion"], settings: ForceSettings) -> None:
         settings.check_body(body)
         self.body, self.portions, self.breakable, self.plane = body, portions, settings.breakable, settings.plane
         self.law = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
@@ -99,7 +96,7 @@ class InternalForce:
         self.stiffness_moduli = self.force_scale = self.law.shear_modulus
         if self.portion_of is not None:
             moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[self.portion_of]
-            kinematics.interfaces = Interfaces(body, kinematics, self.portion_of, moduli, self.has_energy, settings.plane != "stress")
+            kinematics.interfaces = Interfaces(kinematics, self.portion_of, moduli, self.has_energy, settings.plane != "stress")
             self.stiffness_moduli, self.force_scale = self._moduli(moduli)
         self.interfaces = kinematics.interfaces
         binding = Binding(kinematics, portions, settings, self.precision, self.portion_of)
@@ -130,8 +127,7 @@ class InternalForce:
         stiffness = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
         greatest = moduli[:n].copy()
         np.maximum.at(greatest, owners, around)
-        body.share.fill(stiffness)
-        body.share.fill(greatest)
+        body.share.fill(stiffness, greatest)
         return stiffness, greatest
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
@@ -149,12 +145,12 @@ class InternalForce:
         for watch in self._watches:
             watch.found = 0
         try:
-            with self.portions[0].model.guarded():
-                self._kinematics.place(positions, self._forms)
-                self._add_up([term.find for term in self.terms], out)
+            self._kinematics.place(positions, self._forms)
+            self._add_up([term.find for term in self.terms], out)
         except RuntimeError as found:  # the error concerns the state, or comes from a user's own force
-            error = found
-        self.pairs_outside += sum(watch.found for watch in self._watches)
+            error = self.portions[0].model.cause_of(found)
+        for watch in self._watches:
+            self.pairs_outside += watch.found
         for watch in self._watches:
             watch.settle()
         self.body.share.agree(error)
@@ -266,7 +262,7 @@ class InternalForce:
         """
         return reduce(add, (term.tangent(positions) for term in self.terms))
 
-    def linearised_dilatation(self) -> LinearisedDilatation:
+    def linearised_dilatation(self) -> "LinearisedDilatation":
         """Return how the points' volume changes with the positions, for a force that is `nearly_incompressible`."""
         return self.terms[0].linearised_dilatation()
 
@@ -317,7 +313,7 @@ class InternalForce:
         return outside / max(1, self.evaluations * pairs)
 
 
-def _numbers_of(body: Body, portions: Sequence[Portion]) -> np.ndarray:
+def _numbers_of(body: Body, portions: Sequence["Portion"]) -> np.ndarray:
     """Return the number of the portion of every point and image; the number of portions for points of none."""
     found = np.full(len(body.all_points), len(portions))
     for number, portion in enumerate(portions):

@@ -1,7 +1,5 @@
 """Values of a model's compiled block function at vectors of bonds, for checks."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..engine.block_arrays import TRACTION_ROWS

@@ -1,10 +1,7 @@
 """Positions, horizons and deformation gradients of the points of a body and of their mirror images."""
 
-from __future__ import annotations
-
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +12,6 @@ from ..engine.threads import chunks_of
 from ..kernels.ghosts import place_points
 from ..kernels.gradient import deformation_gradients
 from ..kernels.reference_state import shape_rows
-
-if TYPE_CHECKING:
-    from .interfaces import Interfaces
-    from .material_points import MaterialPoints
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
 """Share of the gradient along a clamped plane that images beyond it copy from their sources where volumes are constrained.
@@ -78,11 +71,9 @@ class Kinematics:
 
         self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
         self.changes, self._formed = 0, False
-        self.interfaces: Interfaces | None = None
-        self.seen: list[MaterialPoints] = []
+        self.interfaces, self.seen = None, []
         self._plane_displacements = np.zeros((len(body.planes), d))
-        self._plane_turns: np.ndarray | None = None
-        self._gradient_shifts: np.ndarray | None = None
+        self._plane_turns = self._gradient_shifts = None
         ghosts = body.ghosts
         self._shifts = ghosts.shifts(body.points, self._plane_displacements)
         self.gradient_ghosts = ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
@@ -95,21 +86,24 @@ class Kinematics:
         """Return the first point of every directed bond, shape (n_bonds,)."""
         return np.repeat(np.arange(len(self.body)), np.diff(self.body.bonds.pointers).astype(np.int64))
 
+    @cached_property
+    def sources(self) -> np.ndarray:
+        """Numbers of the points behind all points and images, shape (n + m,)."""
+        return np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
+
     def _find_shapes(self, rows: np.ndarray) -> None:
         """Compute the shape tensors of the given points, then of all images."""
         body, bonds = self.body, self.body.bonds
         bonds_of_rows = rows, bonds.pointers, bonds.neighbours, body.all_points, self.weighted_bonds
         shape_rows[body.dimension](*bonds_of_rows, self.inverse_shape, self.supported)
-        body.share.fill(self.inverse_shape[: len(body)])
-        body.share.fill(self.supported[: len(body)])
+        body.share.fill(self.inverse_shape, self.supported)
         body.ghosts.fill_shapes(self.inverse_shape)
         body.ghosts.fill(self.supported)
 
     def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
         """Remove pairs from the horizons of their ends; return all pairs with an end, or an image of an end, whose horizon has changed."""
         bonds, n = self.body.bonds, len(self.body)
-        entries, starts = self.pair_entries
-        self.weighted_bonds[np.concatenate([entries[starts[pairs]], entries[starts[pairs + 1] - 1]])] = 0.0
+        self.weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.bonds_of_pairs])] = 0.0
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
         self._find_shapes(touched)
@@ -117,25 +111,37 @@ class Kinematics:
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True
         self.body.ghosts.fill(reached)
-        own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self._outer_pairs
+        own, outer = bonds.pair_of[entries_of(bonds.pointers, touched)], self.outer_pairs
         beside = self.body.share.beside_halo(bonds.first, bonds.second)  # other ranks may have broken pairs that this rank does not have
         return np.unique(np.concatenate([own, outer[reached[bonds.second[outer]]], beside]))
 
     @cached_property
-    def pair_entries(self) -> tuple[np.ndarray, np.ndarray]:
-        """Entries of the neighbour lists by pair, and the first entry of every pair: it has two, and one if an end is an image."""
-        bonds = self.body.bonds
-        return np.argsort(bonds.pair_of, kind="stable"), pointers_to(bonds.pair_of, len(bonds.first)).astype(np.int64)
+    def bonds_of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Directed bonds of every pair from its first point and from its second; if that is an image, the former twice."""
+        pair_of = self.body.bonds.pair_of
+        order, pointers = np.argsort(pair_of, kind="stable"), pointers_to(pair_of, len(self.body.bonds.first)).astype(np.int64)
+        return order[pointers[:-1]], order[pointers[1:] - 1]
 
     @cached_property
-    def _outer_pairs(self) -> np.ndarray:
+    def outer_pairs(self) -> np.ndarray:
         """Numbers of the pairs with an image."""
-        return np.flatnonzero(self.body.bonds.second >= len(self.body)).astype(np.uint32)
+        return np.flatnonzero(self.body.bonds.second >= len(self.body))
 
-    def gradient_weights(self, weighted_bonds: np.ndarray | None = None, inverse_shape: np.ndarray | None = None) -> np.ndarray:
-        """Return K^-1 w x V_j of every directed bond, shape (n_bonds, d), for the body's own shapes and bonds or for given ones."""
-        weighted_bonds = self.weighted_bonds if weighted_bonds is None else weighted_bonds
-        inverse_shape = self.inverse_shape if inverse_shape is None else inverse_shape
+    @cached_property
+    def mirrored_pairs(self) -> np.ndarray:
+        """Numbers of the pairs of k and the image of i for the `outer_pairs` of i and the image of k under the same reflections."""
+        bonds, ghosts, outer, n = self.body.bonds, self.body.ghosts, self.outer_pairs, len(self.body)
+        if not len(ghosts):
+            return outer
+        first, ghost, total = bonds.first[outer].astype(np.int64), bonds.second[outer].astype(np.int64) - n, n + len(ghosts)
+        number = np.full((int(ghosts.image.max()) + 1, n), -1)
+        number[ghosts.image, ghosts.source] = np.arange(len(ghosts))
+        keys, wanted = first * total + n + ghost, ghosts.source[ghost] * total + n + number[ghosts.image[ghost], first]
+        order = np.argsort(keys)
+        return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
+
+    def gradient_weights(self, weighted_bonds: np.ndarray, inverse_shape: np.ndarray) -> np.ndarray:
+        """Return K^-1 w x V_j of every directed bond, shape (n_bonds, d), for given w x V_j and K^-1."""
         return np.einsum("bij,bj->bi", symmetric(inverse_shape)[self.owners()], weighted_bonds)
 
     def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
@@ -176,7 +182,7 @@ class Kinematics:
         """Correct the gradients at interfaces, copy them to halo and ghosts, and update the points of single materials."""
         if self.interfaces is not None:
             self.interfaces.correct(self.positions, self.gradients)
-        self.body.share.fill(self.gradients[: len(self.body)])
+        self.body.share.fill(self.gradients)
         if len(self.body.ghosts):
             self.gradient_ghosts.fill_gradients(self.gradients)
         if self._gradient_shifts is not None:

@@ -1,85 +1,61 @@
-"""Learnt bond forces: maps from features of a bond to its force, each with a training domain and the material that it describes."""
-
-from __future__ import annotations
+"""Learnt models: plain arrays with a training domain and the material that they describe."""
 
 from abc import abstractmethod
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ..engine.block_arrays import TRACTION_ROWS
-from ..kernels.bond_state import along_and_across, lateral_stretch
-from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..materials import Law
-from .agreement import bond_states, check_agreement
-from .bond_force import AnalyticBondForce, BondStates, ForceSurrogate, bond_arrays
-from .members import greatest_deviations
-from .protocol import CompiledBondForce, Domain, Member
+from .agreement import check_agreement
+from .protocol import Domain, ForceModel, Member
+
+CHUNK = 65_536
+"""Bonds or points evaluated at once, so that their features and outputs need little memory."""
 
 
 @dataclass(frozen=True, repr=False)
-class LearntBondForce(ForceSurrogate):
-    """Learnt map from features of a bond to its dimensionless force.
+class Learnt(ForceModel):
+    """Model that consists of names and arrays, which it declares, with the domain and the material that it was trained for.
 
-    A model that consists only of arrays lists their names in `arrays`, declares them as fields, and checks them in `check_arrays`.
-
-    Parameters
+    Attributes
     ----------
-    name : str
-    feature_set : str
-        One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
-    at_rest : ndarray, shape (2,)
-        Outputs at rest, which are subtracted from all outputs.
-    domain : Domain
-        States on which it was trained.
-    law : str
-        Name of the law that it describes.
-    shape : mapping
-        Dimensionless parameters of the law that its bond force depends on.
-    stated : mapping, optional
-        Relative errors on the plane-stress surface, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
-        of the training states; None without a card.
-    members : tuple of Member, optional
-        Members of its committee, in a run that reports their deviation.
+    kind : str
+        Kind of the model in the card of an artefact.
+    names : mapping
+        Allowed values of the fields that are names, in the order of a payload.
+    arrays : tuple of str
+        Fields that are arrays, likewise.
+    exact : str
+        Name of the force model that accepts every law, for error messages.
+    trial : callable
+        Function of a law and stretches that returns states and the exact answers there, see `pdsurrogate.forces.agreement`.
+    domain, law, shape
+        Fields of all learnt models.
     """
 
-    name: str
-    feature_set: str
-    at_rest: np.ndarray
-    domain: Domain
-    law: str
-    shape: Mapping[str, float]
+    kind: ClassVar[str]
+    names: ClassVar[Mapping[str, Collection[str]]]
+    arrays: ClassVar[tuple[str, ...]]
+    exact: ClassVar[str]
+    trial: ClassVar[Callable]
     stated: Mapping[str, float] | None = field(default=None, kw_only=True)
     members: tuple[Member, ...] = field(default=(), kw_only=True)
-
-    kind: ClassVar[str]
-    arrays: ClassVar[tuple[str, ...]] = ()
-    default_precision: ClassVar[str] = "float32"
 
     @property
     def facts(self) -> dict[str, str]:
         """Main properties in words."""
-        return {**super().facts, **learnt_facts(self)}
+        stretches = f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}"
+        error = {} if self.stated is None else {"RMS error": f"{self.stated['rms']:.2g}"}
+        return {**super().facts, "law": self.law, **self.shape, "stretches": stretches, **error}
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name} of {self.law}>"
 
-    @abstractmethod
-    def outputs(self, features: np.ndarray) -> np.ndarray:
-        """Return the outputs, before `at_rest` is subtracted, for features of shape (n, n_features); shape (n, 2)."""
-
-    @abstractmethod
-    def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
-        """Return the address of the block function, its sizes and weights, and the rows of working memory that it needs.
-
-        The last `N_OUTPUTS` weights are `at_rest`.
-        """
-
-    def payload(self) -> dict[str, np.ndarray | str]:
+    def payload(self) -> dict[str, Any]:
         """Return the arrays of doubles and the names from which `from_payload` builds the same model."""
-        return {key: getattr(self, key) for key in ("feature_set", *self.arrays, "at_rest")}
+        return {key: getattr(self, key) for key in (*self.names, *self.arrays)}
 
     @classmethod
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
@@ -90,102 +66,41 @@ class LearntBondForce(ForceSurrogate):
         ValueError
             If anything is missing, of the wrong shape, or not finite.
         """
-        check_payload(cls.kind, payload, {"feature_set": FEATURE_SETS}, (*cls.arrays, "at_rest"))
-        check_shape(payload["at_rest"], "at_rest", (N_OUTPUTS,))
-        arrays = {key: payload[key] for key in cls.arrays}
-        found = cls(name, payload["feature_set"], payload["at_rest"], domain, law, dict(shape), **arrays)
+        check_payload(cls.kind, payload, cls.names, cls.arrays)
+        found = cls(name=name, domain=domain, law=law, shape=dict(shape), **payload)
         found.check_arrays()
         return found
 
+    @abstractmethod
     def check_arrays(self) -> None:
-        """Raise ValueError if an array of `arrays` is not of the right shape."""
+        """Raise ValueError if an array is not of the right shape."""
 
-    @property
-    def features(self) -> tuple[str, ...]:
-        """Names of the features."""
-        return FEATURE_SETS[self.feature_set].names
+    @abstractmethod
+    def answer(self, *states: np.ndarray) -> np.ndarray:
+        """Return the forces or stresses at the states of `trial`, shape (n, components)."""
 
-    @property
-    def gives_transverse(self) -> bool:
-        """Whether the model provides T_mm, by coaxiality; models of the paper's features do not."""
-        return FEATURE_SETS[self.feature_set].gives_transverse
-
-    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
-        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        U_mm = lateral_stretch(a, b, J)
-        features = FEATURE_SETS[self.feature_set]
-        with np.errstate(invalid="ignore"):  # a bond turned past a right angle has no stretch tensor: NaN
-            shared = features.shared(a, b, J, C33)
-            outputs = self.outputs(np.stack(features.inputs(shared, a, b, U_mm, J, C33, length), axis=1)) - self.at_rest
-            T_nn, T_nm, _ = features.traction(shared, outputs[:, 0], outputs[:, 1], a, b, U_mm, J, C33)
-        return along_and_across(T_nn, T_nm, a, b, stretch)
-
-    def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        def force_of(model: LearntBondForce, law: Law, some: slice) -> np.ndarray:
-            of = states.chosen(some)
-            inside = of.has_stretch_tensor & (model.domain.beyond_bounds(of.stretches, of.J**2 * of.C33) <= 0)
-            force = np.empty((len(inside), N_OUTPUTS))
-            for which, source in ((inside, model), (~inside, AnalyticBondForce(law))):
-                if which.any():
-                    force[which] = source.bond_force(*of.chosen(which).quantities())
-            return force
-
-        return greatest_deviations(self, law, force_of, len(states.a))
-
-    def compiled(self, dtype) -> CompiledBondForce:
-        """Return the block function and packed weights in the given precision."""
-        features, found = FEATURE_SETS[self.feature_set], CompiledBondForce(*self.packed(dtype))
-        if features.anchored is not None and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9:
-            # The force at rest is exactly zero in the kernel's precision: the kernel's own rest value is subtracted as well.
-            rest = found.evaluate(np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T, TRACTION_ROWS)[0, 0]
-            found.weights[features.anchored - N_OUTPUTS] += found.weights.dtype.type(rest / features.rest_factor)
-        return replace(found, needs_length=features.needs_length)
+    @staticmethod
+    def shape_of(law: Law) -> dict[str, float]:
+        """Return the dimensionless parameters of a law that the model depends on."""
+        return law.shape
 
     def check_material(self, law: Law) -> None:
-        """Raise ValueError if the model was not trained for this material, or its forces are not those of the law as it is now."""
-        check_described(self, law, law.shape, "analytic")
-        check_agreement(self, law, bond_states, self.bond_force, "analytic")
-
-
-def learnt_facts(model) -> dict[str, str]:
-    """Return the material that a learnt model describes, in words."""
-    stretches = f"{model.domain.least_stretch:g} to {model.domain.greatest_stretch:g}"
-    error = {} if model.stated is None else {"RMS error": f"{model.stated['rms']:.2g}"}
-    return {"law": model.law, **model.shape, "stretches": stretches, **error}
-
-
-def check_described(model, law: Law, shape: Mapping[str, float], exact: str) -> None:
-    """Check that a learnt model describes a material.
-
-    Parameters
-    ----------
-    model
-        Model with its `name`, and the `law` and `shape` that it was trained for.
-    law : Law
-    shape : mapping
-        Dimensionless parameters of `law` that the model depends on.
-    exact : str
-        Name of the force model that accepts every law, for the error message.
-
-    Raises
-    ------
-    ValueError
-        If it does not.
-    """
-    if law.name != model.law:
-        raise ValueError(f"{model.name} describes the law {model.law}, not {law.name}; force={exact} serves every law")
-    if set(shape) != set(model.shape):
-        raise ValueError(
-            f"{model.name} describes {model.law} with {', '.join(sorted(model.shape)) or 'no parameters'}, "
-            f"not with {', '.join(sorted(shape)) or 'none'}; fit another, or use force={exact}, which serves every law"
-        )
-    for key, value in shape.items():
-        if not np.isclose(value, model.shape[key], rtol=1e-9, atol=0):
+        """Raise ValueError if the model was not trained for this material, or its answers are not those of the law as it is now."""
+        shape, serves = self.shape_of(law), f"force={self.exact}, which serves every law"
+        if law.name != self.law:
+            raise ValueError(f"{self.name} describes the law {self.law}, not {law.name}; force={self.exact} serves every law")
+        if set(shape) != set(self.shape):
             raise ValueError(
-                f"{model.name} describes {model.law} with {key} = {float(model.shape[key])!r}, not {float(value)!r}; "
-                f"fit another, or use force={exact}, which serves every law"
+                f"{self.name} describes {self.law} with {', '.join(sorted(self.shape)) or 'no parameters'}, "
+                f"not with {', '.join(sorted(shape)) or 'none'}; fit another, or use {serves}"
             )
+        for key, value in shape.items():
+            if not np.isclose(value, self.shape[key], rtol=1e-9, atol=0):
+                raise ValueError(
+                    f"{self.name} describes {self.law} with {key} = {float(self.shape[key])!r}, not {float(value)!r}; "
+                    f"fit another, or use {serves}"
+                )
+        check_agreement(self, law, type(self).trial, f"fit it again, or use {serves}")
 
 
 def check_payload(kind: str, payload: dict, names: Mapping[str, Collection[str]], arrays: Sequence[str]) -> None:
@@ -221,3 +136,26 @@ def check_shape(array: np.ndarray, what: str, shape: tuple[int, ...]) -> None:
     """Raise ValueError if an array has another shape."""
     if array.shape != shape:
         raise ValueError(f"{what} has shape {array.shape}, not {shape}")
+
+
+def greatest_deviations(model: ForceModel, law: Law, answer: Callable[[Any, Law, slice], np.ndarray], count: int) -> np.ndarray:
+    """Return the greatest deviation of a committee's members from the model at each state, in units of the shear modulus, shape (count,).
+
+    Beyond its domain every member is replaced by the exact force of its own law, as in a run by default.
+
+    Parameters
+    ----------
+    model : ForceModel
+        Model with its members.
+    law : Law
+        Law of the body.
+    answer : callable
+        ``answer(model, law, some)``: forces of a model at some of the states, shape (k, components), in units of its shear modulus.
+    count : int
+    """
+    found = np.empty(count)
+    for some in (slice(at, at + CHUNK) for at in range(0, count, CHUNK)):
+        own = answer(model, law, some)
+        others = (member.ratio * answer(member.model, member.law, some) for member in model.members)
+        found[some] = np.max([np.linalg.norm(other - own, axis=1) for other in others], axis=0)
+    return found

@@ -1,10 +1,8 @@
 """Learnt energies: networks of two invariants, stored as plain arrays, for a sheet under plane stress or for the isochoric part."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Self
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,25 +10,14 @@ from ..engine.compile import block_function_of, isochoric_energy_signature
 from ..kernels import isochoric_energy as kernel
 from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.domain import distance_coefficients
-from ..kernels.energy_density import (
-    ENERGY_ROWS,
-    N_CONSTANTS,
-    NETWORK_WORK_ROWS,
-    network_energy_density,
-    pack_network,
-)
+from ..kernels.energy_density import ENERGY_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
 from ..kernels.network import GROUP, pack_units
 from ..materials import PLANES, Law
-from .agreement import check_agreement, invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
-from .bond_energy import EnergySurrogate
-from .isochoric import IsochoricEnergy
-from .learnt import check_described, check_payload, check_shape, learnt_facts
-from .members import CHUNK, greatest_deviations
-from .pair_energy import PairEnergy
+from .agreement import invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
+from .bond_energy import EnergyModel, EnergySurrogate, IsochoricEnergy
+from .learnt import CHUNK, Learnt, check_shape, greatest_deviations
 from .pair_passes import EnergyDerivatives
-from .protocol import CompiledBondForce, Domain, ForceModel, Member
-from .settings import OUTSIDE_POLICIES, PRECISIONS
-from .term import Term
+from .protocol import CompiledBondForce, Domain
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
 """Features of an energy network: the logarithms of the area ratio and of cosh(log lambda_1/lambda_2); both vanish at rest."""
@@ -40,9 +27,6 @@ ISOCHORIC_FEATURES = ("log(I1bar/3)", "log(I2bar/3)")
 is smooth in them there too, as every smooth symmetric function of three logarithms with sum zero is of their second and third elementary
 symmetric functions."""
 
-ARRAYS = ("hidden_weights", "hidden_biases", "output_weights")
-"""Arrays of a network of an energy, as in its payload."""
-
 
 def energy_shape(law: Law) -> dict[str, float]:
     """Return the dimensionless parameters of the plane-stress energy of a law, K/mu included, since C33 is condensed out."""
@@ -50,7 +34,7 @@ def energy_shape(law: Law) -> dict[str, float]:
 
 
 @dataclass(frozen=True, repr=False)
-class LearntEnergy(ForceModel):
+class LearntEnergy(Learnt, EnergyModel):
     """Network of one hidden layer for an energy of two invariants.
 
     Parameters
@@ -82,46 +66,30 @@ class LearntEnergy(ForceModel):
     domain: Domain
     law: str
     shape: Mapping[str, float]
-    stated: Mapping[str, float] | None = field(default=None, kw_only=True)
-    members: tuple[Member, ...] = field(default=(), kw_only=True)
 
-    kind: ClassVar[str]
+    names: ClassVar[Mapping[str, Collection[str]]] = {"activation": SMOOTH}
+    arrays: ClassVar[tuple[str, ...]] = ("hidden_weights", "hidden_biases", "output_weights")
+    exact: ClassVar[str] = "bond-energy"
     feature_set: ClassVar[str]
     features: ClassVar[tuple[str, ...]]
-
-    @property
-    def facts(self) -> dict[str, str]:
-        """Main properties in words."""
-        return {**super().facts, **learnt_facts(self)}
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.name} of {self.law}>"
 
     @property
     def size(self) -> str:
         """Return the size of the model in words, for tables."""
         return f"{self.output_weights.size} units"
 
-    def payload(self) -> dict[str, Any]:
-        """Return the arrays of doubles and the name from which `from_payload` builds the same model."""
-        return {key: getattr(self, key) for key in ("activation", *ARRAYS)}
-
-    @classmethod
-    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
-        """Build a model from its payload.
-
-        Raises
-        ------
-        ValueError
-            If anything is missing, of the wrong shape, or not finite.
-        """
-        check_payload(cls.kind, payload, {"activation": SMOOTH}, ARRAYS)
-        units = payload["output_weights"].shape
+    def check_arrays(self) -> None:
+        units = self.output_weights.shape
         if len(units) != 1 or units == (0,):
             raise ValueError(f"output_weights has shape {units}, not that of a vector")
-        check_shape(payload["hidden_biases"], "hidden_biases", units)
-        check_shape(payload["hidden_weights"], "hidden_weights", (2, *units))
-        return cls(name=name, **payload, domain=domain, law=law, shape=dict(shape))
+        check_shape(self.hidden_biases, "hidden_biases", units)
+        check_shape(self.hidden_weights, "hidden_weights", (2, *units))
+
+    @property
+    def _at_rest(self) -> tuple[float, float]:
+        """Sum over the units at rest and its derivative by the first feature, which are subtracted as far as they do not vanish."""
+        value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
+        return float((value * self.output_weights).sum()), float((slope * self.output_weights * self.hidden_weights[0]).sum())
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,15 +107,11 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
     """
 
     kind: ClassVar[str] = "energy-network"
+    trial = staticmethod(invariant_states)
+    shape_of = staticmethod(energy_shape)
     default_precision = "float32"
     feature_set: ClassVar[str] = "invariants"
     features: ClassVar[tuple[str, ...]] = ENERGY_FEATURES
-
-    @property
-    def _at_rest(self) -> tuple[float, float]:
-        """Sum over the units and its derivative by log J at rest, which are subtracted."""
-        value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
-        return float((value * self.output_weights).sum()), float((slope * self.output_weights * self.hidden_weights[0]).sum())
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
         """Return the energy and its derivatives in NumPy, see `EnergySurrogate`; the network does not use the law."""
@@ -187,12 +151,8 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
         found.weights[-N_CONSTANTS:] = energy, slope
         return found
 
-    def check_material(self, law: Law) -> None:
-        """Raise ValueError if the model was not trained for this material, or its stress is not that of the law as it is now."""
-        check_described(self, law, energy_shape(law), "bond-energy")
-        check_agreement(self, law, invariant_states, self._principal_stresses, "bond-energy")
-
-    def _principal_stresses(self, trace, J, first, second) -> np.ndarray:
+    def answer(self, *states: np.ndarray) -> np.ndarray:
+        trace, J, first, second = states
         _, by_trace, by_J, *_ = self._derivatives(trace, J)
         return np.stack([2 * by_trace * first + by_J * second, 2 * by_trace * second + by_J * first], axis=1)
 
@@ -214,29 +174,15 @@ class IsochoricNetwork(LearntEnergy):
     """
 
     kind: ClassVar[str] = "isochoric-network"
-    family = "bond energy"
+    trial = staticmethod(isochoric_states)
+    # Under plane stress every bond would evaluate the network in every step of a Newton iteration for the thickness.
     several_materials = ("strain", "space")
-    default_precision = "float64"
     feature_set: ClassVar[str] = "isochoric invariants"
     features: ClassVar[tuple[str, ...]] = ISOCHORIC_FEATURES
-
-    @property
-    def honours(self) -> Mapping[str, tuple]:
-        # Under plane stress every bond would evaluate the network in every step of a Newton iteration for the thickness.
-        return {
-            "precision": PRECISIONS,
-            "correction": ("none",),
-            "breakable": (True,),
-            "plane": ("strain", "space"),
-            "outside": tuple(OUTSIDE_POLICIES),
-        }
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:
         # In plane strain the stress across the plane is formed in double precision.
         return self.honours if plane == "space" else {**self.honours, "precision": ("float64",)}
-
-    def terms(self, plane: str) -> tuple[type[Term], ...]:
-        return (PairEnergy,)
 
     def isochoric_derivatives(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return W and its derivatives by I1bar and I2bar at states of one shape, in NumPy."""
@@ -245,13 +191,8 @@ class IsochoricNetwork(LearntEnergy):
         value, slope, _ = ACTIVATIONS[self.activation](np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases)
         slope = slope * v
         # The sums are written out as in `EnergyNetwork`.
-        W = (value * v).sum(axis=-1) - self._at_rest
+        W = (value * v).sum(axis=-1) - self._at_rest[0]
         return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
-
-    @property
-    def _at_rest(self) -> float:
-        """Sum over the units at rest, which is subtracted."""
-        return float((ACTIVATIONS[self.activation](self.hidden_biases)[0] * self.output_weights).sum())
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
         """Return the isochoric energy of the bonds; by default the exact energy replaces it towards the edge of the domain."""
@@ -261,7 +202,7 @@ class IsochoricNetwork(LearntEnergy):
         units = pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
         guard = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
         distances = distance_coefficients(self.domain.least_stretch, self.domain.greatest_stretch)
-        weights = np.concatenate([distances.ravel(), [self._at_rest], units])
+        weights = np.concatenate([distances.ravel(), [self._at_rest[0]], units])
         return replace(
             exact, address=block.address or 0, sizes=np.array([len(units) // GROUP, guard, 0]), weights=weights, precision=precision
         )
@@ -280,11 +221,6 @@ class IsochoricNetwork(LearntEnergy):
 
         return greatest_deviations(self, law, stresses_of, len(stretches))
 
-    def check_material(self, law: Law) -> None:
-        """Raise ValueError if the model was not trained for this material, or its stress is not that of the law as it is now."""
-        check_described(self, law, law.shape, "bond-energy")
-        check_agreement(self, law, isochoric_states, self._principal_stresses, "bond-energy")
-
-    def _principal_stresses(self, I1, I2, squares) -> np.ndarray:
-        _, by_1, by_2 = self.isochoric_derivatives(I1, I2)
-        return isochoric_stresses(squares, by_1, by_2)
+    def answer(self, *states: np.ndarray) -> np.ndarray:
+        I1, I2, squares = states
+        return isochoric_stresses(squares, *self.isochoric_derivatives(I1, I2)[1:])

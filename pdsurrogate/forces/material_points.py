@@ -1,10 +1,6 @@
 """Points of one material and the continued points of others, with their states by its law."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from functools import cached_property
-from itertools import islice
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,7 +8,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import node_state
 from ..materials import PLANES, Law, plane_stress
-from .errors import InvalidState, at_point
+from .errors import InvalidState, at_point, why_invalid
 from .kinematics import Kinematics, matrices
 from .settings import ROTATION, ROTATIONS
 from .steps import Step, Steps
@@ -60,15 +56,7 @@ class MaterialPoints:
         Pass that finds volume ratios and records with a learnt force, in place of the law.
     """
 
-    def __init__(
-        self,
-        kinematics: Kinematics,
-        law: Law,
-        precision: str,
-        rotation: str | None = None,
-        own: np.ndarray | None = None,
-        pairs: np.ndarray | None = None,
-    ) -> None:
+    def __init__(self, kinematics: Kinematics, law: Law, precision: str, rotation: str | None = None, own=None, pairs=None) -> None:
         body = kinematics.body
         self._kinematics, self.law, self.whole = kinematics, law, own is None
         self.response, self.parameters = PLANES[kinematics.plane].response.block(law), law.parameters
@@ -119,17 +107,10 @@ class MaterialPoints:
     @property
     def steps(self) -> list[Step]:
         """Steps that find the states from the gradients; they count the points without a state."""
-        return self._passes if self.whole else [self._take_ratios, *self._passes, self._keep_ratios]
-
-    @cached_property
-    def _find(self) -> Steps:
-        return Steps(self._kinematics.body.share, *self.steps)
-
-    def _take_ratios(self) -> None:
-        np.take(self.kept_ratios, self.numbers, out=self.volume_ratios)
-
-    def _keep_ratios(self) -> None:
-        self.kept_ratios[self.numbers] = self.volume_ratios
+        if self.whole:
+            return self._passes
+        take = partial(np.take, self.kept_ratios, self.numbers, out=self.volume_ratios, mode="clip")
+        return [take, *self._passes, partial(self.kept_ratios.put, self.numbers, self.volume_ratios)]
 
     def _pass_of_law(self) -> BoundPass:
         """Bind the pass that finds volume ratios and records by the law."""
@@ -151,11 +132,13 @@ class MaterialPoints:
         """
         self._kinematics.form_gradients()
         if self._found_at != self._kinematics.changes:
-            have_states([self], self._find())
+            have_states([self], Steps(self._kinematics.body.share, *self.steps)())
 
-    def note(self, counts: Iterator[int]) -> bool:
-        """Evaluate the counts of this material's passes; return whether all points have a state."""
-        found = not sum(islice(counts, len(self._passes)))
+    def note(self, counts: list[int]) -> bool:
+        """Take the counts of this material's passes from the beginning of a list; return whether all points have a state."""
+        found = not counts.pop(0)
+        if self._turn:
+            counts.pop(0)  # rotations are found everywhere
         self._found_at = self._kinematics.changes if found else -1
         if not found:
             self.kept_ratios[:] = 1.0  # a later evaluation then starts from the initial values
@@ -163,33 +146,18 @@ class MaterialPoints:
 
     def diagnose(self) -> str:
         """Return a message that names a point without a state by the law, and the reason."""
-        body = self._kinematics.body
-        numbers = np.arange(len(body.all_points))[self.numbers]
-        owners = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])
-
-        def at(place: int, what: str) -> str:
-            image = "" if numbers[place] < len(body) else "its image beyond the grip: "
-            return at_point(body, int(owners[numbers[place]]), image + what)
-
+        body, plane = self._kinematics.body, self._kinematics.plane
         # Images are checked too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
-        F = matrices(self.gradients)
-        finite = np.isfinite(F).all(axis=(1, 2))
-        if not finite.all():
-            return at(int(finite.argmin()), "its deformation gradient is not finite")
-        J = np.linalg.det(F)
-        if J.min() <= 0:
-            return at(int(J.argmin()), f"det F = {J.min():.3g}: the material is turned inside out there")
-        trace = (F * F).sum(axis=(1, 2))
-        order = np.argsort(-trace)
-        state = f"at tr C = {trace[order[0]]:.4g} and det F = {J[order[0]]:.4g}"
-        if self._kinematics.plane != "stress":
-            return at(int(order[0]), f"there is no state there or nearby, {state}")
-        for i in order[:100]:
-            try:
-                plane_stress.volume_ratio(self.law, trace[i], J[i])
-            except ValueError as error:
-                return at(int(i), str(error))
-        return at(int(order[0]), f"no plane-stress state was found there or nearby, {state}")
+        F, what = matrices(self.gradients), "no plane-stress state was found" if plane == "stress" else "there is no state"
+
+        def check(place: int) -> None:
+            if plane == "stress":
+                plane_stress.volume_ratio(self.law, *plane_stress.invariants(F[place]))
+
+        place, reason = why_invalid(F, "", check, what + " there or nearby, at tr C = {trace:.4g} and det F = {J:.4g}")
+        number = np.arange(len(body.all_points))[self.numbers][place]
+        image = "its image beyond the grip: " if number >= len(body) else ""
+        return at_point(body, int(self._kinematics.sources[number]), image + reason)
 
 
 def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]:
@@ -200,8 +168,7 @@ def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]
     InvalidState
         Where a point has no state; names it.
     """
-    left = iter(counts)
-    unsolved = [points for points in materials if not points.note(left)]
+    unsolved = [points for points in materials if not points.note(counts)]
     if unsolved:
         raise InvalidState(unsolved[0].diagnose())
-    return list(left)
+    return counts

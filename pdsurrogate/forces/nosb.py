@@ -1,7 +1,5 @@
 """Analytic non-ordinary state-based force, theory (2): the exact constitutive law, with zero-energy modes."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

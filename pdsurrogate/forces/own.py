@@ -1,11 +1,8 @@
 """Bond forces and energies that users write in Python, evaluated block by block in NumPy and therefore slower than compiled models."""
 
-from __future__ import annotations
-
 import ctypes
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +14,7 @@ from ..materials import InvariantLaw, Law
 from .bond_force import ForceSurrogate, bond_arrays, exact_bond_force
 from .errors import InvalidState
 from .internal_force import InternalForce
-from .protocol import CompiledBondForce, Domain
+from .protocol import CompiledBondForce
 from .settings import ForceSettings
 
 _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
@@ -85,18 +82,12 @@ class OwnBondForce(ForceSurrogate):
     <OwnBondForce Mine>
     """
 
-    features = ("stretch", "rotation", "length", "C33", "J")
-    domain: Domain | None = None
-    gives_transverse = True
-    default_precision = "float64"
+    domain = None
     several_materials = ()
-    honours: ClassVar = {
-        "precision": ("float64",),
-        "correction": ("tensor", "scalar", "none"),
-        "rotation": ("polar", "convected"),
-        "breakable": (True,),
-        "plane": ("stress",),
-    }
+
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        return {**super().honours, "precision": ("float64",), "plane": ("stress",)}
 
     def __init__(self, thing) -> None:
         if not is_own_force(thing):
@@ -263,7 +254,7 @@ class OwnBondForce(ForceSurrogate):
         worst = off.argmax()
         self._judge(
             off[worst],
-            f"{self.name} tells one way of turning from the other: at stretch {stretch[worst]:g} it is ({found[worst, 0]:.4g}, "
+            f"{self.name} distinguishes one sense of rotation from the other: at stretch {stretch[worst]:g} it is ({found[worst, 0]:.4g}, "
             f"{found[worst, 1]:.4g}) for a rotation of {rotation[worst]:g}, and for {-rotation[worst]:g} not that with the second part "
             f"negated, but ({mirrored[worst, 0]:.4g}, {-mirrored[worst, 1]:.4g}); isotropic rubber does not",
         )
@@ -291,19 +282,13 @@ class OwnBondForce(ForceSurrogate):
         with thread_count(1):
             return super().bind(body, law, settings)
 
-    @contextmanager
-    def guarded(self) -> Iterator[None]:
-        """Return a context that raises the original error of the user's code, and not a consequence of it."""
-        self.failure = None
-        try:
-            yield
-        except Exception:
-            if self.failure is None:
-                raise
-        if isinstance(self.failure, OwnForceFailed | OwnForceInvalid):
-            raise self.failure
-        if self.failure is not None:
-            raise OwnForceFailed(f"{self.name}: {type(self.failure).__name__}: {self.failure}") from self.failure
+    def cause_of(self, error: RuntimeError) -> RuntimeError:
+        failure, self.failure = self.failure, None
+        if failure is None or isinstance(failure, OwnForceFailed | OwnForceInvalid):
+            return failure or error
+        found = OwnForceFailed(f"{self.name}: {type(failure).__name__}: {failure}")
+        found.__cause__ = failure
+        return found
 
     def payload(self) -> dict:
         return {"class": f"{type(self.thing).__module__}.{type(self.thing).__qualname__}"}

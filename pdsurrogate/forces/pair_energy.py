@@ -1,25 +1,20 @@
 """Energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
 
-from __future__ import annotations
-
-from itertools import pairwise
-
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
-from ..materials import PLANES, Law, plane_stress
-from ..materials.stretches import principal_stretches
+from ..materials import PLANES, plane_stress
+from ..materials.states import principal_stretches
 from .bond_shares import BondShares
-from .dilatation import LinearisedDilatation
-from .errors import InvalidState, at_point
+from .errors import InvalidState, at_point, why_invalid
 from .kinematics import matrices, symmetric
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
-from .term import Binding, Term, whole_volume
-from .volume_energy import VolumeEnergy
+from .term import Binding, DomainWatch, Term, sum_on_pairs, whole_volume
+from .volume_energy import LinearisedDilatation, VolumeEnergy
 
 
 class PairEnergy(Term):
@@ -50,48 +45,41 @@ class PairEnergy(Term):
         self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]
         self._domain = self._model.domain if whole else None
         owners = None if whole else binding.portion_of[self.kinematics.owners()]
-        own_bonds = [None if whole else owners == number for number in range(len(models))]
-        weights = [self._see(number, own) for number, own in enumerate(own_bonds)]
-        each, self.volume = list(zip(models, self.materials, weights, strict=True)), None
+        each, own_bonds, self.volume, steps = [], [], None, []
+        for number, model in enumerate(models):
+            own = None if whole else owners == number
+            # A material has energy in its own bonds.
+            weights = self.shares.bond_weights if whole else np.bincount(bonds.pair_of, self.shares.bond_shares * own, len(bonds.first))
+            points = self.points_of(number, None if whole else np.flatnonzero(weights))
+            self.watches.append(DomainWatch(binding, model, points, "energy", "energy"))
+            each.append((binding, self.shares, model, points, weights[points.pairs]))
+            own_bonds.append(own)
         if self.selective:
-            volumes = [np.ones(len(points.first)) for points in self.materials]
-            all_volumes = volumes[0] if whole else np.concatenate(volumes)
-            starts = np.cumsum([0, *map(len, volumes)])
-            volumes = (all_volumes[start:end] for start, end in pairwise(starts))
-            further = zip(volumes, own_bonds, strict=True)
-            self._parts = [SelectivePairs(binding, self.shares, *one, *more) for one, more in zip(each, further, strict=True)]
+            sizes = [len(points.first) for points in self.materials]
+            all_volumes = np.ones(sum(sizes))
+            volumes = np.split(all_volumes, np.cumsum(sizes)[:-1])
+            self._parts = [SelectivePairs(*one, *more) for one, *more in zip(each, volumes, own_bonds, strict=True)]
             self.volume = VolumeEnergy(binding, self.shares, self._parts, all_volumes)
+            steps = self.volume.steps
         else:
-            self._parts = [PairEnergies(binding, self.shares, *one) for one in each]
-        steps = self.volume.steps if self.selective else []
-        self._find = Steps(body.share, *steps, *(part.find for part in self._parts))
-        for model, points in zip(models, self.materials, strict=True):
-            self.watch(model, points, "energy", "energy")
-        if whole:
-            (part,), others = self._parts, None
-            self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
-        else:
-            self._forces, self._moments = (aligned_rows((len(bonds.first), size), binding.precision) for size in (d, d * d))
-            total = len(body.all_points)
-            self._seen_forces, self._seen_moments, others = np.zeros((total, d)), np.zeros((total, d * d)), self._on_jumps
+            self._parts = [PairEnergies(*one) for one in each]
+        (part, *_), collect, further = self._parts, [], []
+        self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
+        if not whole:
+            sizes, total, collect, further = (d, d * d), len(body.all_points), [self._collect], [self._on_jumps]
+            self._forces, self._moments = (aligned_rows((len(bonds.first), size), binding.precision) for size in sizes)
+            self._seen_forces, self._seen_moments = (np.zeros((total, size)) for size in sizes)
             self._unit = 1.0
+        self._find = Steps(body.share, *steps, *(part.find for part in self._parts), *collect)
         self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
-        self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, others)
+        self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, *further)
         self.has_tangent = whole and binding.precision == "float64" and not self.selective
         self.nearly_incompressible = whole and self.selective
 
-    def _see(self, number: int, own: np.ndarray | None) -> np.ndarray:
-        """Bind the points of a material and the pairs in which it has energy; return the volumes that weight these pairs."""
-        shares, bonds = self.shares, self.body.bonds
-        if own is None:
-            self.points_of(number)
-            return shares.bond_weights
-        weights = np.bincount(bonds.pair_of, shares.bond_shares * own, len(bonds.first))
-        return weights[self.points_of(number, np.flatnonzero(weights)).pairs]
-
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self.pass_bonds(out)
-        self._report(outside)
+        for watch, found in zip(self.watches, outside, strict=True):
+            watch.found = found
         if invalid or not np.isfinite(self._energy):
             raise InvalidState(self._without_energy())
         if without_force:
@@ -111,26 +99,27 @@ class PairEnergy(Term):
         outside, _, invalid = zip(*(part.counts() for part in self._parts), strict=True)
         if not any(invalid):
             self._energy = sum(part.unit * part.energy() for part in self._parts)
+        without_force = self._to_points(out)
         if not self.binding.whole:
-            self._collect()
-        return list(outside), sum(invalid), self._to_points(out)
+            out += self._beside
+        return list(outside), sum(invalid), without_force
 
     def _collect(self) -> None:
         """Sum the forces and moments of the parts on the pairs, and on the continued points of other materials."""
-        for array in (self._forces, self._moments, self._seen_forces, self._seen_moments):
-            array[:] = 0.0
+        sum_on_pairs(self._forces, self._parts, "forces")
+        sum_on_pairs(self._moments, self._parts, "moments")
+        self._seen_forces[:], self._seen_moments[:] = 0.0, 0.0
         for number, part in enumerate(self._parts):
             unit, pairs = part.unit, part.points.pairs
-            self._forces[pairs] += unit * part.forces[: len(pairs)]
-            self._moments[pairs] += unit * part.moments[: len(pairs)]
             for sign, end in ((1.0, self.body.bonds.first[pairs]), (-1.0, self.body.bonds.second[pairs])):
                 some = np.flatnonzero(self.binding.portion_of[end] != number)
                 np.add.at(self._seen_forces, end[some], sign * unit * part.forces[some])
                 np.add.at(self._seen_moments, end[some], unit * part.moments[some])
 
-    def _on_jumps(self, moments: np.ndarray) -> np.ndarray:
-        """Return the forces on the points by which the energy acts on the jumps at interfaces."""
-        return self.kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
+    def _on_jumps(self) -> None:
+        """Find the forces on the points by which the energy acts on the jumps at interfaces."""
+        moments = self._stresses[: len(self.body)]
+        self._beside = self.kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
 
     def energy(self) -> float:
         return self._energy
@@ -146,11 +135,9 @@ class PairEnergy(Term):
         body.ghosts.fill_changes(stresses)
         stresses = matrices(stresses)
         forces = self._forces[pairs].astype(float)
-        outer = np.flatnonzero(second >= n)
-        if len(outer):
-            numbers, mirrored = self.shares.mirrored_pairs
-            partners = mirrored[np.searchsorted(numbers, np.arange(len(bonds.first))[pairs][outer])]
-            forces[outer] -= body.ghosts.parity[second[outer] - n] * self._forces[partners]
+        outer, numbers = np.flatnonzero(second >= n), np.arange(len(bonds.first))[pairs]
+        partners = self.kinematics.mirrored_pairs[np.searchsorted(self.kinematics.outer_pairs, numbers[outer])]
+        forces[outer] -= body.ghosts.parity[second[outer] - n] * self._forces[partners]
         vectors = body.all_points[second] - body.all_points[first]
         forces += self.shares.strength[pairs, None] * np.einsum("bij,bj->bi", stresses[first] + stresses[second], vectors)
         forces *= self._unit
@@ -170,9 +157,8 @@ class PairEnergy(Term):
         pulls = np.einsum("bij,bj->bi", moments[places], changes)
         pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
         changed = np.stack([np.bincount(bonds.pair_of[numbers], pull, len(bonds.first)) for pull in pulls.T], axis=1)
-        if len(body.ghosts):
-            outer, mirrored = self.shares.mirrored_pairs
-            changed[outer] -= body.ghosts.parity[bonds.second[outer] - len(body)] * changed[mirrored]
+        outer = self.kinematics.outer_pairs
+        changed[outer] -= body.ghosts.parity[bonds.second[outer] - len(body)] * changed[self.kinematics.mirrored_pairs]
         return changed
 
     def forces_beside_pairs(self) -> np.ndarray | None:
@@ -180,15 +166,11 @@ class PairEnergy(Term):
         return None if interfaces is None else interfaces.on_jumps
 
     def levers_on_planes(self) -> np.ndarray:
-        kinematics, body, d = self.kinematics, self.body, self.body.dimension
-        moments, forces = np.zeros((len(body.ghosts), d * d)), np.zeros((len(body.ghosts), d))
-        # The sums are computed again, to the same bits, since those of the ghosts are not kept.
-        self._to_points(np.empty_like(body.points), (moments, forces))
-        if body.share.divided:  # images count where the points that they mirror do
-            own = body.share.own[body.ghosts.source, None]
-            forces, moments = forces * own, moments * own
+        kinematics, body = self.kinematics, self.body
+        forces, moments = self.shares.on_ghosts(self._forces, self._moments, self._stresses, self._unit)
+        own = body.share.own[body.ghosts.source, None]  # images count where the points that they mirror do
         places = kinematics.positions, matrices(kinematics.gradients)
-        return kinematics.gradient_ghosts.levers_on_planes(*places, forces, self._unit * matrices(moments))
+        return kinematics.gradient_ghosts.levers_on_planes(*places, forces * own, self._unit * matrices(moments * own))
 
     def mean_stress(self) -> np.ndarray:
         """Return the mean of the bonds' own stresses: the derivative of the energy by a homogeneous F."""
@@ -248,7 +230,7 @@ class PairEnergy(Term):
         return stress, energy
 
     def linearised_dilatation(self) -> LinearisedDilatation:
-        return self.volume.linearised()
+        return LinearisedDilatation(self.volume)
 
     def tangent(self, positions: np.ndarray) -> LinearOperator:
         if not self.has_tangent:
@@ -317,33 +299,16 @@ class PairEnergy(Term):
 
     def _without_energy(self) -> str:
         """Return a message that names a bond without an energy, and the reason."""
-        _, F = self._gradients()
-        with np.errstate(invalid="ignore"):  # values that are not finite are expected in this search
-            bonds, alive, J = self.body.bonds, self.shares.bond_weights > 0, np.linalg.det(F)
-        broken = alive & ~np.isfinite(J)
-        if broken.any():
-            return at_point(self.body, int(bonds.first[broken.argmax()]), "the deformation gradient of a bond is not finite")
-        worst = int(np.where(alive, J, np.inf).argmin())
-        if J[worst] <= 0:
-            what = f"det F = {J[worst]:.3g} of a bond: the material is turned inside out there"
-            return at_point(self.body, int(bonds.first[worst]), what)
-        trace = (F * F).sum(axis=(1, 2))
-        for pair in np.argsort(np.where(alive, -trace, np.inf))[:100]:
-            laws = [points.law for points in self.materials if points.whole or pair in points.pairs]
-            reason = next(filter(None, (self._why_no_energy(law, F[pair]) for law in laws)), None)
-            if reason:
-                return at_point(self.body, int(bonds.first[pair]), reason)
-        worst = int(np.where(alive, trace, -np.inf).argmax())
-        what = f"one of the bonds has no energy; of the most strained one, tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
-        return at_point(self.body, int(bonds.first[worst]), what)
+        pairs = np.flatnonzero(self.shares.bond_weights > 0)
+        F = self._gradients()[1][pairs]
 
-    def _why_no_energy(self, law: Law, F: np.ndarray) -> str | None:
-        """Return why a law has no energy at the gradient of a bond; None if it has one."""
-        if self.kinematics.plane != "stress":
-            reason = PLANES["space"].why_no_energy(law, F)
-            return reason and f"{law.name}: a bond has no energy: {reason}"
-        try:
-            plane_stress.energy_derivatives(law, *plane_stress.invariants(F[None]))
-        except ValueError as error:
-            return str(error)
-        return None
+        def check(place: int) -> None:
+            for law in (points.law for points in self.materials if points.whole or pairs[place] in points.pairs):
+                if self.kinematics.plane == "stress":
+                    plane_stress.energy_derivatives(law, *plane_stress.invariants(F[place : place + 1]))
+                elif reason := PLANES["space"].why_no_energy(law, F[place]):
+                    raise ValueError(f"{law.name}: a bond has no energy: {reason}")
+
+        otherwise = "one of the bonds has no energy; of the most strained one, tr C = {trace:.4g} and det F = {J:.4g}"
+        place, reason = why_invalid(F, " of a bond", check, otherwise)
+        return at_point(self.body, int(self.body.bonds.first[pairs[place]]), reason)

@@ -1,12 +1,11 @@
 """Passes that compute the energies and forces of the pairs of one material, from the whole energy or its isochoric part."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import BoundPass
 from ..kernels import bond_energy, selective_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
 from ..kernels.domain import exact_share, product_rule
@@ -30,7 +29,43 @@ class EnergyDerivatives(NamedTuple):
     by_area_area: np.ndarray
 
 
-class PairEnergies:
+class Pairs:
+    """Pairs of a material with their energy, forces and moments, which a pass finds.
+
+    Parameters
+    ----------
+    model : ForceModel
+    points : MaterialPoints
+    geometry : ndarray
+        See `BondShares.geometry`.
+    precision : str
+        Precision of forces and moments.
+
+    Attributes
+    ----------
+    unit : float
+        Shear modulus of the material.
+    forces : ndarray, shape (n_blocks * BLOCK, d)
+    moments : ndarray, shape (n_blocks * BLOCK, d d)
+        See `pdsurrogate.kernels.bond_energy.pair_energies`.
+    find : BoundPass
+    """
+
+    find: BoundPass
+
+    def __init__(self, model, points: MaterialPoints, geometry: np.ndarray, precision: str) -> None:
+        self.model, self.points, self.geometry, self.unit = model, points, geometry, points.law.shear_modulus
+        count, d = len(points.first), points.positions.shape[1]
+        self.forces, self.moments = aligned_rows((count, d), precision), aligned_rows((count, d * d), precision)
+        self.places, self.pairs = (points.positions, points.gradients), (points.first, points.second, geometry)
+        self._energies = np.zeros(len(geometry))
+
+    def energy(self) -> float:
+        """Return the energy last found, over the shear modulus."""
+        return float(sum_in_order(self._energies))
+
+
+class PairEnergies(Pairs):
     """Pass over the pairs of a material that computes their whole energy under plane stress.
 
     Parameters
@@ -41,45 +76,20 @@ class PairEnergies:
     points : MaterialPoints
     weights : ndarray
         Volumes that weight these pairs.
-
-    Attributes
-    ----------
-    geometry : ndarray
-        See `BondShares.geometry`.
-    unit : float
-        Shear modulus of the material.
-    forces : ndarray, shape (n_blocks * BLOCK, 2)
-    moments : ndarray, shape (n_blocks * BLOCK, 4)
-        See `pdsurrogate.kernels.bond_energy.pair_energies`.
-    find : BoundPass
     """
 
     def __init__(self, binding: Binding, shares: BondShares, model, points: MaterialPoints, weights: np.ndarray) -> None:
         kinematics, precision, domain = binding.kinematics, binding.precision, model.domain
-        self.model, self.points, self._outside, self.unit = model, points, binding.outside, points.law.shear_modulus
-        self.geometry, threads = shares.geometry(points.pairs, weights, precision), kinematics.chunks.threads
-        compiled = model.compiled(precision)
+        super().__init__(model, points, shares.geometry(points.pairs, weights, precision), precision)
+        compiled, threads, self._outside = model.compiled(precision), kinematics.chunks.threads, binding.outside
         guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(binding.outside, bond_energy.COUNTED) if domain else UNGUARDED
-        self._counts, self._energies = np.zeros((kinematics.chunks.number, 3), dtype=np.int64), np.zeros(len(self.geometry))
-        self.forces, self.moments = aligned_rows((len(points.first), 2), precision), aligned_rows((len(points.first), 4), precision)
+        self._counts = np.zeros((kinematics.chunks.number, 3), dtype=np.int64)
+        limits = (domain or EVERYWHERE).limits(precision)
+        energy = compiled.address, analytic_energy_density(precision).address, compiled.constants(points), guard, limits
         buffers = aligned_rows((threads, bond_energy.BUFFER_ROWS, BLOCK), precision), aligned_rows((threads, 4, BLOCK))
-        self.find = bond_energy.pair_energies.bind(
-            points.positions,
-            points.gradients,
-            (points.first, points.second, self.geometry),
-            compiled.address,
-            analytic_energy_density(precision).address,
-            (compiled.sizes, compiled.weights, points.response.address, points.parameters),
-            guard,
-            (domain or EVERYWHERE).limits(precision),
-            (*buffers, compiled.memory(threads, precision), kinematics.scratch),
-            (self._counts, self._energies, self.forces, self.moments),
-            chunks=kinematics.chunks,
-        )
-
-    def energy(self) -> float:
-        """Return the energy last found, over the shear modulus."""
-        return float(sum_in_order(self._energies))
+        memory = *buffers, compiled.memory(threads, precision), kinematics.scratch
+        results = self._counts, self._energies, self.forces, self.moments
+        self.find = bond_energy.pair_energies.bind(*self.places, self.pairs, *energy, memory, results, chunks=kinematics.chunks)
 
     def counts(self) -> tuple[int, int, int]:
         """Return the numbers of pairs outside the model's domain, of those with det F_ij below `COLLAPSED`, and of those inside out."""
@@ -97,7 +107,7 @@ class PairEnergies:
         return EnergyDerivatives(*(a + change for a, change in zip(found, mixed, strict=True)))
 
 
-class SelectivePairs:
+class SelectivePairs(Pairs):
     """Passes over the pairs of a material that find their volumes, their isochoric energy, and the forces of that and of pressures.
 
     Energies and forces of the pairs may be in single precision. Volumes are in double, since a pressure has K/mu times their error.
@@ -113,12 +123,8 @@ class SelectivePairs:
 
     Attributes
     ----------
-    unit : float
-        Shear modulus of the material.
     pressures : ndarray, shape (k,)
         Pressures of the material's points, in units of mu, which multiply a share of the point's volume and the change of det F_ij.
-    forces, moments
-        Same as in `PairEnergies`, in the precision of the isochoric energy.
     buffers : ndarray
         Working memory in doubles.
     volume_energies : ndarray
@@ -127,35 +133,29 @@ class SelectivePairs:
         Shares of the volumes of both ends, see `BondShares.fill_end_shares`.
     find_volumes : BoundPass
         Pass that returns the number of pairs turned inside out.
-    find : BoundPass
     """
 
     def __init__(
         self, binding: Binding, shares: BondShares, model, points: MaterialPoints, weights: np.ndarray, volumes: np.ndarray, own
     ) -> None:
         dimension, chunks = points.positions.shape[1], binding.kinematics.chunks
-        self.model, self.points, self.volumes, self.unit = model, points, volumes, points.law.shear_modulus
-        self.geometry = geometry = shares.geometry(points.pairs, weights, "float64")  # the volumes are computed from this array
         self.isochoric = isochoric = model.isochoric_energy(points.law, binding.settings.plane, binding.outside, binding.precision)
-        self.pressures, self.volume_energies = np.zeros(len(points.positions)), np.zeros(0)
-        self.end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))
+        geometry = shares.geometry(points.pairs, weights, "float64")  # the volumes are computed from this array
+        super().__init__(model, points, geometry, isochoric.precision)
+        self.pressures, self.volume_energies, self.volumes = np.zeros(len(points.positions)), np.zeros(0), volumes
+        self.end_shares = aligned_rows((len(geometry), 2, BLOCK))
         pairs = np.arange(len(binding.kinematics.body.bonds.first))[points.pairs]
         shares.fill_end_shares(self.end_shares, np.arange(len(pairs)), pairs, own)
         self.buffers = aligned_rows((chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1)
-        precision = isochoric.precision
-        in_its_precision = self.buffers if precision == "float64" else aligned_rows(self.buffers.shape, precision, 1)
-        self.forces = aligned_rows((len(points.first), dimension), precision)
-        self.moments = aligned_rows((len(points.first), dimension**2), precision)
-        places, pairs = (points.positions, points.gradients), (points.first, points.second, geometry)
-        self.find_volumes = selective_energy.pair_volumes[dimension].bind(*places, pairs, self.buffers, volumes, chunks=chunks)
-        results = self._energies, self.forces, self.moments
+        memory = self.buffers if isochoric.precision == "float64" else aligned_rows(self.buffers.shape, isochoric.precision, 1)
+        self.find_volumes = selective_energy.pair_volumes[dimension].bind(*self.places, self.pairs, self.buffers, volumes, chunks=chunks)
+        shares_and_energy, results = (self.end_shares, *isochoric.arguments), (self._energies, self.forces, self.moments)
         self.find = selective_energy.pair_energies[dimension].bind(
-            *places, self.pressures, pairs, self.end_shares, *isochoric.arguments, in_its_precision, results, chunks=chunks
+            *self.places, self.pressures, self.pairs, *shares_and_energy, memory, results, chunks=chunks
         )
 
     def energy(self) -> float:
-        """Return the energy last found, over the shear modulus."""
-        return float(sum_in_order(self._energies)) + float(sum_in_order(self.volume_energies))
+        return super().energy() + float(sum_in_order(self.volume_energies))
 
     def counts(self) -> tuple[int, int, int]:
         """Return the number of pairs outside the domain of a learnt energy since the last call; those inside out are found before."""

@@ -1,11 +1,9 @@
 """Protocol of force models: domain, materials, the settings that a model honours, and the terms of its internal force."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -17,6 +15,7 @@ from ..kernels.bond_state import LEAST_NORMAL_STRETCH
 from ..materials import Law
 from ..materials.law import checked_law
 from .internal_force import InternalForce
+from .material_points import MaterialPoints
 from .settings import ForceSettings
 from .term import Term
 
@@ -43,7 +42,7 @@ class Domain:
     hull: tuple[tuple[float, float, float], ...] | None = field(default=None, repr=False)
 
     @property
-    def interior(self) -> Domain:
+    def interior(self) -> Self:
         """Part of the domain in which only the surrogate counts; between it and the domain's edge the exact force is blended in.
 
         Every bound lies a tenth nearer to rest, on a logarithmic scale. A domain that does not contain rest has no such band.
@@ -51,7 +50,7 @@ class Domain:
         bounds = (self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk)
         if not (bounds[0] < 1 < bounds[1] and bounds[2] < 1 < bounds[3]):
             return self
-        return Domain(*(bound**0.9 for bound in bounds))
+        return type(self)(*(bound**0.9 for bound in bounds))
 
     def deviation(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
         """Return the greatest logarithm by which states exceed a bound, shape (n,); inside, minus the distance to the nearest bound.
@@ -140,6 +139,10 @@ class CompiledBondForce:
     needs_length: bool = False
     asks_law: bool = False
 
+    def constants(self, points: MaterialPoints) -> tuple:
+        """Return the constants of this function and of the law of some points, an argument of passes."""
+        return self.sizes, self.weights, points.response.address, points.parameters
+
     def memory(self, threads: int, dtype) -> np.ndarray:
         """Return working memory for every thread."""
         return aligned_rows((threads, max(self.work_rows, 1), BLOCK), dtype)
@@ -172,7 +175,7 @@ class Portion:
     """
 
     law: Law
-    model: ForceModel
+    model: "ForceModel"
     points: np.ndarray | slice
 
 
@@ -190,7 +193,7 @@ class Member:
         Shear modulus of the member divided by that of the model to whose committee it belongs.
     """
 
-    model: ForceModel
+    model: "ForceModel"
     law: Law
     ratio: float
 
@@ -264,9 +267,9 @@ class ForceModel(ABC):
         """Return the precision of the settings, or else the model's default; double where pressures balance stresses."""
         return settings.precision or (self.default_precision if settings.plane == "stress" else "float64")
 
-    def guarded(self) -> AbstractContextManager:
-        """Return the context of every evaluation; errors of a user's own code are raised from it."""
-        return nullcontext()
+    def cause_of(self, error: RuntimeError) -> RuntimeError:
+        """Return the error of a user's own code of which the error of an evaluation is a consequence, or else that error itself."""
+        return error
 
     def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
         """Raise ValueError if the model does not describe this material; a model without learnt data accepts every law."""
@@ -290,3 +293,72 @@ class ForceModel(ABC):
 
     def _repr_html_(self) -> str:
         return html_facts(f"Force model {self.name}", self.facts)
+
+
+def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettings, rigid: np.ndarray | None = None) -> InternalForce:
+    """Prepare the evaluation of a body whose points are of several materials.
+
+    Portions of the same law and model are one material; if all portions are, the body is evaluated as one of a single material.
+
+    Parameters
+    ----------
+    body : Body
+    portions : sequence of Portion
+        Portions that together contain every point of the body once.
+    settings : ForceSettings
+        Settings that every model honours, as far as it uses them.
+    rigid : ndarray of int, optional
+        Points of rigid parts, without a material; solvers move them, and bonds to other points act on them. The force must have an energy.
+
+    Raises
+    ------
+    ValueError
+        If a point is in none or in two, a model does not describe its law or cannot honour a setting, models of two kinds meet, or bonds
+        are to break.
+    """
+    rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
+    if not portions:
+        raise ValueError("the rigid regions take all points of the body: nothing is left to be deformed")
+    of_points = np.concatenate([rigid, *(portion.points for portion in portions)])
+    if not np.array_equal(np.sort(of_points), np.arange(len(body))):
+        raise ValueError("the materials must have every point of the body once")
+    families = {portion.model.family: portion.model.name for portion in portions}
+    if len(families) > 1:
+        raise ValueError(f"the materials of a body take force models of one kind, not {' and '.join(sorted(families.values()))}")
+    if settings.breakable and (len(portions) > 1 or len(rigid)):
+        raise ValueError("bonds that break (fracture) are taken in a body of one material only: leave out fracture or materials")
+    merged: list[Portion] = []
+    for portion in portions:
+        same = next((n for n, other in enumerate(merged) if other.law == portion.law and _same(other.model, portion.model)), None)
+        if same is None:
+            merged.append(portion)
+        else:
+            merged[same] = replace(portion, points=np.sort(np.concatenate([merged[same].points, portion.points])))
+    if len(merged) > 1 and (asked := [portion.model.name for portion in merged if portion.model.members]):
+        raise ValueError(f"{asked[0]}: the deviation of members is given for bodies of one material; leave out #all")
+    if len(merged) == 1 and not len(rigid):
+        return merged[0].model.bind(body, merged[0].law, settings)
+    honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}
+    for portion in merged:
+        # Models that hold everywhere do not use `outside`; those of other materials may have a domain.
+        honours = portion.model.honoured(settings.plane)
+        spared = "outside" in honoured and "outside" not in honours
+        (replace(settings, outside=None) if spared else settings).check(portion.model.name, honours)
+        portion.model.check_material(portion.law)
+        several = portion.model.several_materials
+        if not several:
+            raise ValueError(f"{portion.model.name} takes a body of one material; without materials it serves every law")
+        # The pressure of bond forces and of NOSB depends on det F at single points (theory, section 16). A point would have to keep its
+        # volume both in its own motion and in the continued motion of the other material, and no equilibrium exists; with one gradient for
+        # both materials, states that are homogeneous on either side are not in equilibrium.
+        if settings.plane not in several:
+            raise ValueError(
+                f"{portion.model.name} takes several materials with plane=stress only: where the volume is held its pressure is wrong "
+                "beside an interface; force=bond-energy takes them everywhere"
+            )
+    return InternalForce(body, merged, settings)
+
+
+def _same(model: ForceModel, other: ForceModel) -> bool:
+    """Return whether two models are equivalent: the same object, or two of one class without learnt data."""
+    return model is other or (type(model) is type(other) and model.name == other.name and not model.payload() and not other.payload())

@@ -1,7 +1,5 @@
 """Smoothing of the dilatations of the points, theory (50)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import sparse
 
@@ -9,7 +7,7 @@ from ..body import Body
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import dilatation, selective_energy
-from .kinematics import entries_of, pointers_to
+from .kinematics import pointers_to
 
 SLAB = 4_000_000
 """Pairs that are prepared together, so that temporary arrays stay small in comparison with the body's own."""
@@ -49,18 +47,22 @@ class Smoothing:
         second = np.concatenate([np.arange(n, dtype=np.uint32), ghosts.source])[second]
         rows = np.concatenate([first, second[within]])
         order = np.argsort(rows, kind="stable")
-        rows, self._columns = rows[order], np.concatenate([second, first[within]])[order]
-        self._pointers = pointers_to(rows, n)
-        self._volumes, self._most = body.volumes, 1 - 0.5**body.dimension
+        self._pointers, self._columns = pointers_to(rows, n), np.concatenate([second, first[within]])[order]
+        self._volumes, self._most, self._share, self._single = body.volumes, 1 - 0.5**body.dimension, body.share, None
         raw = np.concatenate([weights, weights[within]])[order]
-        self._share, self._single = body.share, None
-        self._caps = self._cap(np.bincount(rows, raw, n) / body.volumes)
-        self._share.fill(self._caps)
-        self._weights = raw * np.minimum(self._caps[rows], self._caps[self._columns]) / body.volumes[rows]
-        self._own = 1 - np.bincount(rows, self._weights, n)
+        self._weights, self._own = np.empty(len(raw)), np.empty(n)
+        self._limit(raw)
         if breakable:
-            self._ends = bonds.first, bonds.second
             self._raw, self._pairs = raw, np.concatenate([pairs, pairs[within]])[order].astype(np.uint32)
+
+    def _limit(self, raw: np.ndarray) -> None:
+        """Set the weights from those on a grid; the total share of the neighbours of a point is at most that on a grid."""
+        n = len(self._own)
+        rows = np.repeat(np.arange(n), np.diff(self._pointers).astype(np.int64))
+        caps = self._most / np.maximum(np.bincount(rows, raw, n) / self._volumes, self._most)
+        self._share.fill(caps)
+        self._weights[:] = raw * np.minimum(caps[rows], caps[self._columns]) / self._volumes[rows]
+        self._own[:] = 1 - np.bincount(rows, self._weights, n)
 
     def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
         """Bind the pass that smooths values at the points (n,) into the first n of another array, in the precision of the values."""
@@ -90,26 +92,7 @@ class Smoothing:
         neighbours = sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
         return neighbours + sparse.diags_array(self._own, format="csr")
 
-    def renew(self, carries: np.ndarray, pairs: np.ndarray) -> None:
-        """Bring the weights up to date after some of the given pairs have ceased to carry anything."""
-        n = len(self._own)
-        ends = np.concatenate([end[pairs] for end in self._ends])
-        rows = np.unique(ends[ends < n]).astype(np.int64)
-        owners, entries = self._entries(rows)
-        self._raw[entries[~carries[self._pairs[entries]]]] = 0.0
-        self._caps[rows] = self._cap(np.bincount(owners, self._raw[entries], n)[rows] / self._volumes[rows])
-        self._share.fill(self._caps)
-        rows = np.arange(n) if self._share.divided else np.unique(np.concatenate([rows, self._columns[entries]]))
-        owners, entries = self._entries(rows)
-        caps = np.minimum(self._caps[owners], self._caps[self._columns[entries]])
-        self._weights[entries] = self._raw[entries] * caps / self._volumes[owners]
-        self._own[rows] = 1 - np.bincount(owners, self._weights[entries], n)[rows]
-
-    def _cap(self, shares: np.ndarray) -> np.ndarray:
-        """Return the factors that limit the total share of the neighbours of each point to its value on a grid."""
-        return self._most / np.maximum(shares, self._most)
-
-    def _entries(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the row of every entry of given rows, and the numbers of these entries."""
-        counts = np.diff(self._pointers).astype(np.int64)[rows]
-        return np.repeat(rows, counts), entries_of(self._pointers, rows)
+    def renew(self, carries: np.ndarray) -> None:
+        """Bring the weights up to date after some pairs have ceased to carry anything."""
+        self._raw[~carries[self._pairs]] = 0.0
+        self._limit(self._raw)

@@ -1,7 +1,5 @@
 """Passes and other steps of an evaluation, run in order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from itertools import groupby
@@ -20,7 +18,7 @@ class Steps:
     """Steps of an evaluation, run in order; passes that follow each other run as one `Chain`."""
 
     def __init__(self, share: Share, *steps: Step) -> None:
-        self._calls: list[Callable[[], list[int] | None]] = []
+        self._calls: list[Callable[[], object]] = []
         taken = [step for step in steps if share.divided or not isinstance(step, np.ndarray)]
         for are_passes, group in groupby(taken, lambda step: isinstance(step, BoundPass)):
             others = (partial(share.fill, step) if isinstance(step, np.ndarray) else step for step in group)
@@ -30,5 +28,7 @@ class Steps:
         """Run all steps; return the counts of the passes in their order."""
         counts = []
         for call in self._calls:
-            counts += call() or ()
+            found = call()
+            if isinstance(call, Chain):
+                counts += found
         return counts

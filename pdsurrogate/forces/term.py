@@ -1,7 +1,5 @@
 """Terms of the internal force, with the quantities that each needs of the points and the state that it keeps."""
 
-from __future__ import annotations
-
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -9,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator
 
 from ..body import Body
 from ..materials import PLANES
-from ..ranks import Share
 from .errors import InvalidState, OutsideDomain, OutsideDomainWarning, locate
 from .kinematics import Kinematics
 from .material_points import MaterialPoints, have_states
@@ -20,10 +18,8 @@ from .settings import OUTSIDE, ForceSettings
 from .steps import Step, Steps
 
 if TYPE_CHECKING:
-    from scipy.sparse.linalg import LinearOperator
-
-    from .dilatation import LinearisedDilatation
     from .protocol import ForceModel, Portion
+    from .volume_energy import LinearisedDilatation
 
 
 @dataclass(frozen=True)
@@ -99,7 +95,7 @@ class Binding:
     """
 
     kinematics: Kinematics
-    portions: Sequence[Portion]
+    portions: Sequence["Portion"]
     settings: ForceSettings
     precision: str
     portion_of: np.ndarray | None
@@ -169,12 +165,6 @@ class Term(ABC):
         self.state.append(StateArray(f"volume_ratios{end}", "images", points.kept_ratios))
         return points
 
-    def watch(self, model: ForceModel, points: MaterialPoints, quantity: str, stand_in: str) -> None:
-        """Count the pairs of some points that are outside the domain of a model, see `DomainWatch`."""
-        first, share = self.body.bonds.first[points.pairs], self.body.share
-        n_pairs = int(np.count_nonzero(share.own[first]))
-        self.watches.append(DomainWatch(model, n_pairs, self.binding.outside, (quantity, stand_in), share))
-
     _find_forces: Callable[[], list[int]]
 
     def bind_steps(self, *steps: Step) -> None:
@@ -193,9 +183,10 @@ class Term(ABC):
             Where the state has no force; names a point.
         """
         self._sum.give("out", out)
-        *counts, without_force = have_states(self.materials, self._find_all())
-        self._report(counts)
-        if without_force:
+        counts = have_states(self.materials, self._find_all())
+        for watch in self.watches:
+            watch.found = counts.pop(0)
+        if counts[-1]:
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> object:
@@ -229,8 +220,7 @@ class Term(ABC):
         It is work-conjugate to the mean deformation gradient; half of a bond with a ghost lies within the body.
         """
         bonds, points = self.body.bonds, self.body.all_points
-        share = np.where(bonds.second < len(self.body), 1.0, 0.5)
-        share = share * self.body.share.own[bonds.first]
+        share = np.where(bonds.second < len(self.body), 1.0, 0.5) * self.body.share.own[bonds.first]
         vectors = points[bonds.second] - points[bonds.first]
         return np.einsum("b,bi,bj->ij", share, self.pair_forces(slice(len(bonds.first))), vectors) / whole_volume(self.body)
 
@@ -242,7 +232,7 @@ class Term(ABC):
         """Implement `InternalForce.tangent`."""
         raise TypeError(f"{type(self).__name__} has no tangent")
 
-    def linearised_dilatation(self) -> LinearisedDilatation:
+    def linearised_dilatation(self) -> "LinearisedDilatation":
         """Implement `InternalForce.linearised_dilatation`."""
         raise TypeError(f"{type(self).__name__} has no dilatation of its own")
 
@@ -277,8 +267,8 @@ class Term(ABC):
         stress, energy = np.zeros((n, 3, 3)), np.zeros(n)  # rigid points have no law
         for portion in self.binding.portions:
             at = portion.points
-            found = PLANES[plane].stress_and_energy(portion.law, F[at], J3[at], None if bulk is None else bulk[at])
-            stress[at], energy[at] = found
+            states = F[at], J3[at], None if bulk is None else bulk[at]
+            stress[at], energy[at] = PLANES[plane].stress_and_energy(portion.law, *states)
         return stress, energy
 
     def domain_deviation(self) -> np.ndarray | None:
@@ -295,14 +285,9 @@ class Term(ABC):
     def member_deviation(self) -> np.ndarray | None:
         """Return the greatest deviation of a committee's members from the model at every point, shape (n,); None without members.
 
-        It is a stress; for a bond force it is the greatest of the bonds of a point (`pdsurrogate.forces.members`).
+        It is a stress; for a bond force it is the greatest of the bonds of a point (`pdsurrogate.forces.learnt.greatest_deviations`).
         """
         return None
-
-    def _report(self, outside: Sequence[int]) -> None:
-        """Note the number of pairs outside the domain of each model."""
-        for watch, found in zip(self.watches, outside, strict=False):
-            watch.found = found
 
 
 class DomainWatch:
@@ -310,23 +295,24 @@ class DomainWatch:
 
     Parameters
     ----------
-    model : ForceSurrogate or EnergySurrogate
-    n_pairs : int
-        Pairs in one evaluation of the model.
-    outside : str
-        See `ForceSettings`.
-    names : tuple of str
+    binding : Binding
+    model : ForceModel
+    points : MaterialPoints
+        Points whose pairs the model evaluates.
+    quantity, stand_in : str
         Names, for messages, of the quantity that the model computes and of its replacement outside the domain.
-    share : Share
 
     Attributes
     ----------
+    n_pairs : int
+        Pairs in one evaluation of the model.
     found : int
         Pairs outside in the last evaluation.
     """
 
-    def __init__(self, model: ForceModel, n_pairs: int, outside: str, names: tuple[str, str], share: Share) -> None:
-        self._model, self.n_pairs, self._share, self._policy, self._names = model, n_pairs, share, outside, names
+    def __init__(self, binding: Binding, model: "ForceModel", points: MaterialPoints, quantity: str, stand_in: str) -> None:
+        body, self._policy, self._model, self._names = binding.kinematics.body, binding.outside, model, (quantity, stand_in)
+        self._share, self.n_pairs = body.share, int(np.count_nonzero(body.share.own[body.bonds.first[points.pairs]]))
         self.found, self._warned = 0, False
 
     def settle(self) -> None:
@@ -347,6 +333,14 @@ class DomainWatch:
         if not self._warned:
             self._warned = True
             warnings.warn(f"{what}: its {quantity} there is extrapolated", OutsideDomainWarning, stacklevel=3)
+
+
+def sum_on_pairs(target: np.ndarray, parts: Sequence, quantity: str) -> None:
+    """Write the sum of a quantity of the pairs of several materials, which each part has in units of its own, for the body's pairs."""
+    target[:] = 0.0
+    for part in parts:
+        pairs = part.points.pairs
+        target[pairs] += part.unit * getattr(part, quantity)[: len(pairs)]
 
 
 def whole_volume(body: Body) -> float:

@@ -4,17 +4,16 @@ At K = 1000 mu an energy evaluated only at the bonds locks: every bond would hav
 body has degrees of freedom. The mean over the bonds of a point is one condition per point.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
-from ..engine.block_arrays import BLOCK
-from ..kernels import selective_energy
+from ..engine.block_arrays import BLOCK, aligned_rows, power_of_two
+from ..kernels import dilatation, selective_energy
+from ..kernels.ghosts import place_points
 from ..materials.response import volume_energy_block
 from .bond_shares import BondShares
-from .dilatation import LinearisedDilatation
 from .pair_passes import SelectivePairs
 from .smoothing import Smoothing
 from .steps import Steps
@@ -47,73 +46,171 @@ class VolumeEnergy:
     """
 
     def __init__(self, binding: Binding, shares: BondShares, parts: Sequence[SelectivePairs], volumes: np.ndarray) -> None:
-        self._binding, self._shares, self._parts = binding, shares, parts
+        self.binding, self.shares, self.parts = binding, shares, parts
         body, chunks, n = binding.kinematics.body, binding.kinematics.chunks, len(binding.kinematics.body)
         bonds, breakable = body.bonds, binding.settings.breakable
         carries = shares.carrying(breakable)
         if not binding.whole:
             carries &= binding.portion_of[bonds.first] == binding.portion_of[bonds.second]
         self.smoothing = Smoothing(body, carries, breakable)
-        means, self.dilatations, self._slopes = np.ones(n), np.ones(n), np.zeros(n)
+        means, self.dilatations, slopes = np.ones(n), np.ones(n), np.zeros(n)
         shares_of_bonds = bonds.pointers, self._places(), shares.bond_shares
         find_means = selective_energy.means_over_bonds.bind(*shares_of_bonds, volumes, 1.0, means, chunks=chunks)
         smooth = self.smoothing.bind(means, self.dilatations, chunks)
         # Points in the halo have bonds, and therefore neighbours, that this rank does not have.
         self._find = Steps(body.share, *(part.find_volumes for part in parts), find_means, means, smooth, self.dilatations)
 
-        counted, passes, self._own = body.volumes * body.share.own, [], []
-        for part in parts:
-            numbers = part.points.own[1]
-            # If all points are of one material, these are views of the arrays of all points.
-            ratios, slopes = self.dilatations[numbers], self._slopes[numbers]
-            part.volume_energies = np.zeros(-(-len(ratios) // BLOCK))
-            law = volume_energy_block(part.points.law).address, part.points.parameters, part.buffers
-            arrays = ratios, counted[numbers], *law, part.volume_energies, slopes
-            passes.append(selective_energy.volume_energies.bind(*arrays, chunks=chunks))
-            self._own.append((part, numbers, ratios, slopes))
         # The transpose of the smoothing of U' acts on the bonds of the points, and V_i W_ij is symmetric. Slopes may be in units of each
         # material's own modulus, for none reach another. Ghosts' volumes lie beyond the body: they have no pressure, and no share.
-        self._pressures = parts[0].pressures if binding.whole else np.zeros(n)
-        spread = self.smoothing.bind(self._slopes, self._pressures, chunks), self._pressures[:n]
-        self.steps = [*passes, *spread] if binding.whole else [self._take, *passes, self._give, *spread, self._show]
+        pressures = parts[0].pressures if binding.whole else np.zeros(n)
+        spread = self.smoothing.bind(slopes, pressures, chunks), pressures[:n]
+        counted, before, passes, after, shown = body.volumes * body.share.own, [], [], [], []
+        for part in parts:
+            places, numbers = part.points.own
+            # If all points are of one material, these are views of the arrays of all points.
+            own_ratios, own_slopes = self.dilatations[numbers], slopes[numbers]
+            part.volume_energies = np.zeros(-(-len(own_ratios) // BLOCK))
+            law = volume_energy_block(part.points.law).address, part.points.parameters, part.buffers
+            arrays = own_ratios, counted[numbers], *law, part.volume_energies, own_slopes
+            passes.append(selective_energy.volume_energies.bind(*arrays, chunks=chunks))
+            if not binding.whole:
+                before.append(partial(np.take, self.dilatations, numbers, out=own_ratios, mode="clip"))
+                after.append(partial(slopes.put, numbers, own_slopes))
+                # The pressures go to the points of each material; other materials and images have none.
+                shown.append(partial(np.take, pressures, numbers, out=own_slopes, mode="clip"))
+                shown.append(partial(part.pressures.put, places, own_slopes))
+        self.steps = [*before, *passes, *after, *spread, *shown]
 
     def _places(self) -> np.ndarray:
         """Return, for every directed bond, the index of its det F_ij in its point's own material among the volumes of all parts."""
-        binding, bonds, start = self._binding, self._binding.kinematics.body.bonds, 0
+        binding, bonds, start = self.binding, self.binding.kinematics.body.bonds, 0
         if binding.whole:
             return bonds.pair_of
         owners, places = binding.portion_of[binding.kinematics.owners()], np.zeros(len(bonds.pair_of), dtype=np.uint32)
-        for number, part in enumerate(self._parts):
+        for number, part in enumerate(self.parts):
             place = np.zeros(len(bonds.first), dtype=np.uint32)
             place[part.points.pairs] = start + np.arange(len(part.points.pairs))
             places[owners == number] = place[bonds.pair_of[owners == number]]
             start += len(part.points.first)
         return places
 
-    def _take(self) -> None:
-        """Copy the dilatations of each material's points."""
-        for _, numbers, ratios, _ in self._own:
-            ratios[:] = self.dilatations[numbers]
-
-    def _give(self) -> None:
-        """Copy the slopes of U of each material's points back."""
-        for _, numbers, _, slopes in self._own:
-            self._slopes[numbers] = slopes
-
-    def _show(self) -> None:
-        """Copy the pressures to the points of each material; other materials and images have none."""
-        for part, numbers, *_ in self._own:
-            part.pressures[part.points.own[0]] = self._pressures[numbers]
-
     def find_dilatations(self) -> int:
         """Bring the dilatations up to date with the gradients; return the number of pairs turned inside out."""
-        return sum(self._find()[: len(self._parts)])
+        return sum(self._find()[: len(self.parts)])
 
     def renew(self, pairs: np.ndarray) -> None:
         """Update shares and smoothing of a body of one material after a change of the weights of given pairs."""
-        self._shares.fill_end_shares(self._parts[0].end_shares, pairs, pairs)
-        self.smoothing.renew(self._shares.carrying(self._binding.settings.breakable), pairs)
+        self.shares.fill_end_shares(self.parts[0].end_shares, pairs, pairs)
+        self.smoothing.renew(self.shares.carrying(self.binding.settings.breakable))
 
-    def linearised(self) -> LinearisedDilatation:
-        """Return the derivative of the dilatations of a body of one material by the positions."""
-        return LinearisedDilatation(self._binding, self._shares, self.smoothing, self.dilatations, self._parts[0])
+
+class LinearisedDilatation:
+    """Derivative D of the smoothed dilatations of the points by the positions, and its transpose (theory (58)), in single precision.
+
+    Solvers use it in approximations of the tangent.
+
+    Parameters
+    ----------
+    volume : VolumeEnergy
+        Volumetric energy of a body of one material.
+
+    Attributes
+    ----------
+    stiffness : ndarray, shape (n,)
+        C, the stiffness of the points against a change of their dilatation, V_i mu U''.
+    """
+
+    def __init__(self, volume: VolumeEnergy) -> None:
+        kinematics, shares, (pairs,) = volume.binding.kinematics, volume.shares, volume.parts
+        body, chunks, first, second = kinematics.body, kinematics.chunks, pairs.points.first, pairs.points.second
+        bonds, ghosts, gradient_ghosts = body.bonds, body.ghosts, kinematics.gradient_ghosts
+        self._volume, self._pairs, self._body, self._chunks = volume, pairs, body, chunks
+        d, n, total = body.dimension, len(body), len(body.all_points)
+        length = dilatation.record_length(d)
+        derivatives = aligned_rows((len(first), length), np.float32)
+        by_pair, means = np.zeros(len(first), dtype=np.float32), np.zeros(n, dtype=np.float32)
+        self._linearise = dilatation.volume_derivatives[d].bind(
+            kinematics.positions, kinematics.gradients, (first, second, pairs.geometry), pairs.buffers, derivatives, chunks=chunks
+        )
+
+        displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))
+        records, self._changes = aligned_rows((total, length), np.float32), np.zeros(n, dtype=np.float32)
+        images = ghosts.source, ghosts.parity, np.zeros_like(ghosts.parity)
+        self._place = place_points.bind(np.ascontiguousarray(body.points), *images, displacements, chunks=chunks)
+        of_gradients = gradient_ghosts.source, gradient_ghosts.gradient_parity, gradient_ghosts.gradient_reflection
+        self._find_changes = Steps(
+            body.share,
+            self._place,
+            kinematics.gradient_pass(displacements, gradients, 0.0),
+            gradients[:n],
+            dilatation.displacement_records.bind(displacements, gradients, *of_gradients, records, chunks=chunks),
+            dilatation.volume_changes[d].bind(derivatives, records, bonds.pair_pointers, second, by_pair, chunks=chunks),
+            selective_energy.means_over_bonds.bind(bonds.pointers, bonds.pair_of, shares.bond_shares, by_pair, 0.0, means, chunks=chunks),
+            means,
+            volume.smoothing.bind(means, self._changes, chunks),
+        )
+
+        self._values, pressures = means, np.zeros(total, dtype=np.float32)
+        self._forces = np.zeros((total, d))
+        # The gradients are no longer needed when the forces are computed.
+        self._find_forces = Steps(
+            body.share,
+            means,
+            volume.smoothing.bind(means, pressures, chunks),
+            pressures[:n],
+            dilatation.pair_pressures.bind(pressures, first, second, pairs.end_shares, by_pair, chunks=chunks),
+            dilatation.sum_pressures[d].bind(derivatives, by_pair, *shares.pairs_of_points, self._forces, gradients, chunks=chunks),
+            *shares.steps_to_points(gradients, self._forces, 1.0),
+        )
+        self.stiffness = np.zeros(n)
+
+    def take(self) -> None:
+        """Linearise the dilatations about the state last evaluated."""
+        self._linearise()
+        self._volume.smoothing.take()
+        law = self._pairs.points.law
+        self.stiffness[:] = self._pairs.unit * self._body.volumes * law.volumetric(self._volume.dilatations, law.parameters)[2]
+
+    def changes(self, displacements: np.ndarray) -> np.ndarray:
+        """Return D u, shape (n,), for displacements (n, d)."""
+        displacements = np.ascontiguousarray(displacements)
+        self._body.share.fill(displacements)
+        self._place.give("given", displacements)
+        self._find_changes()
+        self._body.share.clear(self._changes)
+        return self._changes.astype(float)
+
+    def forces(self, values: np.ndarray) -> np.ndarray:
+        """Return D^T s, shape (n, d), for values (n,) at the points; it costs about as much as `changes`."""
+        # The smoothing, weighted by volumes, is its own transpose. A power of two keeps the values in the range of single precision.
+        pressures = values / self._body.volumes
+        unit = power_of_two(self._body.share.total(float(np.abs(pressures).sum())))
+        np.divide(pressures, unit, out=self._values, casting="same_kind")
+        self._find_forces()
+        return -unit * self._forces[: len(values)]
+
+    def polynomial(self, coefficients: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """Return a function that applies a polynomial of the smoothing W to values (n,): the sum of c_k T_k(2 W^2 - I).
+
+        T_k are Chebyshev polynomials; the sum is taken by Clenshaw's recurrence.
+        """
+        smoothing, chunks, share, n = self._volume.smoothing, self._chunks, self._body.share, len(self._body)
+        values, once, found, *sums = np.zeros((5, n), dtype=np.float32)
+        (first, second), steps = sums, []
+        for k in reversed(range(len(coefficients))):
+            # b_k = c_k v + 2 (2 W^2 - I) b_(k + 1) - b_(k + 2), which is overwritten; the result has W^2 once.
+            factor, out = (4.0, second) if k else (2.0, found)
+            others = (-factor / 2, first), (coefficients[k], values), (-1.0, second)
+            steps += [first, smoothing.bind(first, once, chunks), once, smoothing.bind_sum(once, factor, others, out, chunks)]
+            first, second = second, first
+        run = Steps(share, *steps)
+
+        def product(given: np.ndarray) -> np.ndarray:
+            values[:] = given
+            for array in sums:
+                array[:] = 0.0
+            run()
+            share.clear(found)
+            return found.astype(float)
+
+        return product

@@ -1,12 +1,11 @@
 """Test data of rubber: nominal stress against stretch, in the modes of loading of laboratories."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -72,22 +71,21 @@ class TestData:
         _, tests = np.unique(states, axis=0, return_inverse=True)
         return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))
 
-    def of(self, *modes: str) -> TestData:
+    def of(self, *modes: str) -> Self:
         """Return the rows of the given modes; raise ValueError for a mode of which there are none."""
-        unknown = sorted(set(modes) - set(self.mode.tolist()))
-        if unknown:
-            raise ValueError(f"{self.name}: no rows of {', '.join(unknown)}; there are {', '.join(sorted(set(self.mode.tolist())))}")
+        if unknown := sorted({*modes} - {*self.modes}):
+            raise ValueError(f"{self.name}: no rows of {', '.join(unknown)}; there are {', '.join(sorted(self.modes))}")
         return self._taken(np.isin(self.mode, modes))
 
-    def up_to(self, stretch: float) -> TestData:
+    def up_to(self, stretch: float) -> Self:
         """Return the rows in which neither stretch exceeds a value; raise ValueError if there are none."""
         chosen = np.all(self.stretches <= stretch, axis=1)
         if not chosen.any():
             raise ValueError(f"{self.name}: no row has stretches of {stretch:g} or less")
         return self._taken(chosen)
 
-    def _taken(self, rows: np.ndarray) -> TestData:
-        return TestData(self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows])
+    def _taken(self, rows: np.ndarray) -> Self:
+        return type(self)(self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows])
 
     def row_in_words(self, number: int) -> str:
         """Return row, mode, stretch and stress as text for a message; `number` counts the rows here, from 0."""
@@ -149,39 +147,36 @@ def load_test_data(reference: str | Path) -> TestData:
     """
     check_path(reference, "test data")
     name = str(reference)
-    if name in test_data_names():
-        text = (resources.files(__package__) / f"{name}.csv").read_text("utf-8")
-    else:
-        try:
-            text = Path(reference).read_text("utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise ValueError(f"cannot read test data {name}: {reason}; shipped are {', '.join(test_data_names())}") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip() and not line.lstrip().startswith("#")]
-    reader = csv.DictReader(line for _, line in lines)
-    named = reader.fieldnames or ()
-    columns = set(named)
-    if twice := sorted({column for column in columns if named.count(column) > 1}):
+    try:
+        file = resources.files(__package__) / f"{name}.csv" if name in test_data_names() else Path(reference)
+        text = file.read_text("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise ValueError(f"cannot read test data {name}: {reason}; shipped are {', '.join(test_data_names())}") from None
+    reader = csv.reader("" if line.isspace() or line.lstrip().startswith("#") else line for line in text.splitlines())
+    (_, columns), *rows = [(reader.line_num, row) for row in reader if row] or [(0, [])]
+    if twice := sorted(column for column in set(columns) if columns.count(column) > 1):
         raise ValueError(f"{name}: the file has the column {twice[0]} more than once")
-    kind = next((kind for kind in (CURVES, GRID) if columns - {"weight"} == set(kind)), None)
+    kind = next((kind for kind in (CURVES, GRID) if set(columns) - {"weight"} == set(kind)), None)
     if kind is None:
         raise ValueError(
             f"{name}: the columns must be {', '.join(CURVES)}, or {', '.join(GRID)}, with or without weight; there are "
             f"{', '.join(sorted(columns)) or 'none'}"
         )
     found: list[tuple] = []
-    for place, ((number, _), row) in enumerate(zip(lines[1:], reader, strict=True), start=1):
-        found += [(*one, place) for one in _rows(row, kind, f"{name}, line {number}")]
+    for place, (number, values) in enumerate(rows, start=1):
+        where = f"{name}, line {number}"
+        if len(values) != len(columns):
+            raise ValueError(f"{where}: there are not as many values as columns")
+        found += [(*one, place) for one in _rows(dict(zip(columns, values, strict=True)), kind, where)]
     if not found:
         raise ValueError(f"{name}: there are no rows")
-    values = np.array([row[1:] for row in found])
-    return TestData(name, np.array([row[0] for row in found]), values[:, :2], values[:, 2], values[:, 3], values[:, 4].astype(int))
+    mode, *first_second, stress, weight, row = map(np.array, zip(*found, strict=True))
+    return TestData(name, mode, np.stack(first_second, axis=1), stress, weight, row)
 
 
 def _rows(row, kind, where):
     """Return the rows of mode, stretches, stress and weight that one row of a file stands for; raise ValueError for an invalid row."""
-    if None in row or any(value is None for value in row.values()):
-        raise ValueError(f"{where}: there are not as many values as columns")
     numbers = {}
     for key in row.keys() - {"mode"}:
         try:
@@ -190,12 +185,9 @@ def _rows(row, kind, where):
             raise ValueError(f"{where}: {key} is not a number: {row[key]!r}") from None
         if not np.isfinite(numbers[key]):
             raise ValueError(f"{where}: {key} must be finite")
-        if "stretch" in key and numbers[key] <= 0:
+        if "stress" not in key and numbers[key] <= 0:
             raise ValueError(f"{where}: {key} must be positive, not {numbers[key]:g}")
-    weight = numbers.get("weight", 1.0)
-    if weight <= 0:
-        raise ValueError(f"{where}: weight must be positive, not {weight:g}")
-    first, stress = numbers["stretch"], numbers["nominal_stress"]
+    first, stress, weight = numbers["stretch"], numbers["nominal_stress"], numbers.get("weight", 1.0)
     if kind is GRID:
         second = numbers["lateral_stretch"]
         return [(BIAXIAL, first, second, stress, weight), (BIAXIAL, second, first, numbers["lateral_stress"], weight)]

@@ -1,7 +1,5 @@
 """Energy from test data without a law: a sum of powers of stretches and invariants with non-negative weights."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 from itertools import product
@@ -16,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..arguments import in_order
 from ..materials import Ogden, Polyconvex
-from ..materials.polyconvex import SECOND_AT_REST
+from ..materials.stretch_laws import SECOND_AT_REST
 from .data import BIAXIAL, MODES
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, free_sides, states
 
@@ -160,7 +158,6 @@ class EnergyRegressor(StressRegressor):
         X, y, root, used = self._checked(X, y, sample_weight)
         _warn_of_few_modes(X)
         groups = groups_of(X) if groups is None else np.asarray(groups)[used]
-        self.cross_validation_ = self._cross_validated(X, y, root, groups)
         chosen = self._chosen(X, y, root, groups)
         volume = np.ones_like(y)
         for _ in range(ROUNDS):
@@ -191,26 +188,25 @@ class EnergyRegressor(StressRegressor):
         check_is_fitted(self)
         return [[n1, n2, self.margin - offset] for n1, n2, offset in self.hull_.tolist()]
 
-    def _cross_validated(self, X, y, root, groups) -> list[dict]:
-        """Return the relative error in the groups left out for each dictionary, from small to large ones."""
-        rows = []
-        for invariants, greatest, least in product(INVARIANTS, POSITIVE, NEGATIVE):
-            error = self._left_out(X, y, root, groups, terms_of(dictionary(greatest, least, self.offset), invariants))
-            rows.append({"greatest": greatest, "least": -least, "invariants": len(invariants), "relative_rms": error})
-        return rows
+    def _chosen(self, X, y, root, groups) -> np.ndarray:
+        """Return the terms of the best dictionary, and set `cross_validation_`.
 
-    def _chosen(self, X, y, root, groups) -> list:
-        """Return the terms of the best dictionary: the best range of exponents for each set of invariants, and then the best set."""
-        candidates = []
+        The best range of exponents is chosen for each set of invariants, and then the best set.
+        """
+        self.cross_validation_, candidates = [], []
         for invariants in INVARIANTS:
-            rows = [row for row in self.cross_validation_ if row["invariants"] == len(invariants)]
-            row = _first_as_good(rows, [row["relative_rms"] for row in rows])
-            terms, error = terms_of(dictionary(row["greatest"], -row["least"], self.offset), invariants), row["relative_rms"]
+            dictionaries = []
+            for greatest, least in product(POSITIVE, NEGATIVE):
+                terms = terms_of(dictionary(greatest, least, self.offset), invariants)
+                error = self._left_out(X, y, root, groups, terms)
+                dictionaries.append((terms, error))
+                self.cross_validation_.append({"greatest": greatest, "least": -least, "invariants": len(invariants), "relative_rms": error})
+            terms, error = _first_as_good(dictionaries)
             if len(np.unique(groups)) > 2:
                 # Enough modes to judge interpolation between them as well as extrapolation.
                 error = np.sqrt(error * self._left_out(X, y, root, fifths_of(X), terms))
             candidates.append((terms, error))
-        return _first_as_good(*zip(*candidates, strict=True))
+        return _first_as_good(candidates)[0]
 
     def _left_out(self, X, y, root, groups, terms) -> float:
         """Return the relative RMS error in all groups, each predicted by a fit to the others at constant volume."""
@@ -226,12 +222,12 @@ class EnergyRegressor(StressRegressor):
         """Return the terms with a positive weight, and the weights."""
         kept = np.arange(len(terms))
         while True:
-            weights, size = scaled_weights(columns[:, kept], y, root)
-            some = weights > 1e-9 * max(weights.max(), 1e-300)
+            weights, shares = nonnegative(columns[:, kept], y, root)
+            some = shares > 1e-9 * max(shares.max(), 1e-300)
             if some.sum() <= self.max_terms:
-                return terms[kept[some]], weights[some] / size[some]
+                return terms[kept[some]], weights[some]
             # Without the term of the least contribution to the stress.
-            kept = np.delete(kept[some], weights[some].argmin())
+            kept = np.delete(kept[some], shares[some].argmin())
 
     def _law_and_volume(self, terms, weights, X, volume) -> tuple[Ogden, np.ndarray]:
         """Return the law with the given weights, and its volume ratios, or the given ones for states without a stress."""
@@ -248,12 +244,13 @@ class EnergyRegressor(StressRegressor):
         return law, np.where(np.isfinite(found), found, volume)
 
 
-def scaled_weights(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return non-negative weights of columns scaled to unit size that fit y, and the sizes; `root` are roots of the weights of rows."""
+def nonnegative(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return non-negative weights of columns that fit y, and those of columns of unit size; `root` are roots of the weights of rows."""
     columns = root[:, None] * columns
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0  # data at rest have no stress
-    return nnls(columns / size, root * y)[0], size
+    shares = nnls(columns / size, root * y)[0]
+    return shares / size, shares
 
 
 def parted(terms: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict]:
@@ -263,10 +260,10 @@ def parted(terms: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return terms[plain, 1], weights[plain], invariants
 
 
-def _first_as_good(choices, errors):
-    """Return the first choice, which is the smallest, among those of nearly the least error."""
-    most = (1 + AS_GOOD) * min(errors) + 1e-9
-    return next(choice for choice, error in zip(choices, errors, strict=True) if error <= most)
+def _first_as_good(choices: list[tuple]) -> tuple:
+    """Return the first of the choices with their errors, which is the smallest, among those of nearly the least error."""
+    most = (1 + AS_GOOD) * min(error for _, error in choices) + 1e-9
+    return next(choice for choice in choices if choice[1] <= most)
 
 
 def _name_of(term) -> str:
@@ -300,8 +297,8 @@ def _warn_of_few_modes(X: np.ndarray) -> None:
     states = np.unique(logs[np.abs(logs).max(axis=1) > SAME_MODE].round(3), axis=0)
     if len(states) <= 1:
         warnings.warn(
-            "the data are of one state: they tell one number, some shear modulus; how the stress rises with the stretch, and what it is "
-            "in other modes of loading, is the guess of the sum of powers",
+            "the data are of one state: they determine one number, some shear modulus; how the stress rises with the stretch, and what it "
+            "is in other modes of loading, is the guess of the sum of powers",
             stacklevel=3,
         )
     elif np.abs(logs @ line_through_rest(logs)[0]).max() < SAME_MODE:
@@ -371,14 +368,10 @@ def fifths_of(X) -> np.ndarray:
 def groups_of(X) -> np.ndarray:
     """Return the mode of loading of each state; if most states are of no mode, parts of a biaxial grid by the greater stretch."""
     first, second = X.T
-    groups = np.full(len(X), BIAXIAL, dtype=object)
-    biaxial = np.ones(len(X), dtype=bool)
-    for mode, lateral in MODES.items():
-        same = np.abs(np.log(second / lateral(first))) < SAME_MODE
-        groups[same & biaxial] = mode
-        biaxial &= ~same
-    if biaxial.sum() > len(X) / 2:
+    same = np.array([np.abs(np.log(second / lateral(first))) < SAME_MODE for lateral in MODES.values()])
+    groups = np.where(same.any(axis=0), np.array(list(MODES))[same.argmax(axis=0)], BIAXIAL)
+    if (groups == BIAXIAL).sum() > len(X) / 2:
         greater = X.max(axis=1)
         bounds = np.quantile(greater, np.arange(1, FOLDS) / FOLDS)
         return np.searchsorted(bounds, greater).astype(str)
-    return groups.astype(str)
+    return groups

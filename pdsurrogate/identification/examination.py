@@ -1,7 +1,5 @@
 """Examination of test data and of fits to them: bad rows, modes in other units, laws that do not describe the data."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .data import BIAXIAL, TestData
-from .energy import INVARIANTS, NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric, scaled_weights, terms_of
+from .energy import INVARIANTS, NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric, nonnegative, terms_of
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
@@ -134,9 +132,8 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     poorly = []
     for mode, value in scores.items():
         if value < 0:
-            refusals.append(
-                f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0): take another law, or mend the data"
-            )
+            worse = f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0)"
+            refusals.append(f"{worse}: take another law, or mend the data")
         elif not value >= POOR:
             poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
     # Laws cannot be compared by data that contradict each other.
@@ -149,8 +146,6 @@ def wrong_signs(data: TestData) -> list[str]:
     Isotropic rubber pulls along the greater of two stretches (Baker, Ericksen 1954): with a stress-free thickness the stress has the sign
     of log(stretch/thickness).
     """
-    if not len(data):
-        return []
     first, second = data.stretches.T
     along = np.log(first * first * second)
     wrong = (along * data.nominal_stress < 0) & (np.abs(along) > NEAR_REST)
@@ -179,7 +174,9 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     if outliers.any():
         several = len(set(data.mode[outliers].tolist())) < outliers.sum()
         enough, least = MENDED_IF_POOR if several else enough, NOISE
-    explained = _explained(data, before / enough) if before > least else []
+    changes = _changes(data) if before > least else []
+    # Those that leave residuals that are small enough, and at most twice those of the best one.
+    explained = [one for one in changes if one.size <= min(before / enough, 2 * changes[0].size)]
     if explained:
         best, predicted = explained[0].data, explained[0].predicted
     mended = {one.mode: one.words for one in reversed(explained)}  # the best change of each mode
@@ -218,10 +215,12 @@ def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[
     ]
 
 
-NOT_TOLD = "if all stresses were Cauchy (true) ones it would too, and nothing would tell: nominal ones are force over the area at rest"
+NOT_TOLD = "if all stresses were Cauchy (true) ones it would too, and nothing would show it: nominal ones are force over the area at rest"
 """Ambiguity that remains where a form of energy describes the data."""
 
 CAUCHY = "the stresses look like Cauchy (true) ones: divided by the stretch, they are nominal"
+SHIFTED = "the stresses look shifted by {shift:.3g}: at a stretch of 1 there should be none"
+"""Descriptions of changes that may mend data (`_changes`)."""
 
 
 class _Change(NamedTuple):
@@ -234,40 +233,34 @@ class _Change(NamedTuple):
     predicted: np.ndarray
 
 
-def _explained(data: TestData, most: float) -> list[_Change]:
-    """Return the changes that leave residuals of at most `most`, and at most twice those of the best one, which is the first."""
-    found = []
-    for mode, changed, shifted, words in _changes(data):
-        fitted, shift = _robust(changed, shifted)
-        words = words or f"the stresses look shifted by {shift:.3g}: at a stretch of 1 there should be none"
-        found.append(_Change(_size(changed, fitted), mode, words, changed, fitted))
-    found.sort(key=lambda one: one.size)
-    return [one for one in found if one.size <= min(most, 2 * found[0].size)]
+def _changes(data: TestData) -> list[_Change]:
+    """Return possible corrections of faulty data, the best first: another stress measure or unit, or a constant offset of the stress."""
+    stress, first, found = data.nominal_stress, data.stretches[:, 0], []
 
+    def add(mode: str, changed: np.ndarray, words: str, shifted: np.ndarray | None = None) -> None:
+        mended = replace(data, nominal_stress=changed)
+        predicted, shift = _robust(mended, shifted)
+        found.append(_Change(_size(mended, predicted), mode, words.format(shift=shift), mended, predicted))
 
-def _changes(data: TestData):
-    """Yield possible corrections of faulty data: another stress measure, another unit, or a constant offset of the stress.
-
-    Each is the mode, the corrected data, a mask of the rows whose offset is still to be fitted or None, and a message or None.
-    """
-    stress, first = data.nominal_stress, data.stretches[:, 0]
     for mode in data.modes:
         rows = data.mode == mode
         if mode != BIAXIAL:
-            yield mode, data, rows, None
+            add(mode, stress, SHIFTED, rows)
         if rows.all():
-            return
-        yield mode, replace(data, nominal_stress=np.where(rows, stress / first, stress)), None, CAUCHY
+            break
+        add(mode, np.where(rows, stress / first, stress), CAUCHY)
         columns, others = _columns(data), 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
-        predicted = columns @ _nonnegative(columns, stress, others)
+        predicted = columns @ nonnegative(columns, stress, others)[0]
         some = rows & (np.abs(predicted) > 0)
         factor = float(np.median(stress[some] / predicted[some])) if some.any() else 1.0
         if factor > 0 and abs(np.log(factor)) > np.log(LEAST_FACTOR):
             size = f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
             words = f"the stresses look {size} for the other modes: is it in another unit?"
-            yield mode, replace(data, nominal_stress=np.where(rows, stress / factor, stress)), None, words
-    yield "all modes", data, np.ones(len(data), dtype=bool), None
-    yield "all modes", replace(data, nominal_stress=stress / first), None, CAUCHY
+            add(mode, np.where(rows, stress / factor, stress), words)
+    else:
+        add("all modes", stress, SHIFTED, np.ones(len(data), dtype=bool))
+        add("all modes", stress / first, CAUCHY)
+    return sorted(found, key=lambda one: one.size)
 
 
 def _columns(data: TestData) -> np.ndarray:
@@ -280,30 +273,24 @@ def _robust(data: TestData, shifted: np.ndarray | None = None) -> tuple[np.ndarr
     columns, stress = _columns(data), data.nominal_stress
     if shifted is not None:
         columns = np.column_stack([columns, shifted, -1.0 * shifted])
-    greatest = _greatest_of_mode(data)
-    size, weight = np.abs(stress) + FLOOR * greatest + 1e-300, np.ones(len(data))
+    size, weight = np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300, np.ones(len(data))
     for _ in range(REWEIGHTINGS):
-        weights = _nonnegative(columns, stress, np.sqrt(weight) / size)
+        weights = nonnegative(columns, stress, np.sqrt(weight) / size)[0]
         predicted = columns @ weights
-        residuals = _relative(stress, predicted, FLOOR * greatest)
+        residuals = _relative(data, predicted, FLOOR)
         weight = 1 / (1 + (residuals / (2 * _scale(residuals))) ** 2)  # Cauchy's
     return predicted, float(weights[-2] - weights[-1]) if shifted is not None else 0.0
 
 
-def _nonnegative(columns, stress, root) -> np.ndarray:
-    """Return the non-negative weights of columns that fit stresses, with the roots of the weights of the rows."""
-    weights, size = scaled_weights(columns, stress, root)
-    return weights / size
-
-
-def _relative(stress, predicted, floor) -> np.ndarray:
-    """Return differences relative to the greater stress, between -1 and 1 for stresses of the same sign."""
-    return (stress - predicted) / (np.maximum(np.abs(stress), np.abs(predicted)) + floor + 1e-300)
+def _relative(data: TestData, predicted, share: float) -> np.ndarray:
+    """Return differences relative to the greater stress and a share of the greatest one of the mode."""
+    greater = np.maximum(np.abs(data.nominal_stress), np.abs(predicted))
+    return (data.nominal_stress - predicted) / (greater + share * _greatest_of_mode(data) + 1e-300)
 
 
 def _standing(data: TestData, predicted: np.ndarray) -> np.ndarray:
     """Return the residuals of the rows in standard deviations of all rows."""
-    residuals = _relative(data.nominal_stress, predicted, RANGE * _greatest_of_mode(data))
+    residuals = _relative(data, predicted, RANGE)
     return residuals / _scale(residuals)
 
 
@@ -315,18 +302,16 @@ def _scale(residuals) -> float:
 
 def _size(data: TestData, predicted: np.ndarray) -> float:
     """Return the root mean square of the relative residuals without their greatest tenth."""
-    residuals = _relative(data.nominal_stress, predicted, FLOOR * _greatest_of_mode(data))
-    kept = np.sort(np.abs(residuals))[: max(1, int(np.ceil(0.9 * len(residuals))))]
+    kept = np.sort(np.abs(_relative(data, predicted, FLOOR)))[: max(1, int(np.ceil(0.9 * len(data))))]
     return max(float(np.sqrt((kept**2).mean())), 1e-6)
 
 
 def _greatest_of_mode(data: TestData) -> np.ndarray:
     """Return the greatest absolute stress of the mode of each row."""
-    greatest = np.zeros(len(data))
-    for mode in data.modes:
-        rows = data.mode == mode
-        greatest[rows] = np.abs(data.nominal_stress[rows]).max()
-    return greatest
+    modes, mode = np.unique(data.mode, return_inverse=True)
+    greatest = np.zeros(len(modes))
+    np.maximum.at(greatest, mode, np.abs(data.nominal_stress))
+    return greatest[mode]
 
 
 def _falling(data: TestData):
@@ -351,13 +336,13 @@ def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     own = off(model)
     if own < NOISE:
         return
-    candidates = list(others)
-    if not any(isinstance(one, EnergyRegressor) for one in [model, *others]):
+    candidates = [model, *others]
+    if not any(isinstance(one, EnergyRegressor) for one in candidates):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             candidates.append(EnergyRegressor().fit(data.stretches, data.nominal_stress, data.balanced_weights()))
-    best = min((one for one in candidates if one is not model), key=off, default=None)
-    if best is not None and off(best) < own / BETTER:
+    best = min(candidates, key=off)
+    if off(best) < own / BETTER:
         name = "an energy without a law (--free, EnergyRegressor)" if isinstance(best, EnergyRegressor) else best.law
         better = f"{name} describes these data {own / max(off(best), 1e-9):.0f} times better than {model.law}"
         yield f"{better}; {NOT_TOLD}"

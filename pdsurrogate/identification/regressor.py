@@ -1,8 +1,5 @@
 """Regressor that finds the parameters of a material law."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import dataclass
 from heapq import nsmallest
 from itertools import combinations, product
@@ -23,26 +20,8 @@ N_TERMS = 3
 """Number of terms of Ogden's law by default, as many as Ogden (1972) took for Treloar's rubber."""
 
 
-@dataclass(frozen=True)
-class Unknowns:
-    """Unknown parameters of a law: their bounds, and the law as a function of their values.
-
-    Positive unknowns that range over decades are searched for in their logarithm.
-    """
-
-    names: tuple[str, ...]
-    low: np.ndarray
-    high: np.ndarray
-    logarithmic: np.ndarray
-    law_of: Callable[[np.ndarray], Law]
-
-    def search_value(self, values):
-        """Return values with the logarithmic ones replaced by their logarithms."""
-        return np.where(self.logarithmic, np.log(np.where(self.logarithmic, values, 1.0)), values)
-
-    def value(self, searched):
-        """Return values from those of `search_value`."""
-        return np.where(self.logarithmic, np.exp(np.where(self.logarithmic, searched, 0.0)), searched)
+EXPONENTS = -8.0, -5.0, -3.0, -2.0, -1.0, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 11.0
+"""Exponents of Ogden's law in the coarse search."""
 
 
 def fitted_laws() -> list[str]:
@@ -130,96 +109,101 @@ class LawRegressor(StressRegressor):
         """
         X, y, root, _ = self._checked(X, y, sample_weight)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
-        starts = self._ogden_starts(X, y, root) if self.law == Ogden.name else self._starts(X, y, root)
-        solutions = [(unknowns, self._refine(unknowns, start, X, y, root, incompressible_stress)) for unknowns, start in starts]
-        if not solutions:
+        candidates = self._ogden_candidates(X, y, root) if self.law == Ogden.name else self._candidates(X, y, root)
+        starts = [start for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])]
+        if not starts:
             raise ValueError(f"no parameters of {self.law} reach stretches of {X.max():g} with a positive stiffness")
-        unknowns, best = min(solutions, key=lambda solution: solution[1].cost)
-        found = self._refine(unknowns, unknowns.value(best.x), X, y, root, nominal_stress)
-        values = unknowns.value(found.x)
-        at_bound = [name for name, active in zip(unknowns.names, found.active_mask, strict=True) if active]
-        # By the chain rule: the Jacobian by the parameters, where the logarithm was searched for.
-        jacobian = found.jac / np.where(unknowns.logarithmic, values, 1.0)
-        self._store(unknowns.law_of(values), unknowns.names, values, jacobian, 2 * found.cost, at_bound)
+        fits = [self._refined(start, X, y, root, incompressible_stress) for start in starts]
+        best, *_ = min(fits, key=lambda one: one[-1].cost)
+        values, jacobian, found = self._refined(best, X, y, root, nominal_stress)
+        names = self._names()
+        at_bound = [name for name, active in zip(names, found.active_mask, strict=True) if active]
+        self._store(self._law_of(values), names, values, jacobian, 2 * found.cost, at_bound)
         return self
 
-    def _refine(self, unknowns, start, X, y, root, stress):
-        """Return scipy's result of a bounded least-squares fit."""
-        low, high = unknowns.search_value(unknowns.low), unknowns.search_value(unknowns.high)
+    def _names(self) -> list[str]:
+        """Return the names of the unknown parameters."""
+        if self.law != Ogden.name:
+            return ["shear_modulus", *LAWS[self.law].bounds]
+        return [f"{what}_{number}" for what in ("modulus", "exponent") for number in range(1, self.n_terms + 1)]
+
+    def _law_of(self, values: np.ndarray) -> Law:
+        """Return the law with given values of its unknown parameters; those of Ogden's moduli are absolute values."""
+        if self.law != Ogden.name:
+            return LAWS[self.law](float(values[0]), self._bulk(float(values[0])), *map(float, values[1:]))
+        sizes, exponents = np.split(values, 2)
+        moduli = sizes * np.sign(exponents)
+        modulus = float((moduli * exponents).sum() / 2)
+        return Ogden(modulus, self._bulk(modulus), tuple(moduli), tuple(exponents))
+
+    def _bounds(self, start: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the bounds of the unknowns, and which of them are searched for in their logarithm: positive ones that range over decades.
+
+        Ogden's exponents keep the signs that they have at the start.
+        """
+        scale = max(np.abs(y).max(), 1e-300)
+        if self.law != Ogden.name:
+            low, high = np.array([(1e-6 * scale, 1e6 * scale), *LAWS[self.law].bounds.values()]).T
+            return low, high, low > 0
+        n, most, positive = self.n_terms, self.greatest_exponent, start[self.n_terms :] > 0
+        low = np.concatenate([np.full(n, 1e-9 * scale), np.where(positive, 0.1, -most)])
+        high = np.concatenate([np.full(n, 1e6 * scale), np.where(positive, most, -0.1)])
+        return low, high, np.repeat([True, False], n)
+
+    def _refined(self, start, X, y, root, stress):
+        """Return the parameters found from a start, the Jacobian by them, and scipy's result of the bounded least-squares fit."""
+        *bounds, logarithmic = self._bounds(start, y)
+
+        def value(searched):
+            return np.exp(searched, out=searched.copy(), where=logarithmic)
 
         def residuals(searched):
             try:
-                predicted = stress(unknowns.law_of(unknowns.value(searched)), X)
+                predicted = stress(self._law_of(value(searched)), X)
             except ValueError:  # parameters between the bounds that are not those of a law
                 return np.full(len(y), 1e3)
             # Past its limit a law has no stress: a large residual.
             return np.where(np.isfinite(predicted), root * (predicted - y), 1e3)
 
-        searched = np.clip(unknowns.search_value(start), low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-        return least_squares(residuals, searched, bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=400)
+        start, low, high = (np.log(values, out=values.copy(), where=logarithmic) for values in (start, *bounds))
+        start = np.clip(start, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+        found = least_squares(residuals, start, bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=400)
+        values = value(found.x)
+        # By the chain rule: the Jacobian by the parameters, where the logarithm was searched for.
+        return values, found.jac / np.where(logarithmic, values, 1.0), found
 
-    def _starts(self, X, y, root):
-        """Return the unknowns of a law other than Ogden's, and their values at each start."""
-        law, scale = LAWS[self.law], max(np.abs(y).max(), 1e-300)
-        low, high = np.array([(1e-6 * scale, 1e6 * scale), *law.bounds.values()]).T
-
-        def law_of(values):
-            modulus = float(values[0])
-            return law(modulus, self._bulk(modulus), *map(float, values[1:]))
-
-        unknowns = Unknowns(("shear_modulus", *law.bounds), low, high, low > 0, law_of)
-        candidates = []
+    def _candidates(self, X, y, root):
+        """Yield the error and the values of the unknowns of a law other than Ogden's on a grid."""
+        low, high, _ = self._bounds(np.empty(0), y)
         for shape in _grid(low[1:], high[1:]):
             try:
-                unit = incompressible_stress(law_of([1.0, *shape]), X)
+                unit = incompressible_stress(self._law_of(np.array([1.0, *shape])), X)
             except ValueError:
                 continue
-            if not np.isfinite(unit).all():
-                continue
-            modulus = max((root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0])
-            candidates.append((((root * (modulus * unit - y)) ** 2).sum(), np.array([modulus, *shape])))
-        return [(unknowns, start) for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])]
+            if np.isfinite(unit).all():
+                modulus = max((root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300), low[0])
+                yield ((root * (modulus * unit - y)) ** 2).sum(), np.array([modulus, *shape])
 
-    def _ogden_starts(self, X, y, root):
-        """Yield the unknowns of Ogden's law, whose bounds depend on the signs of the exponents, and their values at each start."""
-        n, most = self.n_terms, self.greatest_exponent
-        grid = [value for value in (-8.0, -5.0, -3.0, -2.0, -1.0, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 11.0) if abs(value) <= most]
-        thickness = 1 / X.prod(axis=1)
+    def _ogden_candidates(self, X, y, root):
+        """Yield the error and the values of the unknowns of Ogden's law for each set of exponents of a grid."""
+        grid = [value for value in EXPONENTS if abs(value) <= self.greatest_exponent]
+        thickness, least = 1 / X.prod(axis=1), 1e-7 * max(np.abs(y).max(), 1e-300)
         # Stress of a term of unit stiffness, which is modulus times exponent.
         columns = {a: root * (X[:, 0] ** a - thickness**a) / X[:, 0] / a for a in grid}
-        candidates = []
-        for exponents in combinations(grid, n):
+        for exponents in combinations(grid, self.n_terms):
             matrix = np.stack([columns[a] for a in exponents], axis=1)
             if np.isfinite(matrix).all():
                 stiffness, error = nnls(matrix, root * y)
-                candidates.append((error, exponents, stiffness))
-        scale = max(np.abs(y).max(), 1e-300)
-        for _, exponents, stiffness in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0]):
-            signs = np.sign(exponents)
-
-            def law_of(values, signs=signs):
-                moduli = values[:n] * signs
-                modulus = float((moduli * values[n:]).sum() / 2)
-                return Ogden(modulus, self._bulk(modulus), tuple(moduli), tuple(values[n:]))
-
-            # The absolute values of the moduli are searched for; they have the signs of their exponents.
-            moduli = np.maximum(stiffness / np.abs(exponents), 1e-7 * scale)
-            names = tuple(f"{what}_{number}" for what in ("modulus", "exponent") for number in range(1, n + 1))
-            low = np.concatenate([np.full(n, 1e-9 * scale), np.where(signs > 0, 0.1, -most)])
-            high = np.concatenate([np.full(n, 1e6 * scale), np.where(signs > 0, most, -0.1)])
-            logarithmic = np.repeat([True, False], n)
-            yield Unknowns(names, low, high, logarithmic, law_of), np.concatenate([moduli, exponents])
+                yield error, np.concatenate([np.maximum(stiffness / np.abs(exponents), least), exponents])
 
 
 def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return candidates for the dimensionless parameters of a law, shape (number of candidates, number of parameters)."""
     per_axis = 60 if len(low) == 1 else 25
-    axes = []
-    for least, greatest in zip(low, high, strict=True):
-        if least > 0:
-            axes.append(np.geomspace(least, greatest, per_axis))
-        else:
-            # Dense about 0, where most dimensionless coefficients of rubber lie.
-            spread = np.geomspace(1e-5, 1, per_axis // 2)
-            axes.append(np.unique(np.concatenate([-spread * max(-least, 0), [0.0], spread * max(greatest, 0)])))
+    # Dense about 0 where bounds contain it: most dimensionless coefficients of rubber lie there.
+    spread = np.geomspace(1e-5, 1, per_axis // 2)
+    axes = [
+        np.geomspace(least, greatest, per_axis) if least > 0 else np.unique([*least * spread, 0.0, *greatest * spread])
+        for least, greatest in zip(low, high, strict=True)
+    ]
     return np.array(list(product(*axes)))

@@ -1,18 +1,26 @@
-"""Reports of identifications, as dictionaries and as figures, and errors of laws in modes of loading to which they are not fitted."""
+"""Identifications as commands carry them out, and their reports, as dictionaries and as figures."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict
+from typing import NamedTuple
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from sklearn.base import clone
 
+from ..forces import ForceModel
+from ..forces.homogeneous import nominal_states
+from ..materials import LAWS, Law
 from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
-from .examination import standardised
-from .stress_regressor import StressRegressor, nominal_stress, states
+from .energy import EnergyRegressor
+from .examination import examine, standardised
+from .regressor import LawRegressor, fitted_laws
+from .stress_regressor import StressRegressor, committee, free_sides, nominal_stress, states
+
+EDGE = 1e-6
+"""Least log-stretch between a test and the domain of an artefact at which the test counts as outside: rounding decides below it."""
 
 
 def report(model: StressRegressor, data: TestData) -> dict:
@@ -43,16 +51,13 @@ def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
     ``difference`` is relative to the greatest stress measured in the mode, and ``stretch`` is the stretch along the stress; both are None
     if the stress of a state is not finite.
     """
-    found = {}
+    found: dict[str, dict] = {}
     for mode in data.modes:
-        rows = np.flatnonzero(data.mode == mode)
+        rows = data.mode == mode
         off = (stress[rows] - data.nominal_stress[rows]) / max(np.abs(data.nominal_stress[rows]).max(), 1e-300)
         place = int(np.argmax(np.abs(off)))  # argmax treats NaN as the greatest
-        known = np.isfinite(off[place])
-        found[mode] = {
-            "difference": float(off[place]) if known else None,
-            "stretch": float(data.stretches[rows[place], 0]) if known else None,
-        }
+        greatest = float(off[place]), float(data.stretches[rows][place, 0])
+        found[mode] = dict(zip(("difference", "stretch"), greatest if np.isfinite(off[place]) else (None, None), strict=True))
     return found
 
 
@@ -62,23 +67,23 @@ def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray 
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(2.6 * max(len(modes), 2), 2.9), layout="constrained")
         for axis, mode in zip(drawn.subplots(1, len(modes), squeeze=False)[0], modes, strict=True):
-            rows, crosses = data.of(mode), None if simulated is None else simulated[data.mode == mode]
-            axis.set(title=mode, xlabel="stretch")
+            rows = data.of(mode)
             axis.grid(alpha=0.3)
             if mode == BIAXIAL:
-                axis.plot(rows.nominal_stress, rows.nominal_stress, "-", color="0.6", lw=0.8)
-                for model in models:
-                    axis.plot(rows.nominal_stress, model.predict(rows.stretches), ".", ms=3, label=model.law)
-                if crosses is not None:
-                    axis.plot(rows.nominal_stress, crosses, "rx", ms=3, label="simulated")
-                axis.set(xlabel="measured stress", ylabel="stress of the law")
-                continue
-            axis.plot(rows.stretches[:, 0], rows.nominal_stress, "ko", ms=3, mfc="none", label="test")
-            stretch = np.linspace(min(1.0, rows.stretches[:, 0].min()), rows.stretches[:, 0].max(), 200)
+                axis.set(title=mode, xlabel="measured stress", ylabel="stress of the law")
+                places = along = rows.nominal_stress
+                stretches, style = rows.stretches, {"ls": "", "marker": ".", "ms": 3}
+                axis.plot(places, places, "-", color="0.6", lw=0.8)
+            else:
+                axis.set(title=mode, xlabel="stretch")
+                places = rows.stretches[:, 0]
+                along = np.linspace(min(1.0, places.min()), places.max(), 200)
+                stretches, style = np.stack([along, MODES[mode](along)], axis=1), {"lw": 1}
+                axis.plot(places, rows.nominal_stress, "ko", ms=3, mfc="none", label="test")
             for model in models:
-                axis.plot(stretch, nominal_stress(model.law_, np.stack([stretch, MODES[mode](stretch)], axis=1)), lw=1, label=model.law)
-            if crosses is not None:
-                axis.plot(rows.stretches[:, 0], crosses, "rx", ms=3, label="simulated")
+                axis.plot(along, nominal_stress(model.law_, stretches), label=model.law, **style)
+            if simulated is not None:
+                axis.plot(places, simulated[data.mode == mode], "rx", ms=3, label="simulated")
         drawn.axes[0].legend(fontsize=7)
         drawn.axes[0].set_ylabel(drawn.axes[0].get_ylabel() or "nominal stress")
         return drawn
@@ -113,12 +118,126 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
                 )
             fitted = clone(model).fit(known.stretches, known.nominal_stress, known.balanced_weights())
             predicted = fitted.predict(unseen.stretches)
-            rows.append(
-                {
-                    "law": model.law,
-                    "fitted_to": train,
-                    "held_out": unseen.r_squared(predicted),
-                    "relative_rms": float(np.sqrt(((predicted - unseen.nominal_stress) ** 2).sum() / (unseen.nominal_stress**2).sum())),
-                }
-            )
+            off = np.sqrt(((predicted - unseen.nominal_stress) ** 2).sum() / (unseen.nominal_stress**2).sum())
+            scores = {"held_out": unseen.r_squared(predicted), "relative_rms": float(off)}
+            rows.append({"law": model.law, "fitted_to": train, **scores})
     return rows
+
+
+def bulk_arguments(**given: float | None) -> dict[str, float]:
+    """Return those of the arguments `bulk_modulus` and `bulk_ratio` of a regressor that are given.
+
+    Raise ValueError if both are given, or a bad one.
+    """
+    found = {key: value for key, value in given.items() if value is not None}
+    if len(found) > 1:
+        raise ValueError("--bulk-modulus and --bulk-ratio say the same: choose one")
+    for key, value in found.items():
+        if not 0 < value < float("inf"):
+            raise ValueError(f"--{key.replace('_', '-')} must be positive and finite, not {value:g}")
+    return found
+
+
+def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]) -> StressRegressor:
+    """Return a regressor of a law, or for None of an energy without a law, fitted to test data; raise ValueError for other names."""
+    if law is not None and law not in LAWS:
+        raise ValueError(f"unknown law {law!r}; there are {', '.join(sorted(LAWS))}")
+    if law is not None and law not in fitted_laws():
+        raise ValueError(f"the terms of {law} are found from test data by fit --free, which names no law")
+    regressor = EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
+    return regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
+
+
+def identify(
+    data: TestData, laws: Sequence[str], n_terms: int, bulk: dict[str, float], hold_out: bool, progress: Callable[[float, str], None]
+) -> tuple[list[StressRegressor], list[dict], list[dict]]:
+    """Fit laws to test data.
+
+    Parameters
+    ----------
+    data : TestData
+    laws : sequence of str
+        Names of laws.
+    n_terms : int
+        Terms of Ogden's law.
+    bulk : dict
+        See `bulk_arguments`.
+    hold_out : bool
+        Whether each mode is held out in turn from further fits.
+    progress : callable
+        Called with the number of laws that are done and a description.
+
+    Returns
+    -------
+    models : list of StressRegressor
+        Fitted regressors.
+    reports : list of dict
+        See `examined`.
+    held_out : list of dict
+        See `held_out_modes`.
+    """
+    models, held_out = [], []
+    for number, law in enumerate(laws):
+        progress(number, law)
+        models.append(fitted(data, law, n_terms, bulk))
+        if hold_out:
+            progress(number + 0.5, f"{law}, each mode held out in turn")
+            held_out += held_out_modes([clone(models[-1])], data)
+    return models, [examined(model, data, models) for model in models], held_out
+
+
+def examined(model: StressRegressor, data: TestData, others: Sequence[StressRegressor] = ()) -> dict:
+    """Return the `report` of a fitted regressor with the ``refusals`` and ``remarks`` of its examination."""
+    found = report(model, data)
+    if isinstance(model, EnergyRegressor):
+        found |= {"form": "polyconvex energy without a law", "cross_validation": model.cross_validation_}
+    return {**found, **asdict(examine(model, data, others))}
+
+
+class Identified(NamedTuple):
+    """Law identified from test data, for the fit of a surrogate.
+
+    Attributes
+    ----------
+    data : TestData
+    model : StressRegressor
+    report : dict
+        See `examined`; also the ``committee``, if there is one.
+    members : list of Law
+        Laws of the members of the committee.
+    """
+
+    data: TestData
+    model: StressRegressor
+    report: dict
+    members: list[Law]
+
+
+def identified(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float], n_members: int | None, seed: int) -> Identified:
+    """Return a law, or for None an energy without a law, fitted to test data, with a `committee` of `n_members`."""
+    model = fitted(data, law, n_terms, bulk)
+    found, members = examined(model, data), []
+    if n_members:
+        weights = data.balanced_weights()
+        members = committee(model, data.stretches, data.nominal_stress, n_members, data.tests, seed, sample_weight=weights)
+        own = " with exponents of its own" if law is None else ""
+        found["committee"] = f"each fitted to half of {len(set(data.tests))} tests{own}, seed {seed}"
+    return Identified(data, model, found, [member.law_ for member in members])
+
+
+def simulate_tests(force: ForceModel, data: TestData, model: StressRegressor) -> tuple[np.ndarray, float, int]:
+    """Simulate test data with a force model.
+
+    Returns
+    -------
+    stress : ndarray
+        Nominal stresses.
+    off_law : float
+        Greatest difference from the law of `model`, relative to the greatest stress; NaN if a state has no stress.
+    outside : int
+        Number of rows outside the domain of the force model.
+    """
+    first, second = data.stretches.T
+    stress, beyond = nominal_states(force, model.law_, np.column_stack([first, np.where(free_sides(first, second), np.nan, second)]))
+    law = model.predict(data.stretches)
+    return stress, float(np.abs(stress - law).max() / np.abs(law).max()), int((beyond > EDGE).sum())

@@ -2,7 +2,7 @@
 
 Both give psi and its two derivatives, dimensionless, from the two invariants. By the envelope theorem the derivatives at the C33 that
 solves P33 = 0 are those at fixed C33: 2 dpsi/dtr C = p and J dpsi/dJ = q, the coefficients of R^T P = p U + q U^-1
-(`pdsurrogate.materials.plane_stress`).
+(`pdsurrogate.materials.expressions`).
 """
 
 from functools import cache

@@ -6,25 +6,7 @@ from .fitting import cross_validate, evaluate, force_model_of, reachable_stretch
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sobolev import SobolevRegressor
 from .storing import CardText, store
-from .target import InputAwareTargetRegressor
-from .targets import Samples
+from .target import InputAwareTargetRegressor, Samples
 from .torch_regressor import TorchMLPRegressor
 
-__all__ = [
-    "CardText",
-    "ChebyshevRegressor",
-    "InputAwareTargetRegressor",
-    "LevenbergMarquardtRegressor",
-    "Samples",
-    "SobolevRegressor",
-    "TorchMLPRegressor",
-    "algorithm_1",
-    "cross_validate",
-    "evaluate",
-    "force_model_of",
-    "reachable_stretches",
-    "store",
-    "surrogate_of",
-    "surrogate_pipeline",
-    "training_samples",
-]
+__all__ = ["ChebyshevRegressor", "InputAwareTargetRegressor", "SobolevRegressor", "algorithm_1", "reachable_stretches", "surrogate_of"]

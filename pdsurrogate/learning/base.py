@@ -1,7 +1,10 @@
-"""Base classes of the regressors of this room: checked training data, activations, and predictions in the shape of the targets."""
+"""Base classes of the regressors of this room: checked training data, activations, and predictions in the shape of the targets.
 
-from __future__ import annotations
+Functions of pipelines that have names, and the columns that they read, are here as well.
+"""
 
+from collections.abc import Callable
+from functools import update_wrapper
 from numbers import Integral, Real
 
 import numpy as np
@@ -114,3 +117,55 @@ class BasePerceptron(BaseRegressor):
 
     def _outputs(self, X):
         return network_outputs(X, zip(self.coefs_, self.intercepts_, strict=True), ACTIVATIONS[self.activation])
+
+
+class NamedFunction:
+    """Function of a module whose ``repr`` is its name, with the names of the columns of X and y that it reads, None for any.
+
+    A pickle holds the module and the name only, as that of a plain function does.
+    """
+
+    __name__: str
+    __qualname__: str
+
+    def __init__(self, function: Callable, columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> None:
+        update_wrapper(self, function)
+        self.columns, self.targets = columns, targets
+
+    def __call__(self, *args, **kwargs):
+        return self.__wrapped__(*args, **kwargs)
+
+    def __repr__(self) -> str:
+        return self.__name__
+
+    def __reduce__(self) -> str:
+        return self.__qualname__
+
+
+def named(columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> Callable[[Callable], NamedFunction]:
+    """Return a decorator that makes a `NamedFunction` with these names of its columns and targets."""
+    return lambda function: NamedFunction(function, columns, targets)
+
+
+def columns_read(function) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
+    """Return the names of the columns of X and y that a function, or a partial of one, reads; None where it has no names."""
+    function = getattr(function, "func", function)
+    return getattr(function, "columns", None), getattr(function, "targets", None)
+
+
+def check_targets(y, names) -> None:
+    """Raise ValueError if a target does not have the named columns."""
+    if np.shape(y)[1:] != (len(names),):
+        raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
+
+
+def checked_columns(X, columns: tuple[str, ...], positive: tuple[str, ...]) -> np.ndarray:
+    """Return the columns of X; raise ValueError unless they are as many as are named, and the named ones positive."""
+    X = np.asarray(X, dtype=float)
+    if X.ndim != 2 or X.shape[1] != len(columns):
+        raise ValueError(f"X must have the {len(columns)} columns {', '.join(columns)}, not shape {X.shape}")
+    for name in positive:
+        values = X[:, columns.index(name)]
+        if not (values > 0).all():
+            raise ValueError(f"{name} must be positive; the least given is {values.min():g}")
+    return X.T

@@ -1,7 +1,5 @@
 """The bond force as a target: its samples, pipeline, errors, domain and surrogates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -16,7 +14,7 @@ from . import sampling
 from .export import force_of, scaled_parts, shift_and_scale, taken_over
 from .pipeline import bond_force_pipeline
 from .sampling import COLUMNS, OUTPUTS, checked_range
-from .targets import Range, Samples, Target, relative_errors
+from .target import Range, Samples, Target, relative_errors
 
 SLOPE_STEP = 1e-4
 """Relative change of lambda_b in central differences of the force: in double precision their error is 1e-8 of the slope."""
@@ -48,9 +46,8 @@ class _BondForce(Target):
     def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
         return Samples(*sampling.states_of_strain(law, strains, stretch_range, n_samples, random_state), {}, self)
 
-    def _predictor(self, model, law: Law) -> Callable[[np.ndarray], np.ndarray]:
-        force = force_of(model)
-        return lambda X: force(*X.T)
+    def _predicted(self, model, law: Law, X: np.ndarray) -> np.ndarray:
+        return force_of(model)(*X.T)
 
     def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:
         return relative_errors(predicted, samples.y)
@@ -79,17 +76,12 @@ class _BondForce(Target):
         return {"outside_box": self.report(surrogate, law, WIDE)} if wider else {}
 
     def scaling(self, model) -> dict:
-        scaling, _, target = scaled_parts(model) or (None, None, None)
+        scaling, _, target = scaled_parts(model)
         if scaling is None:
             return {"folded": "whatever scaling the model has is part of the payload, which is on plain features"}
-        (mean, scale), (target_mean, target_scale) = shift_and_scale(scaling), shift_and_scale(target)
-        return {
-            "feature_mean": mean.tolist(),
-            "feature_scale": scale.tolist(),
-            "output_mean": target_mean.tolist(),
-            "output_scale": target_scale.tolist(),
-            "folded": "into the constants of the payload",
-        }
+        means_and_scales = [array.tolist() for scaler in (scaling, target) for array in shift_and_scale(scaler)]
+        names = "feature_mean", "feature_scale", "output_mean", "output_scale"
+        return {**dict(zip(names, means_and_scales, strict=True)), "folded": "into the constants of the payload"}
 
 
 BOND_FORCE = _BondForce()

@@ -1,7 +1,5 @@
 """Polynomial regression in a Chebyshev basis, as a scikit-learn regressor."""
 
-from __future__ import annotations
-
 from itertools import islice
 from math import comb
 from numbers import Integral
@@ -89,7 +87,10 @@ class ChebyshevRegressor(BaseRegressor):
 
     def _checked_powers(self, n_features):
         """Return the degrees of each feature in each term."""
-        powers = list(islice(_powers(self._degrees(n_features), 1.0), MOST_TERMS + 1))
+        degrees = [self.degree] * n_features if isinstance(self.degree, Integral) else list(self.degree)
+        if len(degrees) != n_features or not all(isinstance(value, Integral) and 0 <= value <= 24 for value in degrees):
+            raise ValueError(f"degree must be one number from 0 to 24 for each of the {n_features} features, not {self.degree}")
+        powers = list(islice(_powers([int(value) for value in degrees], 1.0), MOST_TERMS + 1))
         if len(powers) > MOST_TERMS:
             most = max(degree for degree in range(25) if comb(n_features + degree, degree) <= MOST_TERMS)
             raise ValueError(
@@ -97,14 +98,6 @@ class ChebyshevRegressor(BaseRegressor):
                 "or lower degrees of single features"
             )
         return np.array(powers)
-
-    def _degrees(self, n_features):
-        """Return the greatest degree of each feature."""
-        if isinstance(self.degree, Integral):
-            return [int(self.degree)] * n_features
-        if len(self.degree) != n_features or not all(isinstance(value, Integral) and 0 <= value <= 24 for value in self.degree):
-            raise ValueError(f"degree must be one number from 0 to 24 for each of the {n_features} features, not {self.degree}")
-        return [int(value) for value in self.degree]
 
     def _terms(self, X):
         """Return the values of all terms, shape (n_samples, n_terms)."""

@@ -1,18 +1,14 @@
 """The energy of a sheet under plane stress as a target: its invariants, features, samples and stability."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 
 from ..forces import BondEnergyForce, Domain, EnergyNetwork
 from ..forces.bond_energy import EnergySurrogate
-from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
+from ..forces.learnt_energy import ENERGY_FEATURES
 from ..materials import Law, plane_stress
+from .base import checked_columns, named
 from .sampling import bond_states_reached, log_stretches, range_of_stretches, stretches_of_strain
-from .target import checked_columns, named
-from .targets import EnergyTarget, Range, Samples, checked_derivatives
+from .target import EnergyTarget, Range, Samples, checked_derivatives
 
 INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
 
@@ -59,7 +55,6 @@ class _SheetEnergy(EnergyTarget):
     _functions = log_invariants, _names, rubber_energy_size, derivatives_by_features, derivatives_by_invariants
     reached = staticmethod(bond_states_reached)
     _draw_logs = staticmethod(log_stretches)
-    shape = staticmethod(energy_shape)
 
     def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
@@ -74,8 +69,8 @@ class _SheetEnergy(EnergyTarget):
         # Principal nominal stresses 2 psi_I lambda + psi_J J/lambda.
         return 2 * first[:, None] * stretches + second[:, None] * stretches[:, ::-1]
 
-    def _predictor(self, model: EnergySurrogate, law: Law) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda X: np.stack(model.energy_derivatives(law, *X.T)[:3], axis=1)
+    def _predicted(self, model: EnergySurrogate, law: Law, X: np.ndarray) -> np.ndarray:
+        return np.stack(model.energy_derivatives(law, *X.T)[:3], axis=1)
 
     def _more_errors(self, model: EnergySurrogate, law: Law, samples: Samples) -> dict[str, float]:
         rest = model.energy_derivatives(law, np.array([2.0]), np.array([1.0]))

@@ -1,11 +1,11 @@
 """Conversion of a fitted model of a bond force to the plain arrays that a run needs, exactly or by resampling."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
@@ -24,8 +24,7 @@ from .chebyshev import ChebyshevRegressor
 from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs
 from .resampling import MARGIN, Spline, isochoric_outputs_of, resampled
 from .sampling import COLUMNS, wide_bonds
-from .target import InputAwareTargetRegressor, is_search
-from .targets import relative_errors
+from .target import InputAwareTargetRegressor, is_search, relative_errors
 
 Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
 
@@ -51,24 +50,40 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
     bonds of the training set, for a model that does not keep them.
     """
     model = best_of(model)
-    if not isinstance(model, InputAwareTargetRegressor):
-        return _of_bonds(force_of(model), title_of(model), law, domain, name, _thinned(states, law, domain))
-    feature_set = feature_set_of(model)
-    check_is_fitted(model)
-    common = (name, feature_set, model.offsets_.astype(float), domain, law.name, law.shape)
-    if (polynomial := _polynomial_of(model)) is not None and len(FEATURE_SETS[feature_set].names) == 2:
-        return PolynomialForce(*common, *polynomial), {}
-    rest, horizon = model.regressor_[1:], model.regressor_[0].kw_args["horizon"]
-    X = None if model.training_inputs_ is None else model.training_inputs_ / [1, 1, horizon, 1, 1]
-    states = _thinned(X, law, domain)
-    with _plain_arrays():
-        network = network_of(rest, feature_values(states, feature_set))
-    if network is not None:
-        return NetworkForce(*common, *network), {}
-    force, title = _force_of_pipeline(model), title_of(regressor_of(model))
-    if len(FEATURE_SETS[feature_set].names) not in FEATURES:
-        return _of_bonds(force, title, law, domain, name, states)
-    return _of_function(lambda features: _quietly(rest, features), force, title, common, model.anchored_outputs, states)
+    force, is_pipeline = force_of(model), isinstance(model, InputAwareTargetRegressor)
+    if is_pipeline:
+        states = None if model.training_inputs_ is None else model.training_inputs_ / [1, 1, _horizon_of(model), 1, 1]
+    if states is None:
+        states = wide_bonds(law, STATES, (domain.least_stretch, domain.greatest_stretch), 0.25, 2 / 3, 0)[0]
+    states = states[np.linspace(0, len(states) - 1, min(STATES, len(states))).astype(int)]
+    described, feature_set, offsets, anchored = (domain, law.name, law.shape), "isochoric", np.zeros(2), [1]
+    function = isochoric_outputs_of(force)
+    if is_pipeline:
+        own, rest = feature_set_of(model), model.regressor_[1:]
+        common, count = (name, own, model.offsets_.astype(float), *described), len(FEATURE_SETS[own].names)
+        if count == 2 and (polynomial := _polynomial_of(model)) is not None:
+            return PolynomialForce(*common, *polynomial), {}
+        with _plain_arrays():
+            network = network_of(rest, feature_values(states, own))
+        if network is not None:
+            return NetworkForce(*common, *network), {}
+        if count in FEATURES:
+            feature_set, offsets, anchored = own, common[2], list(model.anchored_outputs)
+            function = partial(_quietly, rest)
+    at_rest, right = feature_values(np.array([AT_REST]), feature_set), np.asarray(force(*states.T), dtype=float)
+
+    def made_of(spline: Spline) -> SplineForce:
+        found, zero = SplineForce(name, feature_set, offsets, *described, *spline), offsets.copy()
+        zero[anchored] = found.outputs(at_rest)[0, anchored]
+        return replace(found, at_rest=zero)
+
+    def errors(spline: Spline) -> dict[str, float]:
+        return relative_errors(made_of(spline).bond_force(*states.T), right)
+
+    spline, jump = resampled(function, *feature_box(feature_set, domain, states), lambda spline: errors(spline)["rms"])
+    surrogate = made_of(spline)
+    onto = f"cubic spline of {' and '.join(surrogate.features)}, {surrogate.size}"
+    return surrogate, {"model": title_of(regressor_of(model)), "onto": onto, **errors(spline), "jump": jump}
 
 
 def best_of(model):
@@ -93,7 +108,14 @@ def force_of(model) -> Callable:
     """
     model = best_of(model)
     if isinstance(model, InputAwareTargetRegressor):
-        return _force_of_pipeline(model)
+        feature_set = feature_set_of(model)
+        check_is_fitted(model)
+
+        def force(stretch, rotation, length, C33, J):
+            X = np.stack(np.broadcast_arrays(*np.atleast_1d(stretch, rotation, np.multiply(length, _horizon_of(model)), C33, J)), axis=1)
+            return force_of_outputs(X, _quietly(model.regressor_, X) - model.offsets_, feature_set)
+
+        return force
     if isinstance(model, ForceSurrogate):
         return model.bond_force
     if is_own_force(model):
@@ -126,17 +148,9 @@ def _checked_forces(function: Callable, *bond) -> np.ndarray:
     return force
 
 
-def _force_of_pipeline(model: InputAwareTargetRegressor) -> Callable:
-    """Return the dimensionless bond force of a fitted pipeline."""
-    feature_set = feature_set_of(model)
-    check_is_fitted(model)
-    horizon = model.regressor_[0].kw_args["horizon"]
-
-    def force(stretch, rotation, length, C33, J):
-        X = np.stack(np.broadcast_arrays(*np.atleast_1d(stretch, rotation, np.multiply(length, horizon), C33, J)), axis=1)
-        return force_of_outputs(X, _quietly(model.regressor_, X) - model.offsets_, feature_set)
-
-    return force
+def _horizon_of(model: InputAwareTargetRegressor) -> float:
+    """Return the horizon of a fitted pipeline, in the unit of length of its samples."""
+    return model.regressor_[0].kw_args["horizon"]
 
 
 @contextmanager
@@ -151,40 +165,6 @@ def _quietly(estimator, X) -> np.ndarray:
     """Return the predictions of an estimator that may have been fitted to tables."""
     with _plain_arrays():
         return np.asarray(estimator.predict(X), dtype=float)
-
-
-def _thinned(X: np.ndarray | None, law: Law, domain: Domain) -> np.ndarray:
-    """Return at most `STATES` bonds of a training set, or of wide samples if there is none."""
-    if X is None:
-        return wide_bonds(law, STATES, (domain.least_stretch, domain.greatest_stretch), 0.25, 2 / 3, 0)[0]
-    return X[np.linspace(0, len(X) - 1, min(STATES, len(X))).astype(int)]
-
-
-def _of_bonds(force: Callable, title: str, law: Law, domain: Domain, name: str, states) -> tuple[SplineForce, dict]:
-    """Return the spline of a function of bonds, in the isochoric features."""
-    common = (name, "isochoric", np.zeros(2), domain, law.name, law.shape)
-    return _of_function(isochoric_outputs_of(force), force, title, common, (1,), states)
-
-
-def _of_function(function, force, title, common, anchored, states) -> tuple[SplineForce, dict]:
-    """Return the spline of a function of features; its bond force is compared with `force` at `states`."""
-    name, feature_set, offsets, *described = common
-    rest = feature_values(np.array([AT_REST]), feature_set)
-    right = np.asarray(force(*states.T), dtype=float)
-
-    def made_of(spline: Spline) -> SplineForce:
-        found, at_rest = SplineForce(name, feature_set, offsets, *described, *spline), offsets.copy()
-        at_rest[list(anchored)] = found.outputs(rest)[0, list(anchored)]
-        return replace(found, at_rest=at_rest)
-
-    def errors(spline: Spline) -> dict[str, float]:
-        return relative_errors(made_of(spline).bond_force(*states.T), right)
-
-    low, high = feature_box(feature_set, described[0], states)
-    spline, jump = resampled(function, low, high, lambda spline: errors(spline)["rms"])
-    surrogate = made_of(spline)
-    onto = f"cubic spline of {' and '.join(surrogate.features)}, {surrogate.size}"
-    return surrogate, {"model": title, "onto": onto, **errors(spline), "jump": jump}
 
 
 def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -224,18 +204,18 @@ def shift_and_scale(scaler: StandardScaler) -> tuple[np.ndarray, np.ndarray]:
     return scaler.mean_ if scaler.with_mean else np.zeros(count), scaler.scale_ if scaler.with_std else np.ones(count)
 
 
-def scaled_parts(model) -> tuple[StandardScaler, object, StandardScaler] | None:
-    """Return the scaling, the regressor and the scaling of its outputs of a fitted pipeline with these steps; None for any other model."""
+def scaled_parts(model) -> tuple[StandardScaler, Any, StandardScaler] | tuple[None, None, None]:
+    """Return the scaling, the regressor and the scaling of its outputs of a fitted pipeline with these steps; three None for another."""
     steps = [step for _, step in model.regressor_.steps[1:]] if isinstance(model, InputAwareTargetRegressor) else []
     scaling, last = steps if len(steps) == 2 else (None, None)
-    if not isinstance(scaling, StandardScaler) or not isinstance(getattr(last, "transformer_", None), StandardScaler):
-        return None
-    return scaling, last.regressor_, last.transformer_
+    if isinstance(scaling, StandardScaler) and isinstance(getattr(last, "transformer_", None), StandardScaler):
+        return scaling, last.regressor_, last.transformer_
+    return None, None, None
 
 
 def _polynomial_of(model):
     """Return centre and half width of the features, and the coefficients of a polynomial on plain features and outputs, or None."""
-    scaling, regressor, target = scaled_parts(model) or (None, None, None)
+    scaling, regressor, target = scaled_parts(model)
     if not isinstance(regressor, ChebyshevRegressor):
         return None
     (shift, scale), (target_shift, target_scale) = shift_and_scale(scaling), shift_and_scale(target)

@@ -1,8 +1,7 @@
 """Samples, pipelines and surrogates by the name of a target; errors of fitted models, and whether they are small enough to use."""
 
-from __future__ import annotations
-
 import warnings
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -25,8 +24,7 @@ from .energy import SHEET_ENERGY
 from .export import best_of
 from .isochoric import ISOCHORIC_ENERGY
 from .sampling import checked_range, random_order
-from .target import InputAwareTargetRegressor
-from .targets import Samples, Target, relative_errors
+from .target import InputAwareTargetRegressor, Samples, Target, relative_errors
 
 TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
 """Targets by their names in public functions."""
@@ -148,23 +146,14 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
     checked_law(law)
     chosen = target_called(target)
     low, high = np.log(checked_range(stretch_range))
-    share = _reachable_share(law, lambda share: chosen.reached(law, share * low, share * high))
-    least, greatest = stretch_range if share == 1 else np.exp([share * low, share * high])
-    return float(least), float(greatest)
-
-
-def _reachable_share(law: Law, reached: Callable[[float], bool]) -> float:
-    """Return the share of a range of log-stretches in which a law is finite; ``reached(share)`` is True if it is in a share."""
-    if reached(1.0):
-        return 1.0
-    inside, outside = 0.0, 1.0
-    while outside - inside > 1e-3:
-        middle = (inside + outside) / 2
-        inside, outside = (middle, outside) if reached(middle) else (inside, middle)
+    if chosen.reached(law, low, high):
+        return float(stretch_range[0]), float(stretch_range[1])
+    inside = bisect_left(range(1, 1024), True, key=lambda part: not chosen.reached(law, part / 1024 * low, part / 1024 * high)) / 1024
     if inside == 0:
         raise ValueError(f"{law.name}: it locks too near the undeformed state for a surrogate")
     # The energy grows without bound towards the limit; a smooth model can follow it up to a twentieth short of it.
-    return 0.95 * inside
+    least, greatest = np.exp([0.95 * inside * low, 0.95 * inside * high]).tolist()
+    return least, greatest
 
 
 def surrogate_pipeline(
@@ -329,37 +318,26 @@ def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is store
     `role` is the role of the law, and `purpose` the purpose for which the model is refused, in messages.
     """
     rms = errors["on_surface"]["rms"]
-    if NOTED < rms <= MOST_STORED:
-        shape = "".join(f", {key} = {value:g}" for key, value in law.shape.items())
-        warnings.warn(
-            f"{what} is off by {100 * rms:.2g} % RMS from {law.name}{shape}, the law that it was compared with and {role}: was it "
-            "fitted to samples of another one, or too coarsely?",
-            stacklevel=4,
-        )
-    worst = max(errors.get("by_strain", ()), key=lambda row: row["rms"], default=None)
-    if worst is not None and rms <= NOTED and worst["rms"] > MOST_STORED:
-        # Enormous forces at the ends of the range make all errors relatively small.
-        low, high = worst["strain"]
-        warnings.warn(
-            f"{what} is off by {100 * worst['rms']:.2g} % of the force at strains from {low:g} to {high:g}, though by little of the "
-            "greatest: fit it over a smaller range of stretches",
-            stacklevel=4,
-        )
     if not rms <= MOST_STORED:
         low, high = errors["stretch_range"]
         raise TooInexact(
             f"{what} is off by {100 * rms:.3g} % RMS at stretches from {low:g} to {high:g}, more than {100 * MOST_STORED:g} %, and is not "
             f"{purpose}: fit it to more samples, with a larger regressor or over a smaller range, and to samples of this law"
         )
+    worst: dict = max(errors.get("by_strain", ()), key=lambda row: row["rms"], default={"rms": 0.0})
+    if rms > NOTED:
+        against = "".join([law.name, *(f", {key} = {value:g}" for key, value in law.shape.items())])
+        fault = f"{100 * rms:.2g} % RMS from {against}, the law that it was compared with and {role}"
+        warnings.warn(f"{what} is off by {fault}: was it fitted to samples of another one, or too coarsely?", stacklevel=4)
+    elif worst["rms"] > MOST_STORED:
+        # Enormous forces at the ends of the range make all errors relatively small.
+        low, high = worst["strain"]
+        fault = f"{100 * worst['rms']:.2g} % of the force at strains from {low:g} to {high:g}, though by little of the greatest"
+        warnings.warn(f"{what} is off by {fault}: fit it over a smaller range of stretches", stacklevel=4)
 
 
 def cross_validate(
-    model,
-    samples: Samples,
-    folds: int = 5,
-    random_state: int = 0,
-    n_jobs: int = 1,
-    progress: Callable[[int], None] = lambda fold: None,
+    model, samples: Samples, folds: int = 5, random_state: int = 0, n_jobs: int = 1, progress: Callable[[int], None] = lambda fold: None
 ) -> list[dict]:
     """Fit clones of a pipeline to all but one fold of the samples each, and return the relative errors on the fold left out.
 
@@ -474,20 +452,12 @@ def evaluate(
     model = best_of(model)
     if target_of(model) in (SHEET_ENERGY, ISOCHORIC_ENERGY):
         model = force_model_of(model, law)
-    target, domain = _evaluated_as(model), getattr(model, "domain", None)
+    if isinstance(model, ForceModel) and not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
+        raise TypeError(f"{model.name} has no bond force of its own to evaluate")
+    target = ISOCHORIC_ENERGY if isinstance(model, IsochoricNetwork) else SHEET_ENERGY if isinstance(model, EnergySurrogate) else BOND_FORCE
+    domain = getattr(model, "domain", None)
     own = (domain.least_stretch, domain.greatest_stretch) if isinstance(domain, Domain) else BOND_FORCE.stretch_range
     return target.report(model, law, checked_range(own if stretch_range is None else stretch_range), n_samples, random_state)
-
-
-def _evaluated_as(model) -> Target:
-    """Return the target as which a model is evaluated; raise TypeError for a force model with neither a bond force nor an energy."""
-    if isinstance(model, IsochoricNetwork):
-        return ISOCHORIC_ENERGY
-    if isinstance(model, EnergySurrogate):
-        return SHEET_ENERGY
-    if isinstance(model, ForceModel) and not isinstance(model, ForceSurrogate):
-        raise TypeError(f"{model.name} has no bond force of its own to evaluate")
-    return BOND_FORCE
 
 
 def stated_against(model: LearntBondForce | LearntEnergy, law: Law, states: np.ndarray) -> LearntBondForce | LearntEnergy:

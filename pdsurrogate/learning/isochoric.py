@@ -1,18 +1,16 @@
 """The isochoric energy W(I1bar, I2bar) as a target: samples at three stretches of product 1, features and stability."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from ..forces import Domain, IsochoricNetwork
-from ..forces.agreement import isochoric_stresses
+from ..forces.agreement import isochoric_slopes, isochoric_stresses
 from ..forces.learnt_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
-from .target import checked_columns, named
-from .targets import EnergyTarget, Range, Samples, checked_derivatives
+from .base import checked_columns, named
+from .target import EnergyTarget, Range, Samples, checked_derivatives
 
 INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
 
@@ -76,7 +74,8 @@ class _IsochoricEnergy(EnergyTarget):
     def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         squares = stretches**2
         I1, I2 = squares.sum(axis=1), (1 / squares).sum(axis=1)
-        return np.stack([I1, I2], axis=1), np.stack(_energy_and_derivatives(law, I1, I2), axis=1)
+        W = solid.isochoric_response(law, I1, I2, np.ones_like(I1))[3]
+        return np.stack([I1, I2], axis=1), np.stack([W, *isochoric_slopes(law, I1, I2)], axis=1)
 
     def _draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
         low, high = np.log(low), np.log(high)
@@ -106,32 +105,26 @@ class _IsochoricEnergy(EnergyTarget):
     def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         return isochoric_stresses(stretches.T**2, first, second)
 
-    def _predictor(self, model: IsochoricNetwork, law: Law) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda X: np.stack(model.isochoric_derivatives(*X.T), axis=1)
+    def _predicted(self, model: IsochoricNetwork, law: Law, X: np.ndarray) -> np.ndarray:
+        return np.stack(model.isochoric_derivatives(*X.T), axis=1)
 
     def _more_errors(self, model: IsochoricNetwork, law: Law, samples: Samples) -> dict[str, float]:
-        rest = self._predictor(model, law)(np.array([[3.0, 3.0]]))[0]
+        rest = self._predicted(model, law, np.array([[3.0, 3.0]]))[0]
         squares = samples.stretches[:STATES_OF_STABILITY].T ** 2
         return {
             "at_rest": float(abs(rest[0])),
             "shear_modulus": float(2 * (rest[1] + rest[2])),
             "least_acoustic": _least_acoustic(lambda I1, I2: model.isochoric_derivatives(I1, I2)[1:], squares),
-            "least_acoustic_exact": _least_acoustic(lambda I1, I2: _energy_and_derivatives(law, I1, I2)[1:], squares),
+            "least_acoustic_exact": _least_acoustic(partial(isochoric_slopes, law), squares),
         }
 
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
-        squares = solid.principal_stretches((*X.T, np.ones(len(X))))[3:]
+        squares = solid.response.stretches((*X.T, np.ones(len(X))))[3:]
         return Domain(float(np.sqrt(np.min(squares))), float(np.sqrt(np.max(squares))), 1.0, 1.0)
 
 
 ISOCHORIC_ENERGY = _IsochoricEnergy()
 """W of a law, a function of I1bar and I2bar."""
-
-
-def _energy_and_derivatives(law: Law, I1, I2):
-    """Return W and its derivatives by the invariants, from theory (40) at J = 1: p = 2 (W1 + I1bar W2) and r = -2 W2."""
-    p, _, r, W = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
-    return W, (p + I1 * r) / 2, -r / 2
 
 
 def _least_acoustic(derivatives, squares) -> float:

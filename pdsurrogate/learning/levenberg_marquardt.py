@@ -1,20 +1,80 @@
-"""Multilayer perceptrons trained by the Levenberg-Marquardt algorithm, as a scikit-learn regressor."""
+"""The Levenberg-Marquardt algorithm for any network, and multilayer perceptrons trained by it, as a scikit-learn regressor.
 
-from __future__ import annotations
+`scipy.optimize.least_squares` holds the whole Jacobian of all samples and outputs; here the normal equations are summed from parts of it.
+scikit-learn's pipelines do not pass on the progress of the regressors in them, so a listener is a variable of the context.
+"""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import KW_ONLY, dataclass
 from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import StrOptions
 from threadpoolctl import threadpool_limits
 
 from ..kernels.network import network_outputs
-from .base import ACTIVATIONS, COUNT, SHARE, BasePerceptron
-from .marquardt import CONSTRAINTS, accepted_steps
+from .base import ACTIVATIONS, COUNT, NOT_NEGATIVE, POSITIVE, SHARE, BasePerceptron
+
+MOST_DAMPING = 1e12
+"""Damping, relative to the diagonal of the normal matrix, at which a step is below rounding and the training ends."""
+
+CONSTRAINTS = {
+    **dict.fromkeys(("max_iter", "n_iter_no_change", "n_init"), COUNT),
+    "tol": NOT_NEGATIVE,
+    "initial_damping": POSITIVE,
+    "random_state": ["random_state"],
+}
+"""Constraints on the parameters that all regressors trained by this algorithm have."""
+
+Listener = Callable[[int, int, float], None]
+
+_listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def listening(listener: Listener) -> Iterator[None]:
+    """Call `listener` after each iteration of a training in this context, with the iteration, the most iterations and the loss."""
+    before = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(before)
+
+
+def accepted_steps(
+    regressor, number: int, weights: np.ndarray, loss_of: Callable[[np.ndarray], float], normal_equations: Callable
+) -> Iterator[tuple[np.ndarray, float]]:
+    """Yield the weights and the loss after each of at most ``max_iter`` accepted steps, and report them to a listener.
+
+    Training `number` of the ``n_init`` of a regressor starts from `weights`. ``normal_equations(weights)`` returns J^T J and J^T r of the
+    residuals r. The damping, relative to the diagonal of J^T J, is raised until the loss falls, and lowered after the step. The training
+    ends early where no damping makes a step an improvement: the loss is then at its least to rounding.
+    """
+    loss, damping, most, listener = loss_of(weights), regressor.initial_damping, regressor.max_iter, _listener.get()
+    for iteration in range(number * most + 1, (number + 1) * most + 1):
+        normal, gradient = normal_equations(weights)
+        diagonal = np.diag(normal) + 1e-12 * max(np.trace(normal), 1e-300)
+        while damping < MOST_DAMPING:
+            try:
+                factor = cho_factor(normal + damping * np.diag(diagonal), check_finite=False)
+            except LinAlgError:  # not positive definite
+                damping *= 10
+                continue
+            trial = weights - cho_solve(factor, gradient, check_finite=False)
+            if (trial_loss := loss_of(trial)) < loss:
+                break
+            damping *= 4
+        else:
+            return
+        weights, loss, damping = trial, trial_loss, max(damping / 5, 1e-14)
+        if listener is not None:
+            listener(iteration, regressor.n_init * most, loss)
+        yield weights, loss
 
 
 @dataclass(eq=False, repr=False)
@@ -117,10 +177,8 @@ class LevenbergMarquardtRegressor(BasePerceptron):
             raise ValueError("validation_fraction and test_fraction leave nothing to train on")
         sizes = np.atleast_1d(self.hidden_layer_sizes).astype(int)
         if not sizes.size or (sizes < 1).any():
-            raise ValueError(
-                "there is at least one hidden layer, and every hidden layer needs at least one unit, "
-                f"hidden_layer_sizes is {self.hidden_layer_sizes}"
-            )
+            given = f"hidden_layer_sizes is {self.hidden_layer_sizes}"
+            raise ValueError(f"there is at least one hidden layer, and every hidden layer needs at least one unit, {given}")
         random = check_random_state(self.random_state)
 
         order = random.permutation(len(X))
@@ -134,24 +192,20 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         self.coefs_, self.intercepts_ = map(list, fitted.layers(weights))
         self.loss_ = float(fitted.loss(weights))
         self.validation_loss_ = float(best) if n_validation else np.nan
-        self.test_score_ = np.nan
-        if n_test >= 2:
-            share = None if share is None else share[test]
-            self.test_score_ = float(self.score(X[test], Y[test, 0] if self._single_output else Y[test], share))
+        right, share = Y[test, 0] if self._single_output else Y[test], None if share is None else share[test]
+        self.test_score_ = float(self.score(X[test], right, share)) if n_test >= 2 else np.nan
         return self
 
     def _train(self, first, fitted, watched, number):
         """Return the least validation loss of a training, the weights that had it, and the number of iterations."""
-        best, best_weights, waited, iterations = np.inf, first, 0, 0
-        for weights, loss in accepted_steps(self, number, first, fitted.loss, fitted.normal_equations):
-            iterations += 1
+        best, kept, improved, iteration = np.inf, first, 0, 0
+        for iteration, (weights, loss) in enumerate(accepted_steps(self, number, first, fitted.loss, fitted.normal_equations), 1):
             current = watched.loss(weights) if len(watched.X) else loss
-            waited += 1
             if current < best * (1 - self.tol):
-                best, best_weights, waited = current, weights, 0
-            if waited == self.n_iter_no_change:
-                return best, best_weights, iterations
-        return best, best_weights, min(iterations + 1, self.max_iter)  # the step that could not be made counts
+                best, kept, improved = current, weights, iteration
+            if iteration - improved == self.n_iter_no_change:
+                return best, kept, iteration
+        return best, kept, min(iteration + 1, self.max_iter)  # the step that could not be made counts
 
 
 class _Part:

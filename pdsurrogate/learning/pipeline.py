@@ -1,7 +1,5 @@
 """Pipeline for a bond force: features, scaling, dimensionless target, regressor."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -15,9 +13,10 @@ from sklearn.utils import get_tags
 
 from ..kernels.bond_state import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
+from .base import check_targets, checked_columns, named
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sampling import COLUMNS, OUTPUTS, force_factor
-from .target import InputAwareTargetRegressor, check_targets, checked_columns, is_search, named
+from .target import InputAwareTargetRegressor, is_search
 
 ROUNDING = 1e-10
 """Spread of an output, relative to the greatest output, below which the output counts as constant."""

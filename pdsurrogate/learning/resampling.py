@@ -1,7 +1,5 @@
 """Resampling of functions of two or three features, or of bonds, onto a cubic spline that the kernels evaluate."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -112,7 +110,7 @@ def resampled(function: Callable, low, high, error: Callable[[Spline], float]) -
 
     ``error(spline)`` is the error of resampling.
     """
-    n, jump, best, least = len(low), None, None, np.inf
+    n, best, least = len(low), None, np.inf
     for cells in CELLS[n]:
         spline, values = fitted_spline(function, low, high, cells)
         reached = error(spline)
@@ -121,10 +119,8 @@ def resampled(function: Callable, low, high, error: Callable[[Spline], float]) -
         if reached <= TOLERANCE or reached > WORTHWHILE * least:
             break
         least = reached
-        if jump is None:
-            jump = greatest_jump(function, low, high, values)
-            if jump > JUMP:
-                return fitted_spline(function, low, high, CELLS_OF_JUMPS[n])[0], jump
+        if cells == CELLS[n][0] and (jump := greatest_jump(function, low, high, values)) > JUMP:
+            return fitted_spline(function, low, high, CELLS_OF_JUMPS[n])[0], jump
     return best, 0.0
 
 

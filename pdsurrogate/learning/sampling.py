@@ -1,7 +1,5 @@
 """Training data of bond forces: states of bonds, and the exact force in each of them."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -10,7 +8,7 @@ from ..arguments import check_share
 from ..body import WEIGHT_FUNCTIONS
 from ..kernels.bond_state import along_and_across
 from ..materials import Law, plane_stress
-from .target import named
+from .base import named
 
 COLUMNS = ("stretch", "rotation", "length", "C33", "J")
 """Columns of X: lambda_b, dtheta (radians), l_b, C33, det F in the plane."""
@@ -35,10 +33,15 @@ def wide_bonds(
     length = random.uniform(0, 1, n_samples)
     U_nn, U_nm, J, C33 = on_surface(law, *np.exp(logs).T, angle)
 
+    # The greatest perturbations, or less where the range of stretches ends below their full size.
+    share = min(1.0, max(np.log(high), -np.log(low)) / PERTURBATION["full_from_strain"])
+    perturbation = {key: float(share * value) for key, value in PERTURBATION.items()}
     perturbed = random.random(n_samples) < off_surface
-    perturbation = perturbation_within(low, high)
-    U_nn, U_nm, C33 = perturb(U_nn, U_nm, C33, np.abs(logs).max(axis=1) * perturbed, random, perturbation)
-    X, y = force_on_bonds(law, U_nn, U_nm, J, C33, 1 - length)
+    scale = np.minimum(1, np.abs(logs).max(axis=1) * perturbed / perturbation["full_from_strain"])
+    stretch = np.hypot(U_nn, U_nm) * np.exp(perturbation["log_stretch"] * scale * random.uniform(-1, 1, n_samples))
+    rotation = np.arctan2(U_nm, U_nn) + perturbation["rotation"] * scale * random.uniform(-1, 1, n_samples)
+    C33 = C33 * np.exp(perturbation["log_C33"] * scale * random.uniform(-1, 1, n_samples))
+    X, y = force_on_bonds(law, stretch * np.cos(rotation), stretch * np.sin(rotation), J, C33, 1 - length)
     design = {
         "name": "wide",
         "n_samples": n_samples,
@@ -79,21 +82,6 @@ PERTURBATION = {"log_stretch": 0.15, "rotation": 0.08, "log_C33": 0.35, "full_fr
 In a run J and C33 of a bond are means over two points, so that bonds leave the surface, the farther the greater the strain is (theory,
 section 5).
 """
-
-
-def perturbation_within(low: float, high: float) -> dict[str, float]:
-    """Return the greatest perturbation in a range of stretches: `PERTURBATION`, or less where the range ends below its full size."""
-    share = min(1.0, max(np.log(high), -np.log(low)) / PERTURBATION["full_from_strain"])
-    return {key: float(share * value) for key, value in PERTURBATION.items()}
-
-
-def perturb(U_nn, U_nm, C33, strain, random, perturbation):
-    """Return U_nn, U_nm and C33 perturbed off the plane-stress surface; `strain` is the greatest log-strain, 0 for bonds to keep."""
-    scale = np.minimum(1, strain / perturbation["full_from_strain"])
-    stretch = np.hypot(U_nn, U_nm) * np.exp(perturbation["log_stretch"] * scale * random.uniform(-1, 1, scale.size))
-    rotation = np.arctan2(U_nm, U_nn) + perturbation["rotation"] * scale * random.uniform(-1, 1, scale.size)
-    C33 = C33 * np.exp(perturbation["log_C33"] * scale * random.uniform(-1, 1, scale.size))
-    return stretch * np.cos(rotation), stretch * np.sin(rotation), C33
 
 
 def bond_states_reached(law: Law, low: float, high: float) -> bool:

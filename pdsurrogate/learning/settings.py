@@ -1,10 +1,10 @@
 """Settings of a fit to a law, as the command ``pdsurrogate fit`` and studies have them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import partial
+from pathlib import Path
+from typing import Self
 
 from ..kernels.activations import ACTIVATIONS
 from ..kernels.feature_sets import FEATURE_SETS
@@ -15,22 +15,12 @@ from .fitting import TARGETS, cross_validate, reachable_stretches, surrogate_pip
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sampling import checked_range
 from .sobolev import SobolevRegressor
-from .storing import CardText
-from .target import InputAwareTargetRegressor
-from .targets import Samples
+from .storing import CardText, store
+from .target import InputAwareTargetRegressor, Samples
 
 DEGREES = (12, 6)
 """Default degrees of a polynomial in the two isochoric features: the best of those compared on the cards of the shipped artefacts of Gent's
 and Ogden's law and the full network, 2e-6 to 4e-5 RMS off."""
-
-
-class Trained(NamedTuple):
-    """A fitted pipeline, its samples, the members of its committee, and the errors of its cross-validation."""
-
-    pipeline: InputAwareTargetRegressor
-    samples: Samples
-    members: list[tuple]
-    cross_validation: list[dict]
 
 
 @dataclass(frozen=True)
@@ -82,7 +72,7 @@ class FitSettings:
         checked_range(self._range(*TARGETS[self.target].stretch_range))
         self.pipeline()
 
-    def within(self, least: float, greatest: float) -> FitSettings:
+    def within(self, least: float, greatest: float) -> Self:
         """Return these settings with a range of stretches in the place of the bounds that are None."""
         least, greatest = self._range(least, greatest)
         return replace(self, least=least, greatest=greatest)
@@ -103,60 +93,53 @@ class FitSettings:
 
     def pipeline(self) -> tuple[InputAwareTargetRegressor, str]:
         """Return the unfitted pipeline and its description."""
-        return self._energy() if self.energy else self._bond_force()
-
-    def _bond_force(self) -> tuple[InputAwareTargetRegressor, str]:
-        """Return the pipeline for a bond force, and its description."""
-        if self.units is None:
-            if self.activation is not None or self.iterations is not None:
-                raise ValueError("activation and iterations are of a network: give its units")
-            degrees = DEGREES if self.degree is None else _numbers(self.degree, "degree")
-            regressor = ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0])
-            chosen, what = self.features or "isochoric", f"polynomial of degree {_words(degrees)}"
-        else:
-            if self.degree is not None:
-                raise ValueError("degree is of a polynomial, units of a network: choose one")
-            hidden = _numbers(self.units, "units")
-            options = {"max_iter": self.iterations or 1000, "n_iter_no_change": 100, "random_state": self.seed}
-            regressor = LevenbergMarquardtRegressor(hidden, self.activation or "algebraic", **options)
-            chosen, what = self.features or "symmetric", f"{_words(hidden)} units"
-        pipeline = surrogate_pipeline(regressor, features=chosen)
-        # Before the training of a pipeline that would be resampled: another choice is exact.
-        if self.units is None and (count := len(FEATURE_SETS[chosen].names)) != 2:
-            raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {chosen} ones are {count}")
-        if self.units is not None and not 1 <= len(hidden) <= MOST_HIDDEN:
-            raise ValueError(f"the kernels evaluate networks of one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}")
-        if self.units is not None and regressor.activation not in ACTIVATIONS:
-            raise ValueError(f"the kernels have no activation {regressor.activation!r}; there are {', '.join(ACTIVATIONS)}")
-        return pipeline, f"{chosen} features, {what}"
-
-    def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
-        """Return the pipeline for an isochoric energy, and its description."""
-        if given := [key for key in ("features", "degree") if getattr(self, key) is not None]:
+        if self.energy and (given := [key for key in ("features", "degree") if getattr(self, key) is not None]):
             raise ValueError(f"{given[0]} is of bond forces; for the network of an energy choose units")
-        hidden = _numbers(8 if self.units is None else self.units, "units")
-        if len(hidden) != 1:
-            raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")
-        options = {"max_iter": self.iterations or 500, "n_init": 2, "random_state": self.seed}
-        return surrogate_pipeline(SobolevRegressor(*hidden, self.activation or "algebraic", **options), self.target), f"{hidden[0]} units"
+        if self.units is None and not self.energy:
+            return self._polynomial()
+        if self.degree is not None:
+            raise ValueError("degree is of a polynomial, units of a network: choose one")
+        hidden, activation = _numbers(8 if self.units is None else self.units, "units"), self.activation or "algebraic"
+        if self.energy:
+            if len(hidden) != 1:
+                raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")
+            network = SobolevRegressor(*hidden, activation, max_iter=self.iterations or 500, n_init=2, random_state=self.seed)
+            return surrogate_pipeline(network, self.target), f"{hidden[0]} units"
+        options = {"max_iter": self.iterations or 1000, "n_iter_no_change": 100, "random_state": self.seed}
+        features = self.features or "symmetric"
+        pipeline = surrogate_pipeline(LevenbergMarquardtRegressor(hidden, activation, **options), features=features)
+        # Before the training of a network that would be resampled: another choice is exact.
+        if not 1 <= len(hidden) <= MOST_HIDDEN:
+            raise ValueError(f"the kernels evaluate networks of one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}")
+        if activation not in ACTIVATIONS:
+            raise ValueError(f"the kernels have no activation {activation!r}; there are {', '.join(ACTIVATIONS)}")
+        return pipeline, f"{features} features, {_words(hidden)} units"
+
+    def _polynomial(self) -> tuple[InputAwareTargetRegressor, str]:
+        """Return the pipeline of a polynomial for a bond force, and its description."""
+        if self.activation is not None or self.iterations is not None:
+            raise ValueError("activation and iterations are of a network: give its units")
+        degrees, features = DEGREES if self.degree is None else _numbers(self.degree, "degree"), self.features or "isochoric"
+        pipeline = surrogate_pipeline(ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0]), features=features)
+        # Before the training of a polynomial that would be resampled: another choice is exact.
+        if (count := len(FEATURE_SETS[features].names)) != 2:
+            raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {features} ones are {count}")
+        return pipeline, f"{features} features, polynomial of degree {_words(degrees)}"
 
     def design(self, law: Law) -> Samples:
         """Return training samples of a law, over the range given, or as far as the law goes."""
         reach = reachable_stretches(law, self._range(*TARGETS[self.target].stretch_range), self.target)
         return training_samples(law, self.n_samples, self._range(*reach), random_state=self.seed, target=self.target)
 
-    def cross_validate(self, pipeline, design: Samples, progress: Callable[[int], None] = lambda fold: None) -> list[dict]:
-        """Return the relative errors of clones on the fold left out, fold by fold; an empty list for 0 folds."""
-        return cross_validate(pipeline, design, self.folds, self.seed, progress=progress) if self.folds else []
-
     def train(
         self,
         law: Law,
         members: Sequence[Law] = (),
         hull: dict | None = None,
+        identification: dict | None = None,
         progress: Callable[[str, int, int], None] = lambda stage, number, count: None,
-    ) -> Trained:
-        """Return a pipeline fitted to a law, with the other arguments of `store`.
+    ) -> Callable[[str | Path | None, str, str | None], Path]:
+        """Fit a pipeline to a law, and return the function ``(folder, name, version)`` that stores it and returns the artefact's folder.
 
         Parameters
         ----------
@@ -165,22 +148,24 @@ class FitSettings:
             Laws of the members of a committee.
         hull : dict, optional
             Hull of the test data from which the law was identified, for the design.
+        identification : dict, optional
+            Report of the identification of the law, for the card.
         progress : callable
             Called when a fit begins, with its stage, its number in the stage, from 0, and the number of fits in the stage.
         """
-        samples, (pipeline, _) = self.design(law), self.pipeline()
+        samples, (pipeline, what) = self.design(law), self.pipeline()
         if hull is not None:
             samples = replace(samples, design={**samples.design, "hull": hull})
         progress("Fitting", 0, 1)
         pipeline.fit(samples.X, samples.y)
         fitted = self.committee(members, lambda number: progress("Fitting members", number, len(members)))
-        table = self.cross_validate(pipeline, samples, lambda fold: progress("Cross-validating", fold, self.folds))
-        return Trained(pipeline, samples, fitted, table)
-
-    def text(self, law: Law, cross_validation: list[dict], identification: dict | None = None) -> CardText:
-        """Return the text of the card of a pipeline fitted to a law."""
-        description = f"{'Isochoric energy' if self.energy else 'Bond force'} of {law.name}, {self.pipeline()[1]}"
-        return CardText(description, cross_validation, identification=identification)
+        folds = []
+        if self.folds:
+            begin = partial(progress, "Cross-validating")
+            folds = cross_validate(pipeline, samples, self.folds, self.seed, progress=lambda fold: begin(fold, self.folds))
+        description = f"{'Isochoric energy' if self.energy else 'Bond force'} of {law.name}, {what}"
+        text = CardText(description, folds, identification=identification)
+        return lambda folder, name, version: store(pipeline, samples, law, folder, name, version, text, fitted)
 
     def committee(self, laws: Sequence[Law], progress: Callable[[int], None] = lambda member: None) -> list[tuple]:
         """Return the members of a committee for `store`: a fit to each law with its own seed. Call `progress` with each number, from 0."""

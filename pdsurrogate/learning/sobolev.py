@@ -1,7 +1,5 @@
 """Networks fitted to a function and its gradient together (Sobolev training), as a scikit-learn regressor."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
@@ -15,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from ..kernels.activations import ACTIVATIONS, SMOOTH
 from .base import COUNT, NOT_NEGATIVE, POSITIVE, checked_samples, distinct_samples
-from .marquardt import CONSTRAINTS, accepted_steps
+from .levenberg_marquardt import CONSTRAINTS, accepted_steps
 
 
 @dataclass(eq=False, repr=False)

@@ -1,7 +1,5 @@
 """Artefacts of fitted models, with full cards."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -11,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from sklearn.base import BaseEstimator
 
+from .. import __version__
 from ..arguments import check_is, check_path, check_tables, check_text, kind_of
 from ..artifacts import new_artifact, next_version, own_folder, save_artifact
 from ..artifacts.card import check_plain
@@ -20,7 +19,7 @@ from ..materials.law import checked_law
 from .export import best_of, regressor_of, title_of
 from .fitting import MEMBER_STATES, check_worth_storing, checked_surrogate
 from .pipeline import feature_set_of
-from .targets import REPORTED_STATES, Samples, Target
+from .target import REPORTED_STATES, Samples, Target
 
 MOST_WORDS = 200
 """Most characters of a parameter on a card: a nested estimator is written as its ``repr``, which may run to pages."""
@@ -65,11 +64,6 @@ class CardText:
         if not isinstance(self.identification, dict | None):
             raise TypeError(f"identification must be a dictionary, or None, not {kind_of(self.identification)}")
         check_plain({"cross_validation": self.cross_validation, "search": self.search, "identification": self.identification})
-
-    @classmethod
-    def of(cls, text: str | CardText) -> CardText:
-        """Return a text with the given description only; return a `CardText` unchanged."""
-        return text if isinstance(text, CardText) else cls(text)
 
 
 def store(
@@ -136,7 +130,7 @@ def store(
     check_path(folder, "folder")
     version = next_version(folder, name) if version is None else version
     new_artifact(folder, name, version)
-    text, target, title = CardText.of(text), samples.target, f"{name}@{version}"
+    text, target, title = text if isinstance(text, CardText) else CardText(text), samples.target, f"{name}@{version}"
     _check_members(members, target)
     surrogate, resampling, stated = _surrogate_and_entry(model, samples, law, title)
     stated["errors"].update(target.more_reports(surrogate, law, tuple(samples.design["stretch_range"])))
@@ -210,7 +204,7 @@ def _surrogate_and_entry(
     surrogate, resampling = checked_surrogate(model, law, samples, title)
     errors = samples.target.report(surrogate, law, tuple(samples.design["stretch_range"]), n_samples)
     check_worth_storing(errors, title, law)
-    material = {"law": law.name, "trained_with": law.describe(), "shape": samples.target.shape(law)}
+    material = {"law": law.name, "trained_with": law.describe(), "shape": dict(surrogate.shape_of(law))}
     return surrogate, resampling, {"material": material, "domain": asdict(surrogate.domain), "errors": {"box": errors}}
 
 
@@ -222,16 +216,6 @@ def search_table(search) -> list[dict]:
     return [{**_plain(parameters), "score": float(mean), "spread": float(spread)} for parameters, mean, spread in rows]
 
 
-def _in_words(value) -> str:
-    """Return the features and the regressor of a bond-force pipeline as text, and the ``repr`` of any other value."""
-    try:
-        features = feature_set_of(value)
-    except ValueError:
-        return repr(value)
-    last = value.regressor.steps[-1][1]
-    return f"{features} features, {getattr(last, 'regressor', last)!r}"
-
-
 def _plain(parameters: dict) -> dict:
     """Return parameters of an estimator for a card: numbers, text and lists unchanged, any other value as text."""
 
@@ -240,17 +224,19 @@ def _plain(parameters: dict) -> dict:
             return [plain(inner) for inner in value]
         if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and np.isfinite(value)):
             return value
-        return value.item() if isinstance(value, np.integer) else _in_words(value)[:MOST_WORDS]
+        if isinstance(value, np.integer):
+            return value.item()
+        try:  # a pipeline for bond forces by its features and its regressor
+            features, last = feature_set_of(value), value.regressor.steps[-1][1]
+            words = f"{features} features, {getattr(last, 'regressor', last)!r}"
+        except ValueError:
+            words = repr(value)
+        return words[:MOST_WORDS]
 
     return {key: plain(value) for key, value in parameters.items()}
 
 
 def versions() -> dict[str, str]:
     """Return the versions of the packages that influence an artefact."""
-    found = {"python": platform.python_version()}
-    for package in ("pdsurrogate", "numpy", "scipy", "scikit-learn", "joblib"):
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    others = {package: metadata.version(package) for package in ("numpy", "scipy", "scikit-learn", "joblib")}
+    return {"python": platform.python_version(), "pdsurrogate": __version__, **others}

@@ -3,8 +3,6 @@
 torch is imported when a network is fitted; a fitted regressor holds plain arrays and predicts without it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar

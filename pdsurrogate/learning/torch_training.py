@@ -1,7 +1,5 @@
 """Training with torch and skorch; imported only where a network is fitted with them."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

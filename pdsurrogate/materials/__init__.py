@@ -1,32 +1,11 @@
 """Material laws, their stresses in plane stress, plane strain and three dimensions, and exact homogeneous solutions."""
 
-from .arruda_boyce import ArrudaBoyce
-from .full_network import FullNetwork
-from .gent import Gent
+from .invariant_laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Yeoh
 from .law import InvariantLaw, Law, PrincipalStretchLaw
-from .mooney_rivlin import MooneyRivlin
-from .neo_hookean import NeoHookean
-from .ogden import Ogden
-from .planes import PLANES, SHEETS, dimension_of
-from .polyconvex import Polyconvex
-from .yeoh import Yeoh
+from .states import PLANES, SHEETS, dimension_of, plane_strain, plane_stress, solid
+from .stretch_laws import FullNetwork, Ogden, Polyconvex
 
 LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork, Polyconvex)}
 
-__all__ = [
-    "LAWS",
-    "PLANES",
-    "SHEETS",
-    "ArrudaBoyce",
-    "FullNetwork",
-    "Gent",
-    "InvariantLaw",
-    "Law",
-    "MooneyRivlin",
-    "NeoHookean",
-    "Ogden",
-    "Polyconvex",
-    "PrincipalStretchLaw",
-    "Yeoh",
-    "dimension_of",
-]
+__all__ = ["LAWS", "ArrudaBoyce", "FullNetwork", "Gent", "MooneyRivlin", "NeoHookean", "Ogden", "Polyconvex", "Yeoh"]
+"""Names that type checkers of users' programs accept."""

@@ -3,8 +3,6 @@
 Learnt forces, stresses and tangents use the stated derivatives alone, so a mistake in one of them shows nowhere else.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..engine.keys import code_digest
@@ -41,10 +39,10 @@ def check_consistency(law: Law) -> None:
     Raise ValueError if a derivative is not that of the energy, or if the undeformed law has a stress or other moduli; the message names the
     derivative, the law's value and the right one.
     """
-    key = (type(law), *_expressions(law), np.asarray(law.parameters, dtype=float).tobytes())
+    parameters = np.asarray(law.parameters, dtype=float)
+    key = (type(law), *_expressions(law), parameters.tobytes())
     if key in _consistent:
         return
-    parameters = np.asarray(law.parameters, dtype=float)
     with np.errstate(all="ignore"):
         _check_volumetric(law, parameters)
         (_check_invariants if isinstance(law, InvariantLaw) else _check_stretches)(law, parameters)
@@ -64,59 +62,50 @@ def _expressions(law: Law) -> tuple:
 
 
 def _check_volumetric(law, parameters) -> None:
-    def values(J3):
-        return _rows(law.volumetric(J3, parameters), J3)
-
     bulk = parameters[0]
     derivatives = [("U'", 1, [1, 0, 0], [1]), ("U''", 2, [0, 1, 0], [1])]
-    _, slope, curvature = _compare(law, "volumetric", values, VOLUME_RATIOS[None], ("J3",), derivatives, bulk)
+    _, slope, curvature = _compare(law, "volumetric", lambda J3: law.volumetric(J3, parameters), {"J3": VOLUME_RATIOS}, derivatives, bulk)
     _at_rest(law, "U'", slope, 0.0, bulk, "without which it is not free of stress")
     _at_rest(law, "U''", curvature, bulk, bulk, "bulk_modulus/shear_modulus")
 
 
 def _check_invariants(law, parameters) -> None:
-    def values(I1, I2):
-        return _rows(law.isochoric(I1, I2, parameters), I1)
-
     squares = np.exp(2 * np.column_stack([LOG_STRETCHES, -LOG_STRETCHES.sum(axis=1)]))
-    states = np.stack([squares.sum(axis=1), (1 / squares).sum(axis=1)])
+    states = {"I1bar": squares.sum(axis=1), "I2bar": (1 / squares).sum(axis=1)}
     W, W1, W2 = np.eye(6)[:3]
     by_I1, by_I2 = np.eye(2)
     derivatives = [("W1", 1, W, by_I1), ("W2", 2, W, by_I2), ("W11", 3, W1, by_I1), ("W12", 4, W1, by_I2), ("W22", 5, W2, by_I2)]
-    rest = _compare(law, "isochoric", values, states, ("I1bar", "I2bar"), derivatives, 1.0)
+    rest = _compare(law, "isochoric", lambda I1, I2: law.isochoric(I1, I2, parameters), states, derivatives, 1.0)
     _at_rest(law, "2 (W1 + W2)", 2 * (rest[1] + rest[2]), 1.0, 1.0, "the shear modulus in units of itself")
 
 
 def _check_stretches(law, parameters) -> None:
-    def values(*x):
-        arguments = (*x, *(np.exp(2 * log) for log in x))
-        return sum(_rows(law.term(*arguments, law.coefficients(parameters, k)), x[0]) for k in range(law.n_terms))
+    def sums(*x):
+        return law.sums((*x, *(np.exp(2 * log) for log in x)), parameters)
 
-    states = np.column_stack([LOG_STRETCHES, -LOG_STRETCHES.sum(axis=1)]).T
+    x1, x2 = LOG_STRETCHES.T
     thickness = np.array([-1, -1, 2]) / 3
     derivatives = [(f"g{k + 1}", k + 1, np.eye(5)[0], np.eye(3)[k]) for k in range(3)]
     derivatives.append(("h", 4, [0, *thickness, 0], thickness))
-    rest = _compare(law, "term", values, states, ("x1", "x2", "x3"), derivatives, 1.0)
+    rest = _compare(law, "term", sums, {"x1": x1, "x2": x2, "x3": -x1 - x2}, derivatives, 1.0)
     for k in (2, 3):
         _at_rest(law, f"g{k} - g1", rest[k] - rest[1], 0.0, 1.0, "without which it is not free of stress")
     _at_rest(law, "h", rest[4], 4 / 3, 4 / 3, "4/3 of the shear modulus in units of itself")
 
 
-def _rows(values, like) -> np.ndarray:
-    """Return the values of an expression as rows of one length, also where they are plain numbers."""
-    return np.stack([np.broadcast_to(np.asarray(value, dtype=float), like.shape) for value in values])
-
-
-def _compare(law, expression, values, states, arguments, derivatives, modulus) -> np.ndarray:
+def _compare(law, expression, values, arguments, derivatives, modulus) -> np.ndarray:
     """Compare rows of `values` with central differences of other rows, and return the rows of the first state.
 
-    A derivative is given by its name, its row, the weights of the rows that it differentiates, and the direction of change. All states are
-    evaluated at once, since a law may be a sum of many terms.
+    `arguments` are those of `values` by name. A derivative is given by its name, its row, the weights of the rows that it differentiates,
+    and the direction of change. All states are evaluated at once, since a law may be a sum of many terms.
     """
+    states = np.stack(list(arguments.values()))
     sizes = [STEPS[:, None] * np.maximum(np.abs(np.asarray(way) @ states), 1.0) for *_, way in derivatives]
     moves = [np.asarray(way)[:, None, None] * size for (*_, way), size in zip(derivatives, sizes, strict=True)]
     moved = np.stack([states[:, None] + sign * move for move in moves for sign in (1, -1)], axis=1)
-    found = values(*np.concatenate([states, moved.reshape(len(states), -1)], axis=1))
+    at = np.concatenate([states, moved.reshape(len(states), -1)], axis=1)
+    # The results of an expression may be plain numbers.
+    found = np.stack([np.broadcast_to(np.asarray(value, dtype=float), at[0].shape) for value in values(*at)])
     given, ends = found[:, : states.shape[1]], found[:, states.shape[1] :].reshape(len(found), len(derivatives), 2, *sizes[0].shape)
     for number, ((name, row, of, _), size) in enumerate(zip(derivatives, sizes, strict=True)):
         ahead, behind = np.tensordot(of, ends[:, number], 1)

@@ -1,15 +1,14 @@
 """Interface of a material law.
 
 A law is a small frozen dataclass. It states its energy and the derivatives of its energy as elementwise expressions, which NumPy evaluates
-for checks and numba compiles for runs. The modules `plane_stress`, `plane_strain` and `solid` derive stresses and stiffness from them.
+for checks and numba compiles for runs. `expressions` and `states` derive stresses and stiffness from them.
 
 Energies and stresses are dimensionless, in units of the law's shear modulus.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from numbers import Real
 from typing import ClassVar, Self
 
@@ -71,11 +70,7 @@ class Law(ABC):
         K = parameters[0]
         inverse = 1 / J3
         square = inverse * inverse
-        return (
-            K / 8 * (J3 - inverse) * (J3 - inverse),
-            K / 4 * (J3 - inverse * square),
-            K / 4 * (1 + 3 * square * square),
-        )
+        return K / 8 * (J3 - inverse) * (J3 - inverse), K / 4 * (J3 - inverse * square), K / 4 * (1 + 3 * square * square)
 
     def limit(self, squares: np.ndarray) -> str:
         """Explain, for an error message, why no state exists at isochoric principal stretches with these three squares."""
@@ -126,20 +121,29 @@ class InvariantLaw(Law):
 class PrincipalStretchLaw(Law):
     """A law W + U(J3) whose isochoric part W is a sum of terms of one form in the isochoric principal stretches.
 
-    Ogden's law is such a sum, and so is a quadrature over directions on the sphere. A subclass defines `n_terms`, and `coefficients` and
-    `term` as static methods that are plain elementwise expressions. Its `parameters` are K/mu, the number of terms, and the values that
-    `coefficients` reads.
+    Ogden's law is such a sum, and so is a quadrature over directions on the sphere. A subclass defines `terms`, and `coefficients` and
+    `term` as static methods that are plain elementwise expressions.
     """
 
     @property
-    @abstractmethod
-    def n_terms(self) -> int:
-        """Number of terms."""
+    def terms(self) -> np.ndarray:
+        """Dimensionless constants of the terms, one row for each, which `coefficients` reads from `parameters`."""
+        raise NotImplementedError(f"{type(self).__name__} defines no terms")
+
+    @cached_property
+    def parameters(self) -> np.ndarray:
+        """Dimensionless parameters: K/mu, the number of terms, and the rows of `terms`."""
+        return np.concatenate([[self.bulk_modulus / self.shear_modulus, len(self.terms)], *self.terms])
 
     @staticmethod
     @abstractmethod
     def coefficients(parameters, k):
         """Return the constants of term k, a tuple of numbers."""
+
+    def sums(self, stretches: tuple, parameters: np.ndarray) -> list:
+        """Return the sums (W, g1, g2, g3, h) over all terms at (x1, x2, x3, s1, s2, s3), see `term`."""
+        terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(int(parameters[1])))
+        return [sum(parts) for parts in zip(*terms, strict=True)]
 
     @staticmethod
     @abstractmethod

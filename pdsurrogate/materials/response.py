@@ -4,8 +4,6 @@ A `Response` defines the numbers that describe a state, the invariants or princi
 computed from the derivatives of W and U. This module evaluates any law with any response, in NumPy or compiled over a block of states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -66,8 +64,7 @@ class Response:
         if isinstance(law, InvariantLaw):
             return self.of_invariants(state, law.isochoric(*self.invariants(state), parameters), volumetric)
         stretches = self.stretches(state)
-        terms = (law.term(*stretches, law.coefficients(parameters, k)) for k in range(law.n_terms))
-        return self.of_stretches(state, stretches, [sum(parts) for parts in zip(*terms, strict=True)], volumetric)
+        return self.of_stretches(state, stretches, law.sums(stretches, parameters), volumetric)
 
     def block(self, law: Law) -> CFunc:
         """Return the response of a law compiled as a block function (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
@@ -95,21 +92,36 @@ def _nothing(J3, parameters):
 def volume_energy_block(law: Law) -> CFunc:
     """Return the block function of a law's U and U' from the volume ratio in the first row of the states."""
     check_consistency(law)
-    return block_function_of(_volume_block, STRESS_RESPONSE, law.volumetric)
+    return block_function_of(_volume_block, STRESS_RESPONSE, law.volumetric, _energy, 0, 0)
 
 
-def _volume_block(volumetric):
-    """Build the block function of U."""
+def volume_residual_block(law: Law) -> CFunc:
+    """Return the block function of J3 U' and its derivative by J3, in the rows of a response in plane stress for P33 = 0 and its slope."""
+    return block_function_of(_volume_block, STRESS_RESPONSE, law.volumetric, _residual, 2, 2)
+
+
+def _energy(J3, volumetric):
+    """Return U and U'."""
+    return volumetric[0], volumetric[1]
+
+
+def _residual(J3, volumetric):
+    """Return J3 U' and its derivative by J3."""
+    _, dU, ddU = volumetric
+    return J3 * dU, dU + J3 * ddU
+
+
+def _volume_block(volumetric, of_volume, volume, row):
+    """Build the block function of two results of U, written from one row on; J3 is in row `volume` of the states."""
 
     def response(states, parameters, result):
         widest_vectors()
-        states = carray(states, (1, BLOCK))
-        result = carray(result, (2, BLOCK))
+        states = carray(states, (STATE_NUMBERS, BLOCK))
+        result = carray(result, (4, BLOCK))
         parameters = carray(parameters, (MOST_PARAMETERS,))
         for k in range(BLOCK):
-            U, dU, _ = volumetric(states[0, k], parameters)
-            result[0, k] = U
-            result[1, k] = dU
+            J3 = states[volume, k]
+            result[row, k], result[row + 1, k] = of_volume(J3, volumetric(J3, parameters))
 
     return response
 

@@ -16,38 +16,18 @@ def arctangent(y, x):
 @overload(arctangent, jit_options=INLINE_OPTIONS)
 def _arctangent(y, x):
     # Half-angle steps, tan(t/2) = tan t / (1 + sqrt(1 + tan**2 t)), bring the angle below pi/8 (float64: pi/16); then the odd series.
-    if x == types.float32:
+    halvings, last = (1, 15) if x == types.float32 else (2, 21)
 
-        def implementation(y, x):
-            t = y / (x + np.sqrt(x * x + y * y))
-            t = t / (np.float32(1.0) + np.sqrt(np.float32(1.0) + t * t))
-            s = t * t
-            series = np.float32(1.0 / 13.0) - s * np.float32(1.0 / 15.0)
-            series = np.float32(1.0 / 11.0) - s * series
-            series = np.float32(1.0 / 9.0) - s * series
-            series = np.float32(1.0 / 7.0) - s * series
-            series = np.float32(1.0 / 5.0) - s * series
-            series = np.float32(1.0 / 3.0) - s * series
-            return np.float32(4.0) * (t - t * s * series)
-
-    else:
-
-        def implementation(y, x):
-            t = y / (x + np.sqrt(x * x + y * y))
-            t = t / (1.0 + np.sqrt(1.0 + t * t))
-            t = t / (1.0 + np.sqrt(1.0 + t * t))
-            s = t * t
-            series = 1.0 / 21.0 - s * (1.0 / 23.0)
-            series = 1.0 / 19.0 - s * series
-            series = 1.0 / 17.0 - s * series
-            series = 1.0 / 15.0 - s * series
-            series = 1.0 / 13.0 - s * series
-            series = 1.0 / 11.0 - s * series
-            series = 1.0 / 9.0 - s * series
-            series = 1.0 / 7.0 - s * series
-            series = 1.0 / 5.0 - s * series
-            series = 1.0 / 3.0 - s * series
-            return 8.0 * (t - t * s * series)
+    def implementation(y, x):
+        one = like(x, 1.0)
+        t = y / (x + np.sqrt(x * x + y * y))
+        for _ in range(halvings):
+            t = t / (one + np.sqrt(one + t * t))
+        s = t * t
+        series = like(x, 1.0 / last)
+        for k in range(last - 2, 1, -2):
+            series = like(x, 1.0 / k) - s * series
+        return like(x, 2.0 * 2**halvings) * (t - t * s * series)
 
     return implementation
 

@@ -1,7 +1,5 @@
 """Fracture: the stretch at which bonds break, from the fracture energy of a law, and the energy that a tear test shows."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import brentq
 

@@ -1,9 +1,8 @@
 """Materials of a scene: force model and points of each, and warnings about their combination."""
 
-from __future__ import annotations
-
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
 from ..scenes import Part, Scene, SceneError
 from ..scenes.tip_diameter import tip_diameter
-from ..solvers.conditions import place_of
-from .regions import BodyRegions
+from .regions import BodyRegions, text_of
 
 LEAST_CELLS = 3
 """Thickness of a part in cells below which a warning is given: at a horizon of 3.15 cells its neighbours are bonded through it."""
@@ -44,7 +42,7 @@ def _warn(scene: Scene, text: str) -> None:
 
 def warn_of_bulk_moduli(scene: Scene) -> None:
     """Warn of moduli that no rubber has, as where a bulk modulus is missing and the shear modulus is in other units."""
-    laws = {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.rigid}
+    laws = {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.material.rigid}
     for key, law in {"material": scene.law(), **laws}.items():
         if law.bulk_modulus < 2 / 3 * law.shear_modulus:
             moduli = f"the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the shear modulus, {law.shear_modulus:g}"
@@ -71,7 +69,7 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
         _warn(scene, f'{stiff}, and {trouble}: take material = "rigid" for it, which differs by less than 0.1 %')
     if not force.has_energy and contrast > MOST_CONTRAST:
         trouble = "is off by 2 to 7 %, a soft layer of 4 cells is many times too stiff, or no equilibrium is found"
-        _warn(scene, f"{stiff}; beside it {model} {trouble}: take force=bond-energy")
+        _warn(scene, f"{stiff}; with it {model} {trouble}: take force=bond-energy")
     confined = [
         (one.shear_modulus, soft.bulk_modulus)
         for one in laws
@@ -79,7 +77,7 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
         if YIELDING * soft.shear_modulus < one.shear_modulus < soft.bulk_modulus / NOT_CONFINED
     ]
     if force.has_energy and scene.plane == "strain" and confined:
-        beside = "a material of shear modulus {:.4g} lies beside a softer one of bulk modulus {:.4g}".format(*confined[0])
+        beside = "a material of shear modulus {:.4g} lies next to a softer one of bulk modulus {:.4g}".format(*confined[0])
         trouble = "the softer one is too soft where it is confined: by 6 to 14 % in a layer 4 cells thick, by 3 % in one of 8"
         _warn(scene, f'{beside}, and {trouble}; take a smaller spacing, or material = "rigid" for the stiff part')
 
@@ -94,63 +92,45 @@ def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
         _warn(scene, f"{thin}: {errors}; give the load as a force on the region, or take a smaller spacing")
 
 
+@contextmanager
+def scene_errors(scene: Scene, key: str = "") -> Iterator[None]:
+    """Context in which errors of values are those of a scene, and name it, and a key of it."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except ValueError as error:
+        raise SceneError(f"scene {scene.name}: {key}{error}") from None
+
+
 def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
-    """Return the models of all materials of a scene, that of the remaining body first; raise SceneError for one that does not fit.
-
-    Raises
-    ------
-    SceneError
-        If a model does not describe its material, or cannot honour a setting of the scene.
-    """
-    try:
-        settings_of(scene).check(model.name, model.honoured(scene.plane))
-        model.check_material(scene.law())
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None
-    check_fracture(scene, model)
-    return [model, *models_of(scene, model)]
-
-
-def check_fracture(scene: Scene, model: ForceModel) -> None:
-    """Raise SceneError for a fracture energy from which no critical stretch follows with this model."""
-    if scene.fracture is None or scene.fracture.energy is None:
-        return
-    try:
-        tip_diameter(scene.plane, scene.horizon_ratio, model.family)
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None
-
-
-def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
-    """Return the force models of the scene's `materials`.
+    """Return the models of all materials of a scene, that of the remaining body first.
 
     A part has the model that it names, or else that of the rest if it describes the part's law, or else its law's surrogate of the same
     kind.
 
-    Parameters
-    ----------
-    scene : Scene
-    model : ForceModel
-        Model of the rest of the body.
-
     Raises
     ------
     SceneError
-        If a part's artefact cannot be read, is of another kind than the model of the rest, or does not describe its law, or a rigid region
-        is beside a force that has no energy.
+        If a model does not describe its material, or cannot honour a setting of the scene, a part's artefact cannot be read or is of
+        another kind than the model of the rest, a rigid region is beside a force that has no energy, or no critical stretch follows from
+        the fracture energy with this model.
     """
-    found = []
+    with scene_errors(scene):
+        settings_of(scene).check(model.name, model.honoured(scene.plane))
+        model.check_material(scene.law())
+        if scene.fracture is not None and scene.fracture.energy is not None:
+            tip_diameter(scene.plane, scene.horizon_ratio, model.family)
+    found = [model]
     for number, part in enumerate(scene.materials):
-        try:
+        with scene_errors(scene, f"materials.{number}{'.force' if part.force else ''}: "):
             found.append(_model_of(part, model, scene.plane))
-        except ValueError as error:
-            raise SceneError(f"scene {scene.name}: materials.{number}{'.force' if part.force else ''}: {error}") from None
     return found
 
 
 def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
     """Return the force model of a part; raise ValueError if it cannot be combined with that of the rest."""
-    if part.rigid:
+    if part.material.rigid:
         if rest.family != "bond energy":
             raise ValueError(f"a rigid region takes a force that has an energy, as bond-energy; {rest.name} has none")
         return rest  # not evaluated there
@@ -193,24 +173,23 @@ def portions_of(
         If a region has no point, or two materials contain the same point; the message names them.
     """
     of_points = np.zeros(len(body), dtype=np.int64)
-    laws = [scene.law(), *(None if part.rigid else part.material.build() for part in scene.materials)]
+    laws = [scene.law(), *(None if part.material.rigid else part.material.build() for part in scene.materials)]
     for number, part in enumerate(scene.materials, 1):
         key = f"materials.{number - 1}"
         points = regions.points(part.region, f"{key}.region")
         before = of_points[points]
         # Two rigid regions are two bodies.
-        same = [not part.rigid and laws[other] == laws[number] and models[other] is models[number] for other in before]
+        same = [not part.material.rigid and laws[other] == laws[number] and models[other] is models[number] for other in before]
         error, twice = None, (before > 0) & ~np.array(same, dtype=bool)
         if twice.any():
-            first, where = before[twice.argmax()] - 1, place_of(body, points[twice.argmax()])
+            first, where = before[twice.argmax()] - 1, text_of(body.points[points[twice.argmax()]])
             taken = f"materials.{first} and {key} both take {int(twice.sum())} points, the first at {where}"
             error = ValueError(f"{taken}; regions of different materials must not overlap")
         body.share.agree(error)
         of_points[points] = number
     found = {number: np.flatnonzero(of_points == number) for number in range(len(laws))}
-    rigid = {
-        regions.label(part.region, f"materials.{number - 1}"): found[number] for number, part in enumerate(scene.materials, 1) if part.rigid
-    }
+    parts = {number: part for number, part in enumerate(scene.materials) if part.material.rigid}
+    rigid = {regions.label(part.region, f"materials.{number}"): found[number + 1] for number, part in parts.items()}
     # All ranks have the same portions.
     kept = [number for number, law in enumerate(laws) if law is not None and body.share.any(len(found[number]) > 0)]
     return [Portion(laws[number], models[number], found[number]) for number in kept], rigid

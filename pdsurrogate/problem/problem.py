@@ -1,9 +1,6 @@
 """Compilation of a scene into a problem: everything that a run needs, resolved once into points, numbers and names."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,21 +12,17 @@ from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Por
 from ..forces.interfaces import SIGHT
 from ..materials import Law
 from ..ranks import ALONE, Communicator
-from ..scenes import Mesh, Part, Scene, SceneError, SolverSpec, Units
+from ..scenes import Mesh, Part, Scene, SolverSpec, Units
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
-from ..solvers.conditions import Loading, place_of
+from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import conditions_of
+from .conditions import check_speeds, conditions_of, loads_of
 from .fracture import critical_stretch_in
-from .loads import loads_of
-from .materials import checked_models, portions_of, settings_of, warn_of_bulk_moduli, warn_of_parts
-from .measures import Measures, measures_of
-from .prescriptions import Prescription, prescriptions_of
-from .programme import Stage, stages_of
-from .regions import BodyRegions
-from .speeds import check_speeds
+from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
+from .programme import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
+from .regions import BodyRegions, text_of
 
 
 @dataclass(frozen=True)
@@ -113,7 +106,7 @@ class Problem:
             **({"materials": list(map(_describe_part, self.scene.materials, self.models[1:]))} if self.scene.materials else {}),
         }
 
-    def bind(self, precision: str | None = None) -> tuple[InternalForce, InternalForce | LoadedForce]:
+    def bind(self, precision: str | None = None) -> tuple[InternalForce, LoadedForce]:
         """Return the internal force of the body, and the force that solvers work with: it has loads, supports and rigid regions.
 
         Parameters
@@ -128,10 +121,9 @@ class Problem:
         """
         settings = self.settings if precision is None else replace(self.settings, precision=precision)
         with scene_errors(self.scene):
-            force = bind_portions(self.body, self.portions, settings, np.concatenate([np.zeros(0, np.int64), *self.rigid.values()]))
-            loaded = force
-            if self.loading.loads is not None or self.loading.supports is not None or self.rigid:
-                loaded = LoadedForce(force, self.loading.loads, self.loading.supports, self._rigid_regions(force) if self.rigid else ())
+            force = bind_portions(self.body, self.portions, settings, _together(self.rigid))
+            rigid = self._rigid_regions(force) if self.rigid else []
+            loaded = LoadedForce(force, self.loading.loads, self.loading.supports, rigid)
             if force.portion_of is not None:
                 warn_of_parts(self.scene, force, self.models[0].name, list(self.rigid))
             self._check_support(force)
@@ -148,8 +140,19 @@ class Problem:
         return "; ".join(found)
 
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:
-        """Return the rigid regions; raise an error if no rigid body can follow the motion prescribed for one."""
-        self._check_rigid_are_bonded()
+        """Return the rigid regions.
+
+        Raise an error if no rigid body can follow the motion prescribed for one, or if one is neither held nor bonded to anything that is
+        deformed: loads would carry it anywhere.
+        """
+        first, second, every = self.body.bonds.first, self.body.bonds.second, np.arange(len(self.body.all_points))
+        rigid = np.isin(every, _together(self.rigid))
+        for name, numbers in self.rigid.items():
+            own = np.isin(every, numbers)
+            pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
+            if not pulls.any() and (self.loading.free[numbers] > 0).all():
+                why = "nothing holds this rigid region: no material that is deformed is bonded to it"
+                raise ValueError(f"{name}: {why}; hold it by prescribed, or make it one region with what it touches")
         regions = [RigidRegion(name, self.body, numbers, self.loading.free) for name, numbers in self.rigid.items()]
         for value in sorted({0.0, *(stage.to for stage in self.stages)}):
             positions = self.body.points.copy()
@@ -162,56 +165,47 @@ class Problem:
         self.loading.hold(0.0, force, self.body.points.copy())
         return regions
 
-    def _check_rigid_are_bonded(self) -> None:
-        """Refuse a rigid region that is neither held nor bonded to anything that is deformed: loads would carry it anywhere."""
-        first, second = self.body.bonds.first, self.body.bonds.second
-        rigid = np.zeros(len(self.body.all_points), dtype=bool)
-        rigid[np.concatenate(list(self.rigid.values()))] = True
-        for name, numbers in self.rigid.items():
-            own = np.zeros(len(rigid), dtype=bool)
-            own[numbers] = True
-            pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
-            if not pulls.any() and (self.loading.free[numbers] > 0).all():
-                why = "nothing holds this rigid region: no material that is deformed is bonded to it"
-                raise ValueError(f"{name}: {why}; hold it by prescribed, or make it one region with what it touches")
-
     def _check_support(self, force: InternalForce) -> None:
         """Refuse points whose bonds lie on one line, or in one plane: only a crack may leave points without a deformation gradient."""
         alone = np.flatnonzero(~force.supported & self.body.share.own)
         if len(alone):
             plane = self.body.dimension == 2
             where, what = ("on one line", "rows") if plane else ("in one plane", "layers")
-            lie = f"the bonds of {len(alone)} of its points, the first at {place_of(self.body, alone[0])}, lie {where}"
+            lie = f"the bonds of {len(alone)} of its points, the first at {text_of(self.body.points[alone[0]])}, lie {where}"
             needs = f"two {what} of points or more in {'either' if plane else 'every'} direction everywhere"
             raise ValueError(f"body: {lie}; the body needs {needs}, {self.body.spacing:.4g} apart: take {self.body.finer}")
+
+
+def _together(rigid: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the points of all rigid regions."""
+    return np.concatenate([np.zeros(0, np.int64), *rigid.values()])
 
 
 def _describe_part(part: Part, model: ForceModel) -> dict:
     """Return the entry of a summary about a region of another material."""
     region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
-    if part.rigid:
+    if part.material.rigid:
         return {**region, "material": {"law": RIGID}}
     return {**region, "material": part.material.build().describe(), "force": model.name}
 
 
-def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Communicator = ALONE) -> Problem:
+def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Communicator = ALONE) -> Problem:
     """Compile a scene: resolve its body, regions, conditions, loads and materials.
 
     Parameters
     ----------
     scene : Scene
-    model : ForceModel, optional
-        Model of the rest of the body, where there are several materials; needed to bind a force.
+    models : sequence of ForceModel
+        The models that `checked_models` returns for the scene; needed to bind a force.
     ranks : Communicator, optional
         Processes that share the run.
 
     Raises
     ------
     SceneError
-        If a force model does not fit, the body cannot be built, a region is empty, or the body is held or loaded in a way that has no
+        If the body cannot be built, a region is empty, or the body is held or loaded in a way that has no
         solution; names the key.
     """
-    models = [] if model is None else checked_models(scene, model)
     if models:
         warn_of_bulk_moduli(scene)
     check_size(scene, memory_here() * ranks.size / ranks.here())
@@ -222,8 +216,7 @@ def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Communic
         return body if ranks.size == 1 else divided(body, ranks, SIGHT if scene.materials else HALO)
 
     def surface() -> Surface:
-        found = surface_of(scene, whole[0], lower, upper)
-        return found.of_share(body.share) if body.share.divided else found
+        return surface_of(scene, whole[0], lower, upper).of_share(body.share)
 
     body, lower, upper = discretise(scene, share_of)
     stages = stages_of(scene)
@@ -234,7 +227,7 @@ def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Communic
         if rigid and ranks.size > 1:
             raise ValueError("materials: rigid regions are taken on one rank only; run it without mpiexec, or give them a law")
         prescriptions = prescriptions_of(scene, regions, stages)
-        loading = conditions_of(scene, prescriptions, regions, loads, stages, rigid.values())
+        loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
             check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))
@@ -244,14 +237,3 @@ def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Communic
         critical = critical_stretch_in(scene, portions[0].law, body.horizon, models[0].family) if scene.fracture and portions else None
     held = (regions, prescriptions, stages, loading)
     return Problem(scene, models, settings_of(scene), body, whole[0], *held, portions, rigid, measures, critical)
-
-
-@contextmanager
-def scene_errors(scene: Scene) -> Iterator[None]:
-    """Context in which errors of values are those of a scene, and name it."""
-    try:
-        yield
-    except SceneError:
-        raise
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None

@@ -1,11 +1,23 @@
-"""Programme of a scene as stages, each in equilibrium or in dynamics, whether it gives stretches or steps."""
+"""Programme of a scene: stages in equilibrium or in dynamics, the motions that it prescribes, and the measures that results report."""
 
-from __future__ import annotations
-
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
-from ..scenes import Scene
-from ..solvers.motion import Motion
+import numpy as np
+
+from ..discretisation.planes import prescribed_components
+from ..forces import InvalidState
+from ..scenes import Rectangle, Region, Scene
+from ..scenes.amplitudes import amplitude_of
+from ..scenes.loading import DynamicsSettings
+from ..scenes.model import EDGES
+from ..scenes.references import reference_level
+from ..solvers.held import Held
+from ..solvers.increments import Motion
+from ..solvers.rigid import turn_by
+from .regions import BodyRegions
 
 
 @dataclass(frozen=True)
@@ -70,16 +82,217 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
     """Return the stages of a scene: with grips, one for every stretch and one for the dynamics after them; otherwise one for every step."""
     if not scene.stretched:
         return tuple(
-            Stage(step.to, step.outputs, step.largest_increment, None if step.dynamics is None else _inertia(number, step.dynamics))
+            Stage(step.to, step.outputs, step.largest_increment, _inertia(step.dynamics, f"steps.{number}.dynamics"))
             for number, step in enumerate(scene.steps)
         )
     stages = [Stage(stretch, 1, scene.solver.largest_increment, None) for stretch in scene.stretches]
-    spec = scene.dynamics
-    if spec is not None:
-        inertia = Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, None, spec.stretch_rate, "dynamics")
-        stages.append(Stage(spec.stretch, spec.outputs, None, inertia))
+    if scene.dynamics is not None:
+        stages.append(Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, _inertia(scene.dynamics, "dynamics")))
     return tuple(stages)
 
 
-def _inertia(number: int, spec) -> Inertia:
-    return Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, spec.duration, None, f"steps.{number}.dynamics")
+def _inertia(spec: DynamicsSettings | None, key: str) -> Inertia | None:
+    """Return the settings of dynamics under a key of the scene; None for a stage in equilibrium."""
+    if spec is None:
+        return None
+    pace = getattr(spec, "duration", None), getattr(spec, "stretch_rate", None)
+    return Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, *pace, key)
+
+
+@dataclass(frozen=True)
+class NominalStress:
+    """Pull of a grip outwards along the loaded axis over its cross-section.
+
+    Attributes
+    ----------
+    edge : str
+        Edge of the grip: of the two that which travels further, or the right or top one of two that travel alike.
+    area : float
+    number : int
+        Number of the grip among the holders.
+    """
+
+    edge: str
+    area: float
+    number: int
+
+    def of(self, forces: np.ndarray) -> float:
+        """Return the stress from the forces of the grips, shape (2, d)."""
+        axis, side = EDGES[self.edge]
+        return float(side * forces[self.number, axis] / self.area)
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Measures that results of a problem report.
+
+    Attributes
+    ----------
+    nominal_stress : NominalStress or None
+        Measure of a body between two grips; other results report moments, and their outputs in dynamics among the levels.
+    lateral : int or None
+        Axis across the load whose edges move straight, of a rectangle between grips.
+    areas : dict of float
+        Cross-section of the body at every grip or reflected edge.
+    reference : callable
+        Known values of measures at a value of the loading parameter, by name.
+    """
+
+    nominal_stress: NominalStress | None
+    lateral: int | None
+    areas: dict[str, float]
+    reference: Callable[[float], dict[str, float]]
+
+
+def measures_of(scene: Scene, areas: dict[str, float]) -> Measures:
+    """Return the measures of a scene, for cross-sections at its grips."""
+    if not scene.stretched:
+        return Measures(None, None, areas, lambda parameter: {})
+    grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
+    stress = NominalStress(grip.edge, areas[grip.edge], scene.grips.index(grip))
+    # Other outlines have no straight edges to read displacements from.
+    lateral = 1 - scene.loaded_axis if isinstance(scene.body, Rectangle) else None
+    return Measures(stress, lateral, areas, partial(reference_level, scene))
+
+
+@dataclass(frozen=True)
+class Prescription:
+    """Motion prescribed for a region: a displacement and a rotation, both times a factor that depends on the loading parameter.
+
+    Attributes
+    ----------
+    key : str
+        Key in the scene.
+    name : str
+        Name in messages.
+    holder : str or None
+        Name under which results report its force; None where they do not.
+    region : str or Region
+    components : tuple of int
+        Components that are held.
+    displacement : ndarray, shape (d,)
+        Displacement where the factor is 1.
+    factor : callable
+        Function of the loading parameter.
+    words : str
+        Description for figures.
+    rotation : float or None
+        Angle in degrees where the factor is 1.
+    about, axis : ndarray, shape (d,), or None
+        Centre of the rotation, and in three dimensions the direction of its axis.
+    """
+
+    key: str
+    name: str
+    holder: str | None
+    region: str | Region
+    components: tuple[int, ...]
+    displacement: np.ndarray
+    factor: Callable[[float], float]
+    words: str
+    rotation: float | None = None
+    about: np.ndarray | None = None
+    axis: np.ndarray | None = None
+
+    def motion(self, parameter: float) -> np.ndarray:
+        """Return [Q - I, c] at a value of the parameter, shape (d, d + 1): a place X moves by (Q - I) X + c."""
+        factor, dimension = self.factor(parameter), len(self.displacement)
+        found = np.zeros((dimension, dimension + 1))
+        found[:, -1] = self.displacement * factor
+        if self.rotation is not None:
+            axis = np.ones(1) if dimension == 2 else self.axis / np.linalg.norm(self.axis)
+            found[:, :-1] = turn_by(math.radians(self.rotation * factor) * axis) - np.eye(dimension)
+            found[:, -1] -= found[:, :-1] @ self.about
+        return found
+
+    def angle(self, parameter: float) -> float:
+        """Return the angle in degrees by which the region has turned."""
+        return self.rotation * self.factor(parameter)
+
+    def held(
+        self, names: tuple[str, ...], points: np.ndarray, places: np.ndarray, components: tuple[int, ...] | None = None, **further
+    ) -> Held:
+        """Return points at given places, some components of which, by default all that are prescribed, move so."""
+        holder = None if self.holder is None else names.index(self.holder)
+        angle = None if self.rotation is None else self.angle
+        return Held(self.name, holder, components or self.components, self.motion, points, places, angle, **further)
+
+    def reached(self, parameter: float) -> str:
+        """Return the progress of the prescription at a value of the parameter, in words; empty if it moves nothing."""
+        factor = self.factor(parameter)
+        found = [f"x{component} = {value * factor:.4g}" for component, value in enumerate(self.displacement, 1) if value]
+        return ", ".join(found + ([f"rotation = {self.rotation * factor:.4g}"] if self.rotation else []))
+
+
+def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ...]) -> list[Prescription]:
+    """Return the prescriptions of a scene in the order in which they take effect: of two that hold a point, the later one counts.
+
+    Grips move in proportion to the elongation of the body, as do holds.
+
+    Raises
+    ------
+    ValueError
+        If two entries on different regions share a name.
+    """
+    if not scene.stretched:
+        ends = [0.0, *(stage.to for stage in stages)]
+        return [_of_entry(scene, number, label, (min(ends), max(ends))) for number, label in enumerate(_labels(scene, regions))]
+
+    length = float((regions.upper - regions.lower)[scene.loaded_axis])
+
+    def elongation(stretch: float) -> float:
+        return (stretch - 1) * length
+
+    found, every = [], tuple(range(scene.dimension))
+    for number, hold in enumerate(scene.holds):
+        components = every if hold.components is None else tuple(int(name[1:]) - 1 for name in hold.components)
+        travel, key = np.zeros(scene.dimension) if hold.travel is None else np.array(hold.travel), f"holds.{number}"
+        region = Region.model_construct(box=hold.box, points=hold.points)  # it may list no points, and is refused where it is resolved
+        words = "all" if hold.components is None else ", ".join(hold.components)
+        found.append(Prescription(key, key, None, region, components, travel, elongation, words))
+    for number, grip in enumerate(scene.grips):
+        axis, side = EDGES[grip.edge]
+        components, words = ((axis,), "roller") if grip.holds == "normal" else (every, "grip")
+        travel = side * grip.travel * np.eye(scene.dimension)[axis]
+        found.append(Prescription(f"grips.{number}", f"the {grip.edge} grip", grip.edge, grip.edge, components, travel, elongation, words))
+    return found
+
+
+def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) -> Prescription:
+    """Return the prescription of an entry of `prescribed` for a programme over a span of the parameter."""
+    entry, key = scene.prescribed[number], f"prescribed.{number}"
+    values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
+    components = prescribed_components(entry, scene.dimension)
+    factor = partial(_factor, f"{key}.amplitude", amplitude_of(entry.amplitude), span)
+    words = [f"x{number} = {value:g}" for number, value in enumerate(entry.displacement, 1) if value is not None]
+    words += [] if entry.rotation is None else [f"turned by {entry.rotation:g} degrees"]
+    about, axis = (None if place is None else np.array(place) for place in (entry.about, entry.axis))
+    turn = (entry.rotation, about, axis)
+    return Prescription(key, key, label, entry.region, components, values, factor, ", ".join(words), *turn)
+
+
+def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], t: float) -> float:
+    """Return the amplitude at t; raise InvalidState where it has no value.
+
+    An amplitude may have no value beyond its programme, but a force with viscosity evaluates it slightly later: the amplitude is then
+    continued at its last rate, so that parts that move at the end of the programme keep their velocity.
+    """
+    try:
+        within = min(max(t, span[0]), span[1])
+        return amplitude(t) if t == within else 2 * amplitude(within) - amplitude(2 * within - t)
+    except ValueError as error:
+        raise InvalidState(f"{key}: {error}") from None
+
+
+def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
+    """Return the names under which results report forces of prescribed entries; raise ValueError if two regions share a name."""
+    labels, owners = [], {}
+    for kind in ("prescribed", "loads"):
+        for number, entry in enumerate(getattr(scene, kind)):
+            key = f"{kind}.{number}"
+            labels.append(entry.name or regions.label(entry.region, key))
+            other, region = owners.setdefault(labels[-1], (key, entry.region))
+            if region != entry.region:
+                one = f"{other} and {key} are on different regions and both called {labels[-1]!r}"
+                raise ValueError(f"{one}; give one of them another name")
+    return labels[: len(scene.prescribed)]

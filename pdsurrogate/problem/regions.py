@@ -1,9 +1,7 @@
 """Resolution of the regions of a scene into numbers of points of its body, or of facets of its boundary."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 from typing import NamedTuple
 
@@ -49,16 +47,14 @@ class Found(NamedTuple):
 class _Parts:
     """Base class of the parts that form regions: points of the body, or facets of its boundary, each with a place."""
 
-    places: np.ndarray
-    groups: dict[str, np.ndarray]
-
-    def __init__(self, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
-        self.body, self.corners, self.surface = body, {-1: lower, 1: upper}, surface
+    def __init__(self, regions: "BodyRegions", places: np.ndarray, groups: Mapping[str, np.ndarray]) -> None:
+        self.body, self.surface, self.places, self.groups = regions.body, regions.surface, places, groups
+        self._corners = {-1: regions.lower, 1: regions.upper}
 
     def from_edge(self, name: str) -> np.ndarray:
         """Return the distances of the places from an edge of the bounding box."""
         axis, side = EDGES[name]
-        return -side * (self.places[:, axis] - self.corners[side][axis])
+        return -side * (self.places[:, axis] - self._corners[side][axis])
 
     def group(self, name: str) -> Found:
         """Return the parts in a physical group of a mesh."""
@@ -80,12 +76,8 @@ class _Points(_Parts):
 
     what = "no point of the body lies in it"
 
-    def __init__(self, *given) -> None:
-        super().__init__(*given)
-        self.places, self.groups = self.body.points, self.body.groups
-
     def describe(self, number: int) -> str:
-        return f"point {number} at {_text(self.places[number])}"
+        return f"point {number} at {text_of(self.places[number])}"
 
     def edge(self, name: str) -> Found:
         distance = self.from_edge(name)
@@ -104,7 +96,7 @@ class _Points(_Parts):
             nearest = int(distance.argmin())
             least = min(share.everywhere(float(distance[nearest])))
             if least > NEAR * self.body.cell.max():
-                place, found = _text(np.array(region.near)), self.describe(nearest)
+                place, found = text_of(np.array(region.near)), self.describe(nearest)
                 raise ValueError(f"the nearest point to {place} is {found}, {distance[nearest]:.3g} away: too far")
             return self.numbered(np.flatnonzero(distance <= least + ALIKE * self.body.cell.min()))
         numbers, size = np.array(region.points, dtype=np.int64), share.size
@@ -118,12 +110,8 @@ class _Facets(_Parts):
 
     what = "no part of the boundary lies in it"
 
-    def __init__(self, *given) -> None:
-        super().__init__(*given)
-        self.places, self.groups = self.surface().midpoints(), self.surface().groups
-
     def describe(self, number: int) -> str:
-        return f"a facet of {self.surface().parts[number]} with its middle at {_text(self.places[number])}"
+        return f"a facet of {self.surface().parts[number]} with its middle at {text_of(self.places[number])}"
 
     def edge(self, name: str) -> Found:
         return Found(self.surface().parts == name, np.abs(self.from_edge(name)))
@@ -168,15 +156,11 @@ class BodyRegions:
     def __init__(self, scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
         self._scene, self.body, self.lower, self.upper, self.surface = scene, body, lower, upper, cache(surface)
         self._tolerance = ROUNDING * float((upper - lower).max())
-        self._points = _Points(body, lower, upper, self.surface)
+        self._points = _Points(self, body.points, body.groups)
 
     @cached_property
     def _facets(self) -> _Facets:
-        return _Facets(self.body, self.lower, self.upper, self.surface)
-
-    def along_edge(self, edge: str) -> np.ndarray:
-        """Return the numbers of the points along an edge of the bounding box."""
-        return np.flatnonzero(self._points.edge(edge).inside)
+        return _Facets(self, self.surface().midpoints(), self.surface().groups)
 
     def points(self, reference: str | Region, key: str | None = None) -> np.ndarray:
         """Return the numbers of the points in a region.
@@ -200,8 +184,8 @@ class BodyRegions:
         surface = self.surface()
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
-            few = f"where the points beside the boundary, with which it moves, are fewer than {too_few(self.body)}"
-            thin = f"the body is too thin at {_text(surface.nodes[lost[0]])}, {few}"
+            few = f"where the points near the boundary, with which it moves, are fewer than {too_few(self.body)}"
+            thin = f"the body is too thin at {text_of(surface.nodes[lost[0]])}, {few}"
             raise ValueError(f"{self._key(reference, key)}: {thin}; take {self.body.finer}")
         return found
 
@@ -232,8 +216,8 @@ class BodyRegions:
         surface = self.surface()
         if not surface.encloses(at)[0] and not np.isfinite(surface.distances(at, RIM * self.body.cell.max())[0]):
             distance, point = cKDTree(self.body.points).query(at[0])
-            nearest = f"its nearest point is {point} at {_text(self.body.points[point])}, {distance:.3g} away"
-            raise ValueError(f"{key}: {_text(at[0])} lies outside the body; {nearest}")
+            nearest = f"its nearest point is {point} at {text_of(self.body.points[point])}, {distance:.3g} away"
+            raise ValueError(f"{key}: {text_of(at[0])} lies outside the body; {nearest}")
 
     def _found(self, reference: str | Region, key: str | None, parts: _Points | _Facets) -> np.ndarray:
         try:
@@ -257,13 +241,12 @@ class BodyRegions:
             if region in edge_names(self._scene.dimension):
                 return parts.edge(region)
             return parts.numbered(np.arange(len(parts.places))) if region == "body" else parts.boundary(region)
-        members = [self._resolved(member, parts) for _, member in region.members()]
-        inside, distances = [member.inside for member in members], [member.distance for member in members]
-        if region.both is not None:
-            return Found(np.all(inside, axis=0), np.max(distances, axis=0))
-        if region.either is not None:
-            return Found(np.any(inside, axis=0), np.min(distances, axis=0))
-        if region.other is not None:
+        if members := [self._resolved(member, parts) for _, member in region.members()]:
+            inside, distances = zip(*members, strict=True)
+            if region.both is not None:
+                return Found(np.all(inside, axis=0), np.max(distances, axis=0))
+            if region.either is not None:
+                return Found(np.any(inside, axis=0), np.min(distances, axis=0))
             return Found(~inside[0], np.full(len(parts.places), np.inf))
         if region.edge is not None:
             return parts.edge(region.edge)
@@ -308,5 +291,6 @@ def _distance(region: Region, places: np.ndarray) -> np.ndarray:
     return np.maximum(0, (np.array(side.point) - places) @ (normal / np.linalg.norm(normal)))
 
 
-def _text(place: np.ndarray) -> str:
+def text_of(place: np.ndarray) -> str:
+    """Return the coordinates of a place, for messages."""
     return f"({', '.join(f'{coordinate:.4g}' for coordinate in place)})"

@@ -1,13 +1,12 @@
 """Ranks: the processes that share one run, and the messages between them."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import socket
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -82,10 +81,9 @@ class Communicator:
         most = float(np.max(here)) if np.size(here) else 0.0
         if not self._mpi:
             return most
-        # The MPI standard does not define the maximum of a NaN.
-        found = np.array([-np.inf if np.isnan(most) else most, float(np.isnan(most))])
-        self._world.Allreduce(self._mpi.IN_PLACE, found, op=self._mpi.MAX)
-        return float(np.nan if found[1] else found[0])
+        found = np.empty(self.size)
+        self._world.Allgather(np.array(most), found)
+        return float(found.max())  # the MPI standard does not define the maximum of a NaN, NumPy does
 
     def agree(self, error: Exception | None) -> None:
         """Raise, on every rank, an error that any rank has found; `error` is the one found on this rank."""
@@ -98,29 +96,23 @@ class Communicator:
         kind, message = next(other for other in found if other is not None)
         raise kind(message) from error
 
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Run a block on every rank; if it raises an error on one, raise that of the first such rank on all ranks."""
+        error = None
+        try:
+            yield
+        except Exception as raised:
+            error = raised
+        self.agree(error)
+
     def gather(self, rows: np.ndarray) -> list[np.ndarray] | None:
         """Return the arrays of all ranks on the first rank; None on the others."""
-        if self.rank:
-            return self._send(rows, 0)
-        return [rows, *(self._receive(rank) for rank in range(1, self.size))]
+        return self._world.gather(rows)
 
     def hand_out(self, parts: Sequence[np.ndarray] | None) -> np.ndarray:
         """Return the array that the first rank sends to this one."""
-        if self.rank:
-            return self._receive(0)
-        for rank, rows in enumerate(parts[1:], 1):
-            self._send(rows, rank)
-        return parts[0]
-
-    def _send(self, array: np.ndarray, rank: int) -> None:
-        self._world.send((array.shape, array.dtype.str), dest=rank, tag=1)
-        self._world.Send([np.ascontiguousarray(array).reshape(-1).view(np.uint8), self._mpi.BYTE], dest=rank, tag=2)
-
-    def _receive(self, rank: int) -> np.ndarray:
-        shape, kind = self._world.recv(source=rank, tag=1)
-        array = np.empty(shape, dtype=kind)
-        self._world.Recv([array.reshape(-1).view(np.uint8), self._mpi.BYTE], source=rank, tag=2)
-        return array
+        return self._world.scatter(parts)
 
     def exchange(self, outgoing: dict[int, np.ndarray], incoming: dict[int, np.ndarray]) -> None:
         """Send arrays to some ranks and receive arrays from others, all at the same time."""

@@ -1,10 +1,11 @@
-"""The share of a body that one rank works on: points of its own, and a halo of points that other ranks own."""
+"""The share of a body that one rank works on: points of its own, and a halo of points that other ranks own; division into shares."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from .communicator import ALONE, Communicator
 
@@ -34,7 +35,7 @@ class Halo:
         self._send = {rank: order[np.searchsorted(names, asked, sorter=order)] for rank, asked in enumerate(wanted) if len(asked)}
 
     def fill(self, *fields: np.ndarray) -> None:
-        """Copy the rows of the halo from their owners."""
+        """Copy the rows of the halo from their owners; a field may have more rows, for images."""
         for field in fields:
             for rows, values in self._exchanged(field, self._send, self._receive):
                 field[rows] = values
@@ -43,10 +44,16 @@ class Halo:
         """Add the rows of the halo to those of their owners and set them to zero, the transpose of `fill`."""
         for rows, values in self._exchanged(field, self._receive, self._send):
             field[rows] += values
+        self.clear(field)
+
+    def clear(self, field: np.ndarray) -> None:
+        """Set the rows of the halo to zero."""
         field[self.rows] = 0
 
     def _exchanged(self, field: np.ndarray, send: dict[int, np.ndarray], receive: dict[int, np.ndarray]) -> list[tuple]:
         """Send rows of a field to other ranks; return the rows for which values arrive, and the values, by rank in rising order."""
+        if self._ranks.size == 1:
+            return []
         incoming = {rank: np.empty((len(rows), *field.shape[1:]), dtype=field.dtype) for rank, rows in sorted(receive.items())}
         self._ranks.exchange({rank: field[rows] for rank, rows in send.items()}, incoming)
         return [(receive[rank], values) for rank, values in incoming.items()]
@@ -122,13 +129,19 @@ class Share:
         True if several ranks have the body.
     leads : bool
         True on the one rank that counts values that all ranks have.
+    agree, everywhere, total, greatest : callable
+        Those of the communicator.
+    fill, fold, clear, gather : callable
+        Those of the `Halo` and the `Rows` of the points.
     numbers, owners, size, ranks
     """
 
     def __init__(self, numbers: np.ndarray, owners: np.ndarray, size: int, ranks: Communicator = ALONE) -> None:
         self.numbers, self.owners, self.size, self.ranks = numbers, owners, size, ranks
         self.own, self.divided, self.leads = owners == ranks.rank, ranks.size > 1, ranks.rank == 0
-        self._halo, self._rows = Halo(ranks, numbers, owners), Rows(ranks, numbers, self.own, size)
+        self.agree, self.everywhere, self.total, self.greatest = ranks.agree, ranks.everywhere, ranks.total, ranks.greatest
+        halo, self.gather = Halo(ranks, numbers, owners), Rows(ranks, numbers, self.own, size).gather
+        self.fill, self.fold, self.clear = halo.fill, halo.fold, halo.clear
         self._own = np.flatnonzero(self.own) if self.divided else slice(None)
         self._weights = self.own.astype(float) if self.divided else None
 
@@ -137,41 +150,10 @@ class Share:
         """Return the share of one process, which has all n points."""
         return cls(np.arange(n), np.zeros(n, dtype=np.int32), n)
 
-    def fill(self, *fields: np.ndarray) -> None:
-        """Copy the rows of the halo from their owners; a field has a row for every point, and may have more for images."""
-        if self.divided:
-            self._halo.fill(*fields)
-
-    def fold(self, field: np.ndarray) -> None:
-        """Add the rows of the halo to those of their owners and set them to zero, the transpose of `fill`."""
-        if self.divided:
-            self._halo.fold(field)
-
-    def clear(self, field: np.ndarray) -> None:
-        """Set the rows of the halo to zero."""
-        if self.divided:
-            field[self._halo.rows] = 0
-
-    def agree(self, error: Exception | None) -> None:
-        """Raise, on every rank, an error that any rank has found; `error` is the one found on this rank."""
-        self.ranks.agree(error)
-
-    def everywhere(self, value) -> list:
-        """Return the values of all shares in a list."""
-        return self.ranks.everywhere(value)
-
     def any(self, flags):
         """Return whether a flag is set on any share, or, of an array of flags, which are."""
-        found = self.ranks.total(np.asarray(flags, dtype=np.int64)) > 0
+        found = self.total(np.asarray(flags, dtype=np.int64)) > 0
         return found if np.ndim(flags) else bool(found)
-
-    def total(self, here):
-        """Return the sum over all shares of a number, of each of a few numbers, or of an array."""
-        return self.ranks.total(here)
-
-    def greatest(self, here: float | np.ndarray) -> float:
-        """Return the greatest of a number or of the entries of arrays over all shares; NaN if one is, 0 for arrays without entries."""
-        return self.ranks.greatest(here)
 
     def dot(self, first: np.ndarray, second: np.ndarray, weights: np.ndarray | None = None) -> float:
         """Return the inner product of two arrays (n, d), every point with its weight (n,).
@@ -252,10 +234,6 @@ class Share:
         places[places == len(self.numbers)] = 0
         return np.unique(places[self.numbers[places] == numbers])
 
-    def gather(self, values: np.ndarray) -> np.ndarray | None:
-        """Return the values of all points of the whole body, in its order, on the first rank; None on the others."""
-        return self._rows.gather(values)
-
 
 def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
     """Return the number of connected components of n points joined by the given bonds, and the component of every point, shape (n,).
@@ -264,3 +242,41 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
     """
     graph = sparse.coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(n, n))
     return connected_components(graph, directed=False)
+
+
+def bond_counts(points: np.ndarray, horizon: float, chosen: slice = slice(None)) -> np.ndarray:
+    """Return the number of points within the horizon of each chosen point, itself included, to which its cost is proportional."""
+    counted = cKDTree(points).query_ball_point(points[chosen], horizon * (1 + 1e-9), return_length=True)
+    return np.asarray(counted, dtype=float)
+
+
+def bisected(points: np.ndarray, weights: np.ndarray, parts: int) -> np.ndarray:
+    """Return the number of the part of every point, shape (n,).
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, d)
+    weights : ndarray, shape (n,)
+        Costs, whose sums are nearly equal in all parts.
+    parts : int
+
+    References
+    ----------
+    Berger and Bokhari, IEEE Trans. Comput. 36 (1987) 570-580.
+    """
+    part = np.zeros(len(points), dtype=np.int32)
+
+    def split(numbers: np.ndarray, first: int, count: int) -> None:
+        if count == 1:
+            part[numbers] = first
+            return
+        before = count // 2
+        axis = int(np.ptp(points[numbers], axis=0).argmax())
+        order = numbers[np.argsort(points[numbers, axis], kind="stable")]
+        sums = np.cumsum(weights[order])
+        cut = int(np.clip(np.searchsorted(sums, sums[-1] * before / count), before, len(order) - (count - before)))
+        split(order[:cut], first, before)
+        split(order[cut:], first + before, count - before)
+
+    split(np.arange(len(points)), 0, parts)
+    return part

@@ -1,36 +1,31 @@
-"""Speed against error of every force model, measured in one interleaved run."""
+"""Speed against error of every force model, measured in one interleaved run, with its table and figure."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
+import matplotlib
 import numba
 import numpy as np
+from matplotlib.figure import Figure
 
+from .. import learning
 from ..artifacts import load_surrogate
+from ..body import Body
 from ..engine.threads import at_most, most_threads
 from ..forces import AnalyticBondForce, BANOSBForce, BondEnergyForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..learning import (
-    ChebyshevRegressor,
-    LevenbergMarquardtRegressor,
-    evaluate,
-    reachable_stretches,
-    surrogate_of,
-    surrogate_pipeline,
-    training_samples,
-)
-from ..learning.marquardt import listening
+from ..learning.levenberg_marquardt import listening
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
+from ..results.figures import STYLE
 from ..results.provenance import processor
 from ..run.run import Silent
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import load_scene
-from .speed import TimedModel, measure_speed, sheet
+from .speed import UNDISTURBED, TimedModel, measure_speed, sheet
 
 Progress = Callable[[str, float, int, str], None]
 """Function that receives the stage, how much of it is done (fractions of a model count), the total, and a description."""
@@ -47,13 +42,11 @@ SHIPPED = {("symmetric", 20): "neo-hookean@1", ("isochoric", 4): "neo-hookean@2"
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Candidate(TimedModel):
     """Force model in one precision, with the changes to the scene that it needs."""
 
     title: str
-    model: ForceModel
-    precision: str
-    changes: tuple[str, ...] = ()
+    changes: tuple[str, ...]
 
 
 class Plan(NamedTuple):
@@ -65,67 +58,65 @@ class Plan(NamedTuple):
     changes: tuple[str, ...] = ()
 
 
-def plans(law: Law, quick: bool) -> list[Plan]:
-    """Return the force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes to be fitted now.
+def plans(law: Law, quick: bool) -> Iterator[Plan]:
+    """Yield the force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes to be fitted now.
 
     For the default Neo-Hookean law the shipped networks are used as they are.
     """
     shipped = isinstance(law, NeoHookean)
-    samples = training_samples(law, 3000 if quick else 8000, reachable_stretches(law), random_state=0)
+    samples = learning.training_samples(law, 3000 if quick else 8000, learning.reachable_stretches(law), random_state=0)
 
     def fitted(features, regressor) -> ForceSurrogate:
-        model = surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y)
-        return surrogate_of(model, law, samples)
+        model = learning.surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y)
+        return learning.surrogate_of(model, law, samples)
 
     def network(features: str, units: int, precisions: tuple[str, ...] = ("float32",)) -> Plan:
         iterations = 150 if quick else 600
-        regressor = LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
+        regressor = learning.LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
         artefact = SHIPPED.get((features, units)) if shipped else None
         made = partial(fitted, features, regressor) if artefact is None else partial(load_surrogate, artefact)
         return Plan(f"network, {features}, {units} units", made, precisions)
 
     def fitted_energy() -> EnergySurrogate:
-        energies = training_samples(law, 1000 if quick else 2000, reachable_stretches(law, (0.5, 5.0)), target="sheet-energy")
+        reach = learning.reachable_stretches(law, (0.5, 5.0))
+        energies = learning.training_samples(law, 1000 if quick else 2000, reach, target="sheet-energy")
         regressor = SobolevRegressor(12, max_iter=200 if quick else 1000, random_state=0)
-        return surrogate_of(surrogate_pipeline(regressor, "sheet-energy").fit(energies.X, energies.y), law, energies)
+        return learning.surrogate_of(learning.surrogate_pipeline(regressor, "sheet-energy").fit(energies.X, energies.y), law, energies)
 
     double, both = ("float64",), ("float32", "float64")
-    found = [
-        Plan(REFERENCE, NOSBForce, double),
-        Plan(RIVAL, BANOSBForce, double),
-        Plan("analytic bond force", partial(AnalyticBondForce, law), double),
-    ]
+    yield Plan(REFERENCE, NOSBForce, double)
+    yield Plan(RIVAL, BANOSBForce, double)
+    yield Plan("analytic bond force", partial(AnalyticBondForce, law), double)
     if shipped:
         # Its domain is too small for the scene (theory, section 5): as in the paper, it is also evaluated outside.
         paper = partial(load_surrogate, "neo-hookean-paper")
-        found.append(Plan("network, paper's features, 20 units", paper, changes=("outside=extrapolate",)))
-
+        yield Plan("network, paper's features, 20 units", paper, changes=("outside=extrapolate",))
     for units in (12, 20) if quick else (8, 12, 20, 40):
-        found.append(network("symmetric", units, both if units == 20 else both[:1]))
-    found.append(Plan("bond-level energy, exact", BondEnergyForce, double))
-    found.append(Plan("bond-level energy, network, 12 units", fitted_energy, both))
+        yield network("symmetric", units, both if units == 20 else both[:1])
+    yield Plan("bond-level energy, exact", BondEnergyForce, double)
+    yield Plan("bond-level energy, network, 12 units", fitted_energy, both)
     for units in (8,) if quick else (4, 8):
-        found.append(network("isochoric", units))
+        yield network("isochoric", units)
     # The response of Neo-Hookean rubber does not depend on the isochoric features; other laws need higher degrees.
     for degree in (4,) if shipped else (((10, 4),) if quick else ((8, 4), (10, 4), (12, 6))):
-        found.append(Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", ChebyshevRegressor(degree))))
-    return found
+        yield Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", learning.ChebyshevRegressor(degree)))
 
 
-def candidates(law: Law, quick: bool, progress: Progress) -> list[Candidate]:
+def _share_of(progress: Progress, stage: str, number: int, of: int, what: str) -> Callable[[float, str], None]:
+    """Return a function that reports the share of one of several models in a stage that is done, and a text."""
+    return lambda share, text="": progress(stage, number + share, of, f"{what}: {text}" if text else what)
+
+
+def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Candidate]:
     """Return the planned models in each of their precisions, fitted where necessary."""
-    planned, found = plans(law, quick), []
+    planned, found = list(plans(law, quick)), []
     for number, plan in enumerate(planned):
-        what = plan.title.format(size="").removesuffix(", ")
-
-        def iteration(now: int, most: int, loss: float, number: int = number, what: str = what) -> None:
-            progress(FITTING, number + now / most, len(planned), f"{what}: iteration {now} of at most {most}, loss {loss:.2e}")
-
-        progress(FITTING, number, len(planned), what)
-        with listening(iteration):
+        told = _share_of(progress, FITTING, number, len(planned), plan.title.format(size="").removesuffix(", "))
+        told(0.0)
+        with listening(lambda now, most, loss, told=told: told(now / most, f"iteration {now} of at most {most}, loss {loss:.2e}")):
             model = plan.made()
         title = plan.title.format(size=model.size)
-        found += [Candidate(title, model, precision, plan.changes) for precision in plan.precisions]
+        found += [Candidate(model, precision, body, title, plan.changes) for precision in plan.precisions]
     return found
 
 
@@ -136,15 +127,15 @@ def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
     """
     if isinstance(entry.model, EnergySurrogate):
         # An energy gives the stress on the surface only, since C33 is not among its inputs.
-        samples = training_samples(law, n_samples, reachable_stretches(law), 0.25, 1_000_003, target="sheet-energy")
+        samples = learning.training_samples(law, n_samples, learning.reachable_stretches(law), 0.25, 1_000_003, target="sheet-energy")
         errors = samples.target.errors(np.stack(kernel_energy(entry.model, law, entry.precision, *samples.X.T), axis=1), samples)
         return {"rms_on_surface": errors["rms"], "max_on_surface": errors["max"]}
     if not isinstance(entry.model, ForceSurrogate):
         return {}
-    reach = reachable_stretches(law)
-    report = evaluate(kernel_bond_force(entry.model, law, entry.precision), law, reach, n_samples=n_samples)
+    reach = learning.reachable_stretches(law)
+    report = learning.evaluate(kernel_bond_force(entry.model, law, entry.precision), law, reach, n_samples=n_samples)
     # Differences of single-precision forces would be noise: the slope is that of the same model in double precision.
-    slope = report if entry.precision == "float64" else evaluate(entry.model.bond_force, law, reach, n_samples=n_samples)
+    slope = report if entry.precision == "float64" else learning.evaluate(entry.model.bond_force, law, reach, n_samples=n_samples)
     errors = {f"{kind}_{where}": report[where][kind] for where in ("on_surface", "off_surface") for kind in ("rms", "max")}
     return {**errors, "least_slope": slope["least_slope"]}
 
@@ -162,7 +153,7 @@ class _Levels(Silent):
         self._told(self._done / self._levels, f"residual {residual:.1e}, {evaluations} evaluations")
 
 
-def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[float, str], None] = lambda share, text: None) -> dict:
+def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[float, str], None]) -> dict:
     """Return the greatest errors at the levels of the paper's section 6.2, with the number of evaluations and the seconds."""
     changes = [f"spacing={spacing}", f"precision={entry.precision}", *entry.changes]
     scene = load_scene("uniaxial", changes, material=law.describe())
@@ -182,10 +173,7 @@ def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[fl
 
 
 def compare(
-    law: Law | None = None,
-    quick: bool = False,
-    progress: Progress = lambda stage, done, of, text: None,
-    threads: int | None = None,
+    law: Law | None = None, quick: bool = False, progress: Progress = lambda stage, done, of, text: None, threads: int | None = None
 ) -> dict:
     """Measure the speed and the error of every force model.
 
@@ -210,21 +198,17 @@ def compare(
     ValueError
         If there are fewer threads.
     """
-    law, points = law or NeoHookean(), sheet()
+    law, body = law or NeoHookean(), sheet()
     spacing, patience, n_samples = (0.05, 10.0, 2000) if quick else (0.02, 200.0, 20_000)
     with at_most(threads):
-        entries, rows = candidates(law, quick, progress), []
-        cases = [TimedModel(entry.model, entry.precision, points) for entry in entries]
-        speeds = measure_speed(cases, law, patience, partial(progress, TIMING))
+        entries, rows = candidates(law, quick, body, progress), []
+        speeds = measure_speed(entries, law, patience, partial(progress, TIMING))
         for number, (entry, speed) in enumerate(zip(entries, speeds, strict=True)):
             progress(ERRORS, number, len(entries), f"{entry.title}, {entry.precision}")
             described = {"force": entry.title, "precision": entry.precision, "size": entry.model.size}
             rows.append({**described, **speed, **measure_error(entry, law, n_samples)})
         for number, (entry, row) in enumerate(zip(entries, rows, strict=True)):
-
-            def told(share: float, text: str, number: int = number, what: str = f"{entry.title}, {entry.precision}") -> None:
-                progress(SCENE, number + share, len(entries), f"{what}: {text}")
-
+            told = _share_of(progress, SCENE, number, len(entries), f"{entry.title}, {entry.precision}")
             row.update(measure_scene(entry, law, spacing, told))
         cost = {row["force"]: row["ns_per_directed_bond_1"] for row in rows}
         for row in rows:
@@ -233,6 +217,75 @@ def compare(
         return {
             "machine": {"processor": processor(), "threads": most_threads(), "numba": numba.__version__},
             "material": law.describe(),
-            "settings": {"quick": quick, "points": len(points), "patience": patience, "scene_spacing": spacing},
+            "settings": {"quick": quick, "points": len(body), "patience": patience, "scene_spacing": spacing},
             "models": rows,
         }
+
+
+COLUMNS = {
+    "force": "{force}, {precision}",
+    "ns/directed bond, 1 thread": "{ns_per_directed_bond_1:.2f}",
+    "its bond pass": "{ns_bond_pass_1:.2f}",
+    "all threads": "{ns_per_directed_bond_all:.2f}",
+    "gain, of arithmetic's": "{thread_speedup:.2f} of {arithmetic_speedup:.2f}",
+    "BA-NOSB / this": "{speedup_over_ba_nosb:.1f}",
+    "this / NOSB": "{cost_over_nosb:.1f}",
+    "RMS error on / off surface": "{rms_on_surface:.0e} / {rms_off_surface:.0e}",
+    "greatest error": "{max_on_surface:.0e} / {max_off_surface:.0e}",
+    "least slope": "{least_slope:.2f}",
+    "6.2: stress / displ. error (%)": "{scene_stress_error:.2g} / {scene_displacement_error:.2g}",
+    "6.2: evaluations, s": "{scene_evaluations}, {scene_seconds:.2f}",
+}
+"""Title of each column of the comparison, and the form of its entries."""
+
+
+def table(report: dict) -> tuple[list[str], list[list[str]]]:
+    """Return the header and the rows of the comparison."""
+    return list(COLUMNS), [[_cell(form, row) for form in COLUMNS.values()] for row in report["models"]]
+
+
+def _cell(form: str, row: dict) -> str:
+    """Return an entry, with errors of the scene in per cent; ``-`` for a figure that a model does not have."""
+    percent = {key: 100 * row[key] for key in ("scene_stress_error", "scene_displacement_error") if key in row}
+    try:
+        return form.format(**{**row, **percent})
+    except KeyError:
+        return "failed" if "scene" in form else "-"
+
+
+def caution(rows: list[dict]) -> str:
+    """Return a warning if other work on the machine disturbed the timings; empty if not."""
+    most = max(max(row["disturbance_1"], row["disturbance_all"]) for row in rows)
+    if most <= UNDISTURBED:
+        return ""
+    return f"Other work used the cores: the reference arithmetic took up to {most:.2f} times its best; ratios are no more accurate."
+
+
+def pareto_figure(report: dict) -> Figure:
+    """Draw force error against cost; models without a bond force are drawn as vertical lines."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(8.6, 4.4), layout="constrained")
+        axis, floor = figure.subplots(), 1e-9
+        costs = [row["ns_per_directed_bond_1"] for row in report["models"]]
+        for row, cost, colour in zip(report["models"], costs, itertools.cycle(matplotlib.colormaps["tab20"].colors)):
+            label = f"{row['force']}, {row['precision']}"
+            if "rms_off_surface" in row:
+                marker = "s" if row["force"].startswith("analytic") else "o" if row["precision"] == "float32" else "^"
+                axis.plot(cost, max(row["rms_off_surface"], floor), marker, ms=6, color=colour, label=label)
+            else:
+                axis.axvline(cost, color=colour, lw=1.2, ls="--", label=label)
+        figure.legend(loc="outside right upper", fontsize=7, frameon=False)
+        low, high = 0.8 * min(costs), 2.0 * max(costs)
+        axis.set(
+            xscale="log",
+            yscale="log",
+            xlim=(low, high),
+            xlabel="whole force evaluation, ns per directed bond, one thread",
+            ylabel="relative RMS force error off the surface",
+            title=f"{report['material']['law']}, {report['machine']['processor']}",
+        )
+        ticks = [tick for tick in (1, 2, 3, 5, 10, 20, 50, 100, 200, 500) if low < tick < high]
+        axis.set_xticks(ticks, map(str, ticks))
+        axis.set_xticks([], minor=True)
+        axis.grid(alpha=0.3)
+        return figure

@@ -1,7 +1,5 @@
 """Cost of force evaluations, measured on a machine whose cores may be shared."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,11 +9,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..body import Body
-from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.block_arrays import BLOCK, aligned_rows, block_rows
+from ..engine.compile import widest_vectors
+from ..engine.passes import Pass
 from ..engine.threads import most_threads, thread_count
 from ..forces import ForceModel, ForceSettings
 from ..materials import Law, homogeneous
-from .calibration import ROWS, arithmetic
 
 ENOUGH = 12
 """Number of undisturbed timings required for every model."""
@@ -31,6 +30,10 @@ WARM_UP = 8e-3
 
 PIECE = 5e-4
 """Seconds of reference arithmetic, on one thread of an undisturbed core, beside each timing."""
+
+
+ROWS = 2
+"""Rows of the buffer: arguments and values."""
 
 
 def sheet() -> Body:
@@ -85,10 +88,15 @@ def measure_speed(
     """
     threads = sorted({1, most_threads()})
     yardsticks = {count: _arithmetic_on(count) for count in threads}
-    rounds = _rounds_in(PIECE, yardsticks[1])
-    keys = [(number, count) for number in range(len(cases)) for count in threads]
-    turns = {(number, count): _turns_of(cases[number], law, count, partial(yardsticks[count], rounds)) for number, count in keys}
-    timings = {key: [] for key in keys}
+    trial = 1000
+    with thread_count(1):
+        rounds = max(1, int(trial * PIECE / min(yardsticks[1](trial) for _ in range(50))))
+    turns = {
+        (number, count): _turns_of(case, law, count, partial(yardsticks[count], rounds))
+        for number, case in enumerate(cases)
+        for count in threads
+    }
+    timings = {key: [] for key in turns}
     wanted = list(timings)
     began = time.perf_counter()
     with threadpool_limits(1):
@@ -147,6 +155,26 @@ def _turns_of(case: TimedModel, law: Law, count: int, yardstick: Callable[[], fl
     return turn
 
 
+@Pass
+def arithmetic(thread, chunk, chunks, rounds, buffers):
+    """Evaluate a polynomial on a block of single-precision numbers, `rounds` times, shared among the chunks of `buffers`.
+
+    The block stays in the first-level cache, so that the gain from threads is that where only the processor limits it.
+    """
+    widest_vectors()
+    rows = block_rows(buffers[thread])
+    for _ in range(chunk * rounds // chunks, (chunk + 1) * rounds // chunks):
+        for k in range(rows.shape[1]):
+            x = rows[0, k]
+            # Two chains depend on each other, so that the compiler cannot remove a part of them.
+            even = x * x
+            odd = even * x
+            for _ in range(8):
+                even = odd * x + even
+                odd = even * x - odd
+            rows[1, k] = np.float32(0.5) * (even + odd)
+
+
 def _arithmetic_on(count: int) -> Callable[[int], float]:
     """Return a function that times rounds of arithmetic on a number of threads; it must be called with that number in use."""
     buffer = aligned_rows((count, ROWS, BLOCK), np.float32, 0.5)
@@ -156,13 +184,6 @@ def _arithmetic_on(count: int) -> Callable[[int], float]:
         return _seconds(arithmetic.bind(rounds, buffer))
 
     return seconds
-
-
-def _rounds_in(seconds: float, yardstick: Callable[[int], float]) -> int:
-    """Return the number of rounds of arithmetic that take the given seconds on an undisturbed core."""
-    trial = 1000
-    with thread_count(1):
-        return max(1, int(trial * seconds / min(yardstick(trial) for _ in range(50))))
 
 
 def _seconds(function: Callable[[], object]) -> float:

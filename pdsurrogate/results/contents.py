@@ -1,12 +1,10 @@
 """Contents of the results of a run: its scene and its force models, which distinguish it from other runs."""
 
-from __future__ import annotations
-
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from pydantic import ValidationError
 
@@ -40,7 +38,7 @@ class Contents:
     digests: dict[str, str]
 
     @classmethod
-    def of(cls, scene: Scene, models: Sequence[ForceModel]) -> Contents:
+    def of(cls, scene: Scene, models: Sequence[ForceModel]) -> Self:
         """Return the contents of a run that is about to begin; read its mesh file, and raise SceneError if that fails."""
         digests = {model.name: digest_of_model(model) for model in models}
         if isinstance(scene.body, Mesh):
@@ -48,7 +46,7 @@ class Contents:
         return cls(_dump(scene), models[0].name, digests)
 
     @classmethod
-    def read(cls, description: Any) -> Contents | None:
+    def read(cls, description: Any) -> Self | None:
         """Return the contents from a summary or the description of a checkpoint; None where it has none, as in earlier versions."""
         try:
             scene = Scene.model_validate(description["scene_as_run"])
@@ -60,7 +58,7 @@ class Contents:
         """Return the entries that a summary and a checkpoint hold, for `read`."""
         return {"force": self.force, "digests": self.digests, "scene_as_run": self.scene}
 
-    def differences(self, now: Contents) -> str:
+    def differences(self, now: Self) -> str:
         """Return a description of how another run differs from this one; empty if they are equal."""
         found = differences_of({**self.scene, "title": None}, {**now.scene, "title": None})
         if self.force != now.force:
@@ -72,7 +70,7 @@ class Contents:
 
 def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
     """Return descriptions of the differences between plain values in mappings and lists, by dotted key."""
-    before, now = dict(_leaves(there)), dict(_leaves(here))
+    before, now = _leaves(there), _leaves(here)
     return [
         f"{key} is {_value(before, key)} there and {_value(now, key)} here"
         for key in dict.fromkeys([*before, *now])
@@ -98,17 +96,16 @@ def _dump(scene: Scene) -> dict[str, Any]:
     return scene.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield values by dotted key; a list without mappings is one value."""
-    if isinstance(value, dict):
-        inner = [(str(name), item) for name, item in value.items()]
-    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        inner = [(str(number), item) for number, item in enumerate(value)]
-    else:
-        yield key, value
-        return
-    for name, item in inner:
-        yield from _leaves(item, f"{key}.{name}" if key else name)
+def _leaves(value: Any, key: str = "") -> dict[str, Any]:
+    """Return values by dotted key; a list without mappings is one value."""
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        value = dict(enumerate(value))
+    if not isinstance(value, dict):
+        return {key: value}
+    found: dict[str, Any] = {}
+    for name, item in value.items():
+        found |= _leaves(item, f"{key}.{name}" if key else str(name))
+    return found
 
 
 def _value(leaves: dict[str, Any], key: str) -> str:

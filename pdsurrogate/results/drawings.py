@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from . import figures, views
+from . import figures
 from .files import MARK, replacing
 from .measures import scalars_of
 from .tables import column_title, columns_of
@@ -25,13 +24,12 @@ SHOWN_SHARE = 1e-3
 """Share of the greatest force that a component reaches which is drawn: smaller ones are residuals."""
 
 
-def states_figure(result: Result, field: str, numbers: list[int], limits: tuple[float, float] | None = None) -> Figure:
+def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:
     """Return a figure of states coloured by a field."""
     # A state may have to be read from its file.
     states = [result.states[number][1] for number in numbers]
-    draw = views.contour_figure if result.scene.dimension == 3 else figures.contour_figure
     values, titles = [scalars_of(fields, field) for fields in states], [result.title(number) for number in numbers]
-    return draw([result.cells(number) for number in numbers], values, result.label(field), titles, limits)
+    return figures.contour_figure([result.cells(number) for number in numbers], values, result.label(field), titles, limits)
 
 
 def loading_figure(result: Result) -> Figure:
@@ -84,21 +82,16 @@ def _save_animation(result: Result, path: Path) -> None:
     fields = result.states[numbers[-1]][1]
     quantity = "damage" if "damage" in fields else "principal_stretch"
     limits = (0.0, 1.0) if quantity == "damage" else (1.0, float(fields[quantity].max()))
-    corners = figures.polygons_of(*result.cells(numbers[-1]))
-    extent = np.ptp(corners, axis=(0, 1))
-    size = extent / extent.max() * 6.0
-    with matplotlib.rc_context(figures.STYLE):
-        figure = Figure(figsize=(size[0] + 1.2, size[1] + 0.4), dpi=100, layout="constrained")
-        canvas, axis = FigureCanvasAgg(figure), figure.subplots()
-        drawn = figures.draw_cells(axis, corners, fields[quantity], clim=limits)
-        figure.colorbar(drawn, ax=axis, label=quantity, fraction=0.05, pad=0.01)
-        frames = []
-        for number in numbers:
-            drawn.set_verts(figures.polygons_of(*result.cells(number)))
-            drawn.set_array(result.states[number][1][quantity])
-            axis.set_title(result.title(number), pad=2)
-            canvas.draw()
-            frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+    figure = states_figure(result, quantity, numbers[-1:], limits)
+    figure.set_dpi(100)
+    canvas, axis, frames = FigureCanvasAgg(figure), figure.axes[0], []
+    (drawn,), label = axis.collections, axis.get_title().removesuffix(result.title(numbers[-1]))
+    for number in numbers:
+        drawn.set_verts(figures.polygons_of(*result.cells(number)))
+        drawn.set_array(result.states[number][1][quantity])
+        axis.title.set_text(label + result.title(number))
+        canvas.draw()
+        frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
     with replacing(path) as temporary:
         series = {"save_all": True, "append_images": frames[1:], "duration": 1000 // FRAMES_PER_SECOND, "loop": 0}
         frames[0].save(temporary, format="GIF", comment=MARK, **series)

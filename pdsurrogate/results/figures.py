@@ -1,6 +1,4 @@
-"""Figures of deformed bodies in the plane and of curves."""
-
-from __future__ import annotations
+"""Figures of deformed bodies, in the plane or from outside and cut through the middle, and of curves."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,10 +7,18 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import LightSource, Normalize
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from ..body import CellMesh
 from .files import MARK, replacing
+
+Moved = list[tuple[CellMesh, np.ndarray]]
+"""Cells of states, each with the displacements of their nodes."""
+
+Limits = tuple[float, float]
+"""Values at the ends of a scale of colours."""
 
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -37,6 +43,20 @@ MOST_MARKED = 30
 """Points of a curve up to which each is marked: more marks would run into each other."""
 
 
+ELEVATION, AZIMUTH = 22.0, -58.0
+"""Direction of view in degrees: from the front right, a little above; x3 points up."""
+
+_UP, _ROUND = np.radians([ELEVATION, AZIMUTH])
+EYE = np.array([np.cos(_UP) * np.cos(_ROUND), np.cos(_UP) * np.sin(_ROUND), np.sin(_UP)])
+"""Direction from the body to the eye."""
+
+EDGES_OF_CELLS = {
+    4: ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)),
+    8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+}
+"""Pairs of corners that an edge joins, by the number of corners of a cell."""
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as PNG, whole."""
     with replacing(path) as temporary:
@@ -49,7 +69,7 @@ def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
     return np.concatenate([places[block[:, [0, 1, 2, 3] if block.shape[1] == 4 else [0, 1, 2, 2]]] for block in cells.blocks])
 
 
-def limits_of(values: np.ndarray) -> tuple[float, float]:
+def limits_of(values: np.ndarray) -> Limits:
     """Return the ends of a scale of colours, wide enough to show residuals of a solver in one colour."""
     low, high = float(values.min()), float(values.max())
     return low, low + max(high - low, ONE_COLOUR * max(abs(low), abs(high), 1e-300))
@@ -83,14 +103,11 @@ def curves_figure(
         return figure
 
 
-def contour_figure(
-    moved: list[tuple[CellMesh, np.ndarray]],
-    values: list[np.ndarray],
-    label: str,
-    titles: list[str],
-    scale: tuple[float, float] | None = None,
-) -> Figure:
-    """Return a figure of deformed bodies, to one scale of length, side by side or one below the other, whichever fits a page.
+def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scale: Limits | None = None) -> Figure:
+    """Return a figure of deformed bodies, to one scale of length.
+
+    Bodies in the plane are side by side or one below the other, whichever fits a page. A solid has a row for each state: the body from
+    outside, and its cut through the middle across the thinnest direction.
 
     Parameters
     ----------
@@ -104,29 +121,121 @@ def contour_figure(
     scale : tuple of float, optional
         Ends of the scale of colours of all; by default those of the values of each.
     """
+    draw = _solids if moved[0][0].dimension == 3 else _sheets
+    with matplotlib.rc_context(STYLE):
+        return draw(moved, values, label, titles, [scale or limits_of(value) for value in values])
+
+
+def _sheets(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scales: list[Limits]) -> Figure:
+    """Return the figure of bodies in the plane."""
     bodies = [polygons_of(*pair) for pair in moved]
     extents = np.array([np.ptp(corners, axis=(0, 1)) for corners in bodies])
     width, height = extents.max(axis=0)
     wide = width > height
-    with matplotlib.rc_context(STYLE):
-        if wide:
-            heights = extents[:, 1] * 6.0 / width
-            figure = Figure(figsize=(7.2, (heights + 0.35).sum()), layout="constrained")
-            axes = figure.subplots(len(bodies), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
-        else:
-            heights = extents[:, 1] * 7.2 / (extents[:, 0].sum() * 1.3)
-            figure = Figure(figsize=(7.2, heights.max() + 0.5), layout="constrained")
-            axes = figure.subplots(1, len(bodies), squeeze=False, gridspec_kw={"width_ratios": extents[:, 0]})[0]
-        if len(label) * INCHES_OF_A_LETTER > (heights.min() if wide else heights.max()):
-            titles, label = [f"{label}, {title}" for title in titles], ""
-        for axis, corners, value, title in zip(axes, bodies, values, titles, strict=True):
-            drawn = draw_cells(axis, corners, value, clim=scale or limits_of(value))
-            axis.set_title(title, pad=4)
-            # One scale of length for all: every axis shows as much as the largest body needs along its common side.
-            middle = corners.mean(axis=(0, 1))
-            if wide:
-                axis.set_xlim(middle[0] - 0.5 * width, middle[0] + 0.5 * width)
-            else:
-                axis.set_ylim(middle[1] - 0.5 * height, middle[1] + 0.5 * height)
-            figure.colorbar(drawn, ax=axis, label=label, fraction=0.05, pad=0.01)
-        return figure
+    heights = extents[:, 1] * (6.0 / width if wide else 7.2 / (extents[:, 0].sum() * 1.3))
+    shape = (len(bodies), 1) if wide else (1, len(bodies))
+    ratios = {"height_ratios": heights} if wide else {"width_ratios": extents[:, 0]}
+    figure = Figure(figsize=(7.2, (heights + 0.35).sum() if wide else heights.max() + 0.5), layout="constrained")
+    axes = figure.subplots(*shape, squeeze=False, gridspec_kw=ratios).flat
+    if len(label) * INCHES_OF_A_LETTER > (heights.min() if wide else heights.max()):
+        titles, label = [f"{label}, {title}" for title in titles], ""
+    for axis, corners, value, title, scale in zip(axes, bodies, values, titles, scales, strict=True):
+        drawn = draw_cells(axis, corners, value, clim=scale)
+        axis.set_title(title, pad=4)
+        # One scale of length for all: every axis shows as much as the largest body needs along its common side.
+        (x, y), half = corners.mean(axis=(0, 1)), 0.5 * max(width, height)
+        axis.set(**({"xlim": (x - half, x + half)} if wide else {"ylim": (y - half, y + half)}))
+        figure.colorbar(drawn, ax=axis, label=label, fraction=0.05, pad=0.01)
+    return figure
+
+
+def _solids(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scales: list[Limits]) -> Figure:
+    """Return the figure of solids."""
+    places = [cells.nodes + displacement for cells, displacement in moved]
+    box = np.array([np.min([nodes.min(axis=0) for nodes in places], axis=0), np.max([nodes.max(axis=0) for nodes in places], axis=0)])
+    axis, middle = cut_of(moved[0][0])
+    across = [other for other in range(3) if other != axis]
+    figure = Figure(figsize=(7.2, 2.9 * len(moved)), layout="constrained")
+    for number, ((cells, _), nodes, value, title, scale) in enumerate(zip(moved, places, values, titles, scales, strict=True)):
+        limits = Normalize(*scale)
+        outside = figure.add_subplot(len(moved), 2, 2 * number + 1, projection="3d", computed_zorder=False)
+        draw_outside(outside, cells, nodes, matplotlib.colormaps["turbo"](limits(value)), box, zoom=1.25)
+        outside.set_title(title, pad=0)
+        cut = figure.add_subplot(len(moved), 2, 2 * number + 2)
+        polygons, owners = section(cells, nodes, axis, middle)
+        drawn = PolyCollection([polygon[:, across] for polygon in polygons], array=value[owners], cmap="turbo", norm=limits, lw=0.2)
+        drawn.set_edgecolor("face")
+        cut.add_collection(drawn)
+        cut.set(aspect="equal", xlim=box[:, across[0]], ylim=box[:, across[1]])
+        cut.set_axis_off()
+        cut.set_title(f"deformed section, at rest at x{axis + 1} = {middle:.4g}", pad=2)
+        figure.colorbar(drawn, ax=cut, label=label, fraction=0.05, pad=0.05, shrink=0.8)
+    return figure
+
+
+def cut_of(cells: CellMesh) -> tuple[int, float]:
+    """Return the plane that cuts a body in a picture: its normal axis, and its place on that axis."""
+    # The last of equal sides, so that the cut of a cube shows x1, the direction of loading.
+    sides = np.ptp(cells.nodes, axis=0)[::-1]
+    axis = 2 - int(np.argmin((sides / sides.max()).round(9)))
+    return axis, float(cells.nodes[:, axis].min() + cells.nodes[:, axis].max()) / 2
+
+
+def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray, box: np.ndarray, zoom: float) -> None:
+    """Draw the outer sides of cells that face the eye, far ones first, in the colours of the cells (n, 4), within the corners of a box."""
+    (left, bottom, back), (right, top, front) = box
+    axes.set(xlim=(left, right), ylim=(bottom, top), zlim=(back, front))
+    axes.set_box_aspect(box[1] - box[0], zoom=zoom)
+    axes.view_init(ELEVATION, AZIMUTH)
+    axes.set_proj_type("ortho")
+    axes.set_axis_off()
+    corners, beside = cells.faces
+    outer = beside[:, 1] < 0
+    sides, owners = nodes[corners[outer]], beside[outer, 0]
+    normals = np.cross(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1])  # of triangles as well, which repeat the last corner
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    seen = np.flatnonzero(normals @ EYE > 0)
+    seen = seen[np.argsort(sides[seen].mean(axis=1) @ EYE)]
+    brightness = 0.8 + 0.2 * np.clip(normals[seen] @ LightSource(AZIMUTH, 45).direction, 0, 1)
+    colours = of_cells[owners[seen]].copy()
+    colours[:, :3] *= brightness[:, None]
+    axes.add_collection3d(Poly3DCollection(sides[seen], facecolors=colours, edgecolors=colours, linewidths=0.2, zsort="average"))
+
+
+def section(cells: CellMesh, nodes: np.ndarray, axis: int, position: float) -> tuple[list[np.ndarray], np.ndarray]:
+    """Return the cells that a plane of the undeformed body cuts, as deformed polygons.
+
+    Parameters
+    ----------
+    cells : CellMesh
+        Cells of a solid.
+    nodes : ndarray, shape (k, 3)
+        Deformed positions of their nodes.
+    axis : int
+        Normal axis of the plane.
+    position : float
+        Coordinate of the plane along the axis.
+
+    Returns
+    -------
+    polygons : list of ndarray, each of shape (corners, 3)
+    owners : ndarray of int
+        Numbers of the cells of the polygons.
+    """
+    # Corners on the plane count as below it: of two cells that share a side there, one has the cut.
+    above = cells.nodes[:, axis] > position
+    polygons, owners, begin = [], [], 0
+    for block in cells.blocks:
+        edges = np.array(EDGES_OF_CELLS[block.shape[1]])
+        cut = np.flatnonzero(above[block].any(axis=1) & ~above[block].all(axis=1))
+        for number in cut:
+            ends = block[number][edges]
+            ends = ends[above[ends[:, 0]] != above[ends[:, 1]]]
+            heights = cells.nodes[ends, axis]
+            share = ((position - heights[:, 0]) / (heights[:, 1] - heights[:, 0]))[:, None]
+            was, now = ((1 - share) * at[ends[:, 0]] + share * at[ends[:, 1]] for at in (cells.nodes, nodes))
+            flat = np.delete(was - was.mean(axis=0), axis, axis=1)
+            polygons.append(now[np.argsort(np.arctan2(flat[:, 1], flat[:, 0]))])
+        owners.append(begin + cut)
+        begin += len(block)
+    return polygons, np.concatenate(owners)

@@ -8,15 +8,13 @@ or, without one, its checkpoint names the scene, or if a PVD index lists states 
 `Contents` of the run.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
 import socket
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -53,63 +51,51 @@ def occupied(folder: Path) -> Iterator[None]:
     FolderTaken
         If another run is writing there.
     """
-    with made(folder), _held(folder.resolve()):
-        yield
-
-
-@contextmanager
-def _held(place: Path) -> Iterator[None]:
-    if _occupied.get(place) == threading.get_ident():
-        yield
-        return
-    lock, mine = place / LOCK, f"{os.getpid()} {socket.gethostname()}"
-    while True:
+    with made(folder):
+        place, thread = folder.resolve(), threading.get_ident()
+        if _occupied.get(place) == thread:
+            yield
+            return
+        lock = place / LOCK
+        while _occupied.get(place) != thread:
+            try:
+                with lock.open("x", encoding="utf-8") as file:
+                    file.write(f"{os.getpid()} {socket.gethostname()}")
+                _occupied[place] = thread
+            except FileExistsError:
+                _remove_if_left(lock, place)
         try:
-            with lock.open("x", encoding="utf-8") as file:
-                file.write(mine)
-            break
-        except FileExistsError:
-            _remove_if_left(lock, place)
-    _occupied[place] = threading.get_ident()
-    try:
-        yield
-    finally:
-        del _occupied[place]
-        lock.unlink(missing_ok=True)
+            yield
+        finally:
+            del _occupied[place]
+            lock.unlink(missing_ok=True)
 
 
 def _remove_if_left(lock: Path, folder: Path) -> None:
     """Remove the lock of a process that no longer lives; raise FolderTaken if it may still live."""
-    try:
+    with suppress(FileNotFoundError):  # another process has removed it
         owner = lock.read_text("utf-8")
-    except FileNotFoundError:
-        return
-    process, _, host = owner.partition(" ")
-    here = host == socket.gethostname() and process.isdecimal()
-    if not here or folder in _occupied or (int(process) != os.getpid() and _lives(int(process))):
-        who = f"process {process} on {host}" if host else "another process"
-        raise FolderTaken(f"{folder}: {who} is writing a run there; give another folder (if there is no such run, remove {lock})")
-    # Moved first: of two processes that find the same old lock, neither removes the new lock of the other.
-    aside = lock.with_name(f"{LOCK}-{os.getpid()}-{threading.get_ident()}")
-    try:
+        process, _, host = owner.partition(" ")
+        here = host == socket.gethostname() and process.isdecimal()
+        if not here or folder in _occupied or (int(process) != os.getpid() and _lives(int(process))):
+            who = f"process {process} on {host}" if host else "another process"
+            raise FolderTaken(f"{folder}: {who} is writing a run there; give another folder (if there is no such run, remove {lock})")
+        # Moved first: of two processes that find the same old lock, neither removes the new lock of the other.
+        aside = lock.with_name(f"{LOCK}-{os.getpid()}-{threading.get_ident()}")
         lock.rename(aside)
-    except FileNotFoundError:
-        return
-    if aside.read_text("utf-8") == owner:
-        aside.unlink()
-    else:
-        aside.rename(lock)
+        if aside.read_text("utf-8") == owner:
+            aside.unlink()
+        else:
+            aside.rename(lock)
 
 
 def _lives(process: int) -> bool:
-    if os.name == "nt":  # on Windows signal 0 ends the process
-        return True
     try:
-        os.kill(process, 0)
+        with suppress(PermissionError):
+            if os.name != "nt":  # on Windows signal 0 ends the process
+                os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
         return False
-    except PermissionError:
-        pass
     return True
 
 
@@ -148,23 +134,19 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
     summary = read_summary(folder)
     found = Contents.read(summary or identity_in(folder))
     if found is None:
-        raise FolderTaken(f"{folder} holds results of {name} that do not tell their scene; {WAY_OUT}")
+        raise FolderTaken(f"{folder} holds results of {name} that do not name their scene; {WAY_OUT}")
     if differences := found.differences(contents):
         raise FolderTaken(f"{folder} holds the results of another run of {name}: {differences}; {WAY_OUT}")
     ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)
     if not ended and (folder / CHECKPOINT).exists():  # without a checkpoint nothing can be resumed
-        raise FolderTaken(
-            f"{folder} holds this run, ended before its time: go on with it by --resume, or begin it anew by --overwrite (resume=True or "
-            "overwrite=True in Python)"
-        )
+        ways = "go on with it by --resume, or begin it anew by --overwrite (resume=True or overwrite=True in Python)"
+        raise FolderTaken(f"{folder} holds this run, ended before its time: {ways}")
 
 
 def check_names(folder: Path, name: str, resumed: bool = False) -> None:
     """Raise FolderTaken if a file in a folder has the name of a result but no run wrote it; skip the checkpoint of a resumed run."""
     for path in (*(folder / kind for kind in (SUMMARY, *_HEADS)), *_files_of(folder, name)):
-        if path.name == CHECKPOINT and resumed:
-            continue
-        if path.exists() and not _is_ours(path):
+        if path.exists() and not _is_ours(path) and not (resumed and path.name == CHECKPOINT):
             raise FolderTaken(f"{path} was not written by a run and would be replaced; give another folder")
 
 
@@ -235,31 +217,26 @@ def is_marked(path: Path) -> bool:
 def _scenes_in(folder: Path) -> set[str]:
     """Return the names of the scenes whose runs a folder holds."""
     scenes = {path.stem for path in folder.glob("*.pvd") if _is_index(path)}
-    summary = read_summary(folder)
-    if summary is not None:
-        return scenes | {summary["scene"]}
-    begun = Contents.read(identity_in(folder))
-    return scenes if begun is None else scenes | {begun.scene["name"]}
+    if summary := read_summary(folder):
+        scenes.add(summary["scene"])
+    elif begun := Contents.read(identity_in(folder)):
+        scenes.add(begun.scene["name"])
+    return scenes
 
 
 def _is_index(path: Path) -> bool:
     """Return whether a PVD index lists states of a run, named like the index."""
-    if not is_marked(path):
-        return False
-    try:
+    listed = []
+    with suppress(OSError, ElementTree.ParseError):
         listed = [entry.get("file", "") for entry in ElementTree.parse(path).iter("DataSet")]
-    except (OSError, ElementTree.ParseError):
-        return False
-    return bool(listed) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.p?vtu", file) for file in listed)
+    return bool(listed) and is_marked(path) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.p?vtu", file) for file in listed)
 
 
 def read_summary(folder: Path) -> dict | None:
     """Return the summary of the run whose results a folder holds; None where there is none."""
-    try:
+    with suppress(OSError, ValueError, RecursionError):
         read = json.loads((folder / SUMMARY).read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return None
-    if not (isinstance(read, dict) and isinstance(read.get("levels"), list)):
-        return None
-    scene = read.get("scene")
-    return read if isinstance(scene, str) and scene and scene == Path(scene).name else None  # not a path: files are named after it
+        scene = read.get("scene") if isinstance(read, dict) and isinstance(read.get("levels"), list) else None
+        if isinstance(scene, str) and scene and scene == Path(scene).name:  # not a path: files are named after it
+            return read
+    return None

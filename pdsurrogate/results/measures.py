@@ -1,18 +1,19 @@
-"""Measures of a deformed body: energy, displacements of the edges, fields on the points."""
-
-from __future__ import annotations
+"""Measures of a deformed body: energy, displacements of the edges, fields on the points and at probes."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import sparse
 
-from ..body import Body
+from ..body import Body, fields_at
 from ..forces import InternalForce
 from ..materials import PLANES
-from ..materials.stretches import principal_stretches
+from ..materials.states import principal_stretches
+from ..ranks import Share
+from ..scenes import Probe
 
 
 def strain_energy(force: InternalForce) -> float:
@@ -135,19 +136,16 @@ class PointState:
         return self.stress @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
 
     @cached_property
+    def stretches(self) -> np.ndarray:
+        """Principal stretches in falling order, of a sheet those in its plane, shape (n, d)."""
+        return principal_stretches(self.F)
+
+    @cached_property
     def principal_stretches(self) -> np.ndarray:
         """Principal stretches in falling order, including that of the thickness, shape (n, 3)."""
-        within = principal_stretches(self.F)
         if self.plane == "space":
-            return within
-        stretches = np.column_stack([within, self.deformation_gradient[:, 2, 2]])
-        return -np.sort(-stretches, axis=1)
-
-    def greatest_stretch(self) -> np.ndarray:
-        """Return the greatest principal stretch, of a sheet the greatest in its plane, shape (n,)."""
-        if self.plane == "space":
-            return self.principal_stretches[:, 0].copy()
-        return principal_stretches(self.F)[:, 0]
+            return self.stretches
+        return -np.sort(-np.column_stack([self.stretches, self.deformation_gradient[:, 2, 2]]), axis=1)
 
     def pressure(self) -> np.ndarray:
         """Return minus a third of the trace of the Cauchy stress, shape (n,)."""
@@ -157,10 +155,6 @@ class PointState:
         """Return the root of 3/2 s:s, with the deviator s of the Cauchy stress, shape (n,)."""
         deviator = self.cauchy_stress + self.pressure()[:, None, None] * np.eye(3)
         return np.sqrt(1.5 * (deviator * deviator).sum(axis=(1, 2)))
-
-    def thickness(self) -> np.ndarray | None:
-        """Return C33, the squared stretch of the thickness of a sheet, shape (n,); None of a solid."""
-        return None if self.plane == "space" else self.deformation_gradient[:, 2, 2] ** 2
 
 
 @dataclass(frozen=True)
@@ -190,10 +184,10 @@ def _with_three_components(vectors: np.ndarray) -> np.ndarray:
 POINT_FIELDS = {
     "position": PointField(lambda state: _with_three_components(state.position), 3, "length"),
     "displacement": PointField(lambda state: _with_three_components(state.displacement), 3, "length"),
-    "principal_stretch": PointField(PointState.greatest_stretch),
+    "principal_stretch": PointField(lambda state: state.stretches[:, 0].copy()),
     "principal_stretches": PointField(lambda state: state.principal_stretches, 3),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
-    "C33": PointField(PointState.thickness),
+    "C33": PointField(lambda state: None if state.plane == "space" else state.deformation_gradient[:, 2, 2] ** 2),
     "stress": PointField(lambda state: state.stress, 9, "stress"),
     "cauchy_stress": PointField(lambda state: state.cauchy_stress, 9, "stress"),
     "von_mises": PointField(PointState.von_mises, unit="stress"),
@@ -254,3 +248,72 @@ def _split(name: str) -> tuple[str, tuple[int, ...]]:
     """Return a field's name and the indices of the component that its digits name: ("stress", (1, 1)) for ``stress_22``."""
     found = re.fullmatch(r"(.+)_([123]{1,2})", name)
     return (found[1], tuple(int(digit) - 1 for digit in found[2])) if found else (name, ())
+
+
+class Probes:
+    """Places in a body at which displacement, stress and deformation gradient are read.
+
+    Parameters
+    ----------
+    body : Body
+    probes : sequence of Probe
+    portion_of : ndarray of int, shape (n,), optional
+        Number of the material of every point, in a body of several materials.
+    share : Share
+        Part of the body on this rank.
+
+    Raises
+    ------
+    ValueError
+        If a place lies outside the body, or has too few points around it; the message names the key.
+    """
+
+    def __init__(self, body: Body, probes: tuple[Probe, ...], portion_of: np.ndarray | None = None, share: Share | None = None) -> None:
+        self._names, self._rows, self._share = [probe.name for probe in probes], [], share or body.share
+        for number, probe in enumerate(probes):
+            try:
+                rows = fields_at(body, np.array([probe.at]), portion_of)
+            except ValueError as error:
+                raise ValueError(f"probes.{number}.at: {error}") from None
+            # A row that serves several components is restricted once.
+            own = {id(row): self._share.own_columns(row) for of_kind in rows for row in of_kind}
+            self._rows.append([[own[id(row)] for row in of_kind] for of_kind in rows])
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def read(self, state: PointState) -> dict[str, dict[str, list]]:
+        """Return the values at the probes in a state.
+
+        One linear fit to the surrounding points extrapolates displacements, stresses and gradients to the place.
+
+        Returns
+        -------
+        dict
+            For each name of a probe ``displacement`` (d components), ``stress`` (first Piola-Kirchhoff, 3 by 3) and ``F`` (3 by 3).
+        """
+        stress, gradient = (field.reshape(len(field), 9) for field in (state.stress, state.deformation_gradient))
+        return {
+            name: {
+                # The weights of a row sum to 1 and reproduce the place, so they apply to displacements as to positions.
+                "displacement": self._share.total(_read(moved, state.displacement)).tolist(),
+                "stress": self._share.total(_read(tensors, stress)).reshape(3, 3).tolist(),
+                "F": self._share.total(_read(tensors, gradient)).reshape(3, 3).tolist(),
+            }
+            for name, (moved, tensors) in zip(self._names, self._rows, strict=True)
+        }
+
+    def columns(self, displacements: np.ndarray) -> dict[str, float]:
+        """Return the displacements at the probes from those of the points (n, d), for a row of the history."""
+        return {
+            f"{name}_displacement_{component}": float(value)
+            for name, (moved, _) in zip(self._names, self._rows, strict=True)
+            for component, value in enumerate(self._share.total(_read(moved, displacements)), 1)
+        }
+
+
+def _read(rows: Sequence[sparse.csr_array], values: np.ndarray) -> np.ndarray:
+    """Return values at a place, shape (m,), from those at the points (n, m); rows that are one object serve any number of components."""
+    if all(row is rows[0] for row in rows):
+        return (rows[0] @ values)[0]
+    return np.array([(row @ values[:, component])[0] for component, row in enumerate(rows)])

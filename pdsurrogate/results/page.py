@@ -1,7 +1,5 @@
 """HTML page of a result: pictures of fields with a slider over the outputs, curves and tables; it loads nothing from a network."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

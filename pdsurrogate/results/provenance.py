@@ -1,10 +1,9 @@
 """Provenance of a result: version and state of the package, time, and machine."""
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -33,12 +32,10 @@ def provenance() -> dict:
 @cache
 def processor() -> str:
     """Return the name of the processor that the system reports."""
-    try:
+    with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
     return platform.processor() or platform.machine()
 
 
@@ -52,7 +49,6 @@ def git_state() -> dict | None:
     def git(*words: str) -> str:
         return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, timeout=10, check=True).stdout.strip()
 
-    try:
+    with suppress(OSError, subprocess.SubprocessError):
         return {"commit": git("rev-parse", "HEAD"), "modified": bool(git("status", "--porcelain", "--untracked-files=no"))}
-    except (OSError, subprocess.SubprocessError):
-        return None
+    return None

@@ -100,22 +100,18 @@ class Result:
         """
         folder = Path(folder)
         with occupied(folder):
-            self._write(folder, overwrite)
-
-    def _write(self, folder: Path, overwrite: bool) -> None:
-        streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
-        if not streamed:
-            contents = Contents.read(self.summary)
-            if self.body is None or contents is None:
-                raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
-            make_room(folder, contents, overwrite)
-            if self.states:
+            streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
+            if not streamed:
+                contents = Contents.read(self.summary)
+                if self.body is None or contents is None:
+                    raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
+                make_room(folder, contents, overwrite)
                 written = StatesInFiles(folder, self.scene.name, self.body)
                 for number in range(len(self.states)):
                     written.append(*self.states[number])
-        if self.states:
-            _drawings().save_drawings(self, folder)
-        write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
+            if self.states:
+                _drawings().save_drawings(self, folder)
+            write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
 
     def figure(self) -> Figure:
         """Return a figure of the deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from ..body import Body, CellMesh
-from ..ranks import Share
 from . import vtk
 from .folder import is_marked, state_files
 
@@ -41,51 +37,40 @@ class Moment:
     t: float | None = None
 
 
-class States(Protocol):
-    """Recorded states in order: pairs of a moment and the fields on the points."""
-
-    @property
-    def moments(self) -> list[Moment]: ...
-
-    def append(self, moment: Moment, fields: Fields) -> None:
-        """Record a state."""
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, number: int) -> tuple[Moment, Fields]: ...
-
-
-class StatesInMemory(list):
-    """States kept in memory."""
-
-    @property
-    def moments(self) -> list[Moment]:
-        """Moments of the states."""
-        return [moment for moment, _ in self]
-
-    def append(self, moment: Moment, fields: Fields) -> None:
-        """Record a state."""
-        super().append((moment, fields))
-
-
-class Moments:
-    """Record of when states were reached (`Moment`), without their fields: for all ranks but the first, which has the fields."""
+class States:
+    """Record of when states were reached, in order; it has no fields, on all ranks but the first, which has them."""
 
     def __init__(self, moments: list[Moment] | None = None) -> None:
         self.moments = list(moments or [])
 
     def append(self, moment: Moment, fields: Fields) -> None:
-        """Record when a state was."""
+        """Record a state."""
         self.moments.append(moment)
 
     def __len__(self) -> int:
         return len(self.moments)
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
+        """Return the moment of a state, and its fields on the points."""
         raise RuntimeError("the fields of a run on several ranks are on the first of them")
 
 
-class StatesInFiles:
+class StatesInMemory(States):
+    """States kept in memory."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._fields: list[Fields] = []
+
+    def append(self, moment: Moment, fields: Fields) -> None:
+        super().append(moment, fields)
+        self._fields.append(fields)
+
+    def __getitem__(self, number: int) -> tuple[Moment, Fields]:
+        return self.moments[number], self._fields[number]
+
+
+class StatesInFiles(States):
     """States as a VTU series with a PVD index, written when they are reached, and read back when they are used.
 
     Every rank of a divided body writes a piece of each state, for its own points.
@@ -102,8 +87,9 @@ class StatesInFiles:
     """
 
     def __init__(self, folder: Path, name: str, body: Body | None = None, moments: list[Moment] | None = None) -> None:
+        super().__init__(moments)
         self.folder, self.name, self.body = folder, name, body
-        self.moments = list(moments or [])
+        self._paths = [self._path(number) for number in range(len(self.moments))]
         if moments is not None and body.share.leads:
             self._write_index()
             for number, path in state_files(folder, name):
@@ -130,6 +116,7 @@ class StatesInFiles:
         for run_time, path in vtk.read_index(folder / f"{name}.pvd")[:most]:
             values = vtk.read_values(path)
             states.moments.append(Moment(run_time, values.get("stretch"), values.get("time", 0.0), values.get("t")))
+            states._paths.append(path)
         return states
 
     @property
@@ -147,10 +134,11 @@ class StatesInFiles:
             cells, used = cells.only(share.own)
             nodes = nodes[used]
             fields = {name: field[share.own] for name, field in fields.items()} | {vtk.NUMBER: share.numbers[share.own]}
-        with _for_all(share):
+        with share.ranks.together():
             vtk.write_state(_piece(path, share.ranks.rank) if self.in_pieces else path, cells, nodes, fields, values)
-        self.moments.append(moment)
-        with _for_all(share):
+        super().append(moment, fields)
+        self._paths.append(path)
+        with share.ranks.together():
             if self.in_pieces and share.leads:
                 pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]
                 vtk.write_pieces(path, pieces, {name: field[:1].size for name, field in fields.items()})
@@ -158,7 +146,7 @@ class StatesInFiles:
                 self._write_index()
 
     def _write_index(self) -> None:
-        entries = [(moment.run_time, self._path(number).name) for number, moment in enumerate(self.moments)]
+        entries = [(moment.run_time, path.name) for moment, path in zip(self.moments, self._paths, strict=True)]
         vtk.write_index(self.folder / f"{self.name}.pvd", entries)
 
     def _path(self, number: int) -> Path:
@@ -166,16 +154,12 @@ class StatesInFiles:
         path = self.folder / f"{self.name}-{number:03d}.pvtu"
         return path if path.exists() else path.with_suffix(".vtu")
 
-    def __len__(self) -> int:
-        return len(self.moments)
-
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        number = range(len(self.moments))[number]
-        return self.moments[number], vtk.read_state(self._path(number))[2]
+        return self.moments[number], vtk.read_state(self._paths[number])[2]
 
     def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of a state, and the displacements of their nodes."""
-        return vtk.read_state(self._path(range(len(self.moments))[number]))[:2]
+        return vtk.read_state(self._paths[number])[:2]
 
 
 def _piece(path: Path, rank: int) -> Path:
@@ -198,14 +182,3 @@ def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
     if np.any(fields.get("damage", 0)) or body.separates is not None:
         cells = cells.torn(*state)
     return cells, cells.moved(*state)
-
-
-@contextmanager
-def _for_all(share: Share) -> Iterator[None]:
-    """Run a block that writes on every rank, and raise the error of one rank on all of them."""
-    error = None
-    try:
-        yield
-    except OSError as found:
-        error = found
-    share.agree(error)

@@ -1,11 +1,10 @@
 """Tables of a run: history and convergence as CSV and HTML, with units in their headers, and the summary."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -69,10 +68,8 @@ def read_table(path: Path) -> list[dict]:
 
 def _plain(text: str) -> int | float | str:
     for kind in (int, float):
-        try:
+        with suppress(ValueError):
             return kind(text)
-        except ValueError:
-            continue
     return text
 
 

@@ -1,7 +1,5 @@
 """VTU files with a PVD index, for ParaView."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
@@ -20,8 +18,6 @@ EXACT = ("position", DISPLACEMENT)
 
 NUMBER = "number"
 """Field of a piece with the numbers of its points in the whole body."""
-
-VTK_KINDS = {np.float64: "Float64", np.float32: "Float32", np.int64: "Int64"}
 
 
 def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str, np.ndarray], values: dict[str, float]) -> None:
@@ -76,19 +72,13 @@ def write_pieces(path: Path, pieces: list[str], fields: dict[str, int]) -> None:
     """
 
     def array(name: str, kind: type, components: int) -> str:
-        return f'<PDataArray type="{VTK_KINDS[kind]}" Name={quoteattr(name)} NumberOfComponents="{components}"/>'
+        type_in_vtk = np.dtype(kind).name.capitalize()
+        return f'<PDataArray type="{type_in_vtk}" Name={quoteattr(name)} NumberOfComponents="{components}"/>'
 
-    _write_listing(
-        path,
-        "PUnstructuredGrid",
-        ' GhostLevel="0"',
-        [
-            f"<PPoints>{array('Points', np.float64, 3)}</PPoints>",
-            f"<PPointData>{array(DISPLACEMENT, np.float32, 3)}</PPointData>",
-            "<PCellData>" + "".join(array(name, _kind(name), components) for name, components in fields.items()) + "</PCellData>",
-            *(f"<Piece Source={quoteattr(piece)}/>" for piece in pieces),
-        ],
-    )
+    on_cells = "".join(array(name, _kind(name), components) for name, components in fields.items())
+    points = f"<PPoints>{array('Points', np.float64, 3)}</PPoints>", f"<PPointData>{array(DISPLACEMENT, np.float32, 3)}</PPointData>"
+    listed = (f"<Piece Source={quoteattr(piece)}/>" for piece in pieces)
+    _write_listing(path, "PUnstructuredGrid", ' GhostLevel="0"', [*points, f"<PCellData>{on_cells}</PCellData>", *listed])
 
 
 def write_index(path: Path, entries: list[tuple[float, str]]) -> None:

@@ -1,16 +1,15 @@
 """Energy account of a stage in dynamics: work of holders and loads, kinetic energy, and energy lost in damping and breaking bonds."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.conditions import Reactions
-from ..solvers.dynamics import Power
-from ..solvers.minimiser import EnergyMinimiser
-from ..solvers.motion import Motion
+from ..solvers.dynamics import ExplicitDynamics, Power
+from ..solvers.equilibrium import Diverging
+from ..solvers.increments import Motion
+from ..solvers.methods import EnergyMinimiser
 from .run import Run
 
 STEPS_PER_ROW = 20
@@ -51,10 +50,10 @@ class Account:
         Kinetic energy and strain energy at the start.
     work, damped_energy, released_energy : float
         Work of all holders and loads, energy dissipated by damping, and energy released by breaking bonds since then.
-    power, damped_power : list of float
-        `Power` as last computed.
-    rate_time, damped_time : float
-        Times at which these were computed: at the last row of the history or in a step since.
+    power, damped_power : Power
+        Power as last computed; lists in a checkpoint.
+    rate_time : float
+        Time at which these were computed: at the last row of the history or in a step since.
     row_time : float
         Time of the last row.
     most_put_in : float
@@ -74,10 +73,9 @@ class Account:
     work: float = 0.0
     damped_energy: float = 0.0
     released_energy: float = 0.0
-    power: list[float] = field(default_factory=lambda: [*Power()])
-    damped_power: list[float] = field(default_factory=lambda: [*Power()])
+    power: Sequence[float] = Power()
+    damped_power: Sequence[float] = Power()
     rate_time: float = 0.0
-    damped_time: float = 0.0
     row_time: float = 0.0
     most_put_in: float = 0.0
     gap: float = 0.0
@@ -122,46 +120,28 @@ class Bookkeeping:
     def kinetic_energy(self) -> float:
         """Return the kinetic energy at the time of the positions if `every_step`, else that of the last half step."""
         integrator = self._integrator
-        kinetic = integrator.kept_energy(integrator.velocities_around())[1] if self.every_step else integrator.kinetic_energy()
+        kinetic = integrator.kept_energy()[1] if self.every_step else integrator.kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
         return kinetic
 
-    def reactions(self) -> Reactions:
-        """Return the reactions of all supports, from the forces that move the body."""
-        return self._run.loading.reactions(self._run.force, self._integrator.forces)
-
     def count_release(self) -> None:
         """Add the energy that breaking bonds removed in the last step."""
         if self.every_step:
-            arriving, leaving = self._integrator.kept_energy(self._integrator.velocities_around())
+            arriving, leaving = self._integrator.kept_energy()
             self.account.released_energy += arriving - leaving
 
     def between_rows(self) -> None:
         """Add work and damped energy in a step that has no row."""
         if self.every_step:
-            self.add_work(self.reactions())
             breaking = self.closes and self._integrator.steps - self.account.last_break < STEPS_PER_ROW
-            self.add_damping(evaluate=breaking or self._uneven())
+            self.advance(self._run.loading.reactions(self._run.force, self._integrator.forces), evaluate=breaking or self._uneven())
 
     def _uneven(self) -> bool:
         """Return whether supports change velocity faster than the viscosity allows the elastic forces to be followed."""
         viscosity, motion, now = self._viscosity, self._motion, self._run.state.parameter
         last = motion.at(self.account.time - self._integrator.last_step)
         return viscosity > 0 and self._run.loading.unevenness(last, now, now + viscosity * motion.rate) > LEAST_UNEVENNESS
-
-    def add_work(self, reactions: Reactions) -> None:
-        """Add the work of holders and loads since the last call, while the force is still the one that moves the body."""
-        run, account = self._run, self.account
-        power = self._held_power = self._power_of_holders(reactions)
-        self._held_reactions = reactions
-        if run.loads is not None:
-            thickness, around = run.loaded.thickness(), self._integrator.velocities_around()
-            loads = (run.body.share.total(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
-            power = power.plus(Power(*loads))
-        # At the start the account is empty, and no time has passed.
-        account.work += self._work_over(account.time - account.rate_time, Power(*account.power), power)
-        account.power, account.rate_time = [*power], account.time
 
     def _power_of_holders(self, reactions: Reactions) -> Power:
         """Return the power of all supports, moving as over the last step, and as over a step of that length to come."""
@@ -176,35 +156,43 @@ class Bookkeeping:
             return 0.5 * elapsed * (last.after + power.before)
         return 0.5 * elapsed * (last.now + power.now)
 
-    def add_damping(self, evaluate: bool) -> None:
-        """Add the energy that damping dissipated since the last call.
+    def advance(self, reactions: Reactions, evaluate: bool) -> None:
+        """Add the work of holders and loads, and the energy that damping dissipated, since the last call.
 
-        The viscous part needs the forces at the positions, which are either evaluated, so that the force is last evaluated there, or
-        followed.
+        The force is still the one that moves the body, with its `reactions`. The viscous part needs the forces at the positions, which are
+        either evaluated, so that the force is last evaluated there, or followed.
         """
-        account, integrator = self.account, self._integrator
+        run, account, integrator = self._run, self.account, self._integrator
+        elapsed, held = account.time - account.rate_time, self._power_of_holders(reactions)
+        power = held
+        if run.loads is not None:
+            thickness, around = run.loaded.thickness(), integrator.velocities_around()
+            loads = (run.body.share.total(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
+            power = held.plus(Power(*loads))
+        # At the start the account is empty, and no time has passed.
+        account.work += self._work_over(elapsed, Power(*account.power), power)
         if evaluate and self._viscosity > 0:
             integrator.find_elastic()
-        power, elapsed, last = integrator.damped_power(), account.time - account.damped_time, Power(*account.damped_power)
+        damped, last = integrator.damped_power(), Power(*account.damped_power)
         if self.every_step and self._viscosity > 0:
             # Viscosity dissipates a part of the work of the holders as well.
-            elastic = self._power_of_holders(self._elastic_reactions(evaluate))
-            power = power.plus(self._held_power).plus(elastic, -1.0)
+            elastic = self._power_of_holders(self._elastic_reactions(reactions, evaluate))
+            damped = damped.plus(held).plus(elastic, -1.0)
         if self.closes and account.last_break == integrator.steps:
             # Bonds that broke in this step changed the power since the last step; until then it was constant.
             quiet = max(0.0, elapsed - integrator.last_step)
             account.damped_energy += quiet * last.now
             elapsed -= quiet
-        account.damped_energy += self._work_over(elapsed, last, power)
-        account.damped_power, account.damped_time = [*power], account.time
+        account.damped_energy += self._work_over(elapsed, last, damped)
+        account.power, account.damped_power, account.rate_time = power, damped, account.time
 
-    def _elastic_reactions(self, evaluated: bool) -> Reactions:
+    def _elastic_reactions(self, held: Reactions, evaluated: bool) -> Reactions:
         """Return the reactions without viscosity: exact if just `evaluated`, else relaxed as `ExplicitDynamics.elastic` is."""
         account, loading, on_points = self.account, self._run.loading, self._integrator.elastic_with_loads()
         if evaluated:
             found = loading.reactions(self._run.force, on_points)
         else:
-            held, share = self._held_reactions, self._integrator.followed
+            share = self._integrator.followed
             planes = (account.on_planes, held.on_planes), (account.levers, held.levers)
             on_planes, levers = (None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now for old, now in planes)
             found = loading.reactions_of(on_planes, levers, on_points)

@@ -1,7 +1,5 @@
 """Cracks of a run: which bonds break, where cracks begin and how their tips move."""
 
-from __future__ import annotations
-
 import logging
 
 import numpy as np
@@ -9,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from ..forces import InvalidState
 from ..ranks.share import connected
-from ..solvers import ExplicitDynamics
+from ..solvers.dynamics import ExplicitDynamics
 from .account import Account
 from .run import Run
 
@@ -112,17 +110,12 @@ class Cracks:
         run = self._run
         return {"time": run.state.elapsed + self._account.time, run.loading.parameter: run.state.parameter}
 
-    def through(self) -> bool:
-        """Return whether the body has separated between its supports."""
-        run, ends = self._run, self._run.loading.ends()
-        _, piece = run.loading.pieces(~self._damage.broken)
-        pieces = [np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points])))) for points in ends]
-        run.state.crack["through"] = not all(np.isin(pieces[0], others).any() for others in pieces[1:])
-        return run.state.crack["through"]
-
-    def output(self) -> None:
-        """Record the places of the crack tips at an output."""
+    def output(self) -> bool:
+        """Record the places of the crack tips at an output; return whether the body has separated between its supports."""
         run, crack = self._run, self._run.state.crack
+        _, piece = run.loading.pieces(~self._damage.broken)
+        pieces = [np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points])))) for points in run.loading.ends()]
+        crack["through"] = not all(np.isin(pieces[0], others).any() for others in pieces[1:])
         entry = {**self._now(), "broken_bonds": crack["broken_bonds"]}
         places, events = self._damage.take_recent()
         tips = crack_tips(places, run.body.horizon)
@@ -132,6 +125,7 @@ class Cracks:
         # The tip of the largest crack keeps its place while no bond breaks.
         last = crack["tips"][-1]["tip"] if crack["tips"] else None
         crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
+        return crack["through"]
 
 
 def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:

@@ -1,6 +1,6 @@
 """Damage: bonds break irreversibly beyond a critical stretch (paper, Eqs. (29)-(31))."""
 
-from __future__ import annotations
+from functools import cached_property
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from ..body import Body, rows_of
 from ..engine.block_arrays import BLOCK
 from ..engine.threads import chunks_of
 from ..kernels.damage import find_overstretched
+from ..ranks import Rows
 
 
 class Damage:
@@ -41,17 +42,12 @@ class Damage:
         self._found = np.empty(len(first), dtype=np.uint32)
         chunks = chunks_of(len(bonds.first))
         self._counts = np.zeros(chunks.number, dtype=np.int64)
-        self._find = find_overstretched[body.dimension].bind(
-            body.all_points,
-            first,
-            second,
-            self._limits.reshape(-1, BLOCK),
-            np.zeros((chunks.threads, body.dimension, BLOCK)),
-            self._found,
-            self._counts,
-            chunks=chunks,
-        )
-        self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)
+        scratch = np.zeros((chunks.threads, body.dimension, BLOCK))
+        arrays = body.all_points, first, second, self._limits.reshape(-1, BLOCK), scratch, self._found, self._counts
+        self._find = find_overstretched[body.dimension].bind(*arrays, chunks=chunks)
+        one, other = body.bonds.cut.T
+        self._whole = _by_points(body, bonds.first, bonds.second, self._weights)
+        self._whole += _by_points(body, one, other, body.weigh(_lengths(body, one, other)))
 
     def overstretched(self, positions: np.ndarray) -> np.ndarray:
         """Return the numbers of the intact pairs whose stretch exceeds the critical one, in ascending order.
@@ -79,6 +75,11 @@ class Damage:
         self._limits[: len(self.broken)][self.broken] = np.inf
         self._events = int(self.body.share.greatest(float(self.recent.max(initial=0))))
 
+    @cached_property
+    def _rows(self) -> Rows:
+        """Rows of the whole body that arrays of pairs hold."""
+        return rows_of(self.body, "pairs")
+
     def take_recent(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the middles (k, d) of all pairs that broke since the last call, and the rising numbers (k,) of their events."""
         found = self.in_order(np.flatnonzero(self.recent))
@@ -91,9 +92,8 @@ class Damage:
         Within an event the order is that of the pairs in the whole body, the same on any number of ranks.
         """
         body, share = self.body, self.body.share
-        rows = rows_of(body, "pairs")
-        pairs = pairs[rows.own[pairs]]
-        numbers = rows.numbers[pairs]
+        pairs = pairs[self._rows.own[pairs]]
+        numbers = self._rows.numbers[pairs]
         points, events = body.all_points, self.recent[pairs]
         places = (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2
         places, events, numbers = (np.concatenate(share.everywhere(rows)) for rows in (places, events, numbers))
@@ -102,28 +102,17 @@ class Damage:
 
     def at_points(self) -> np.ndarray:
         """Return the damage (31) of every point, shape (n,): the share of its bonds, by weight and volume, that are cut or broken."""
-        return 1 - self._sum(~self.broken) / self._whole
-
-    def _sum(self, intact: np.ndarray) -> np.ndarray:
-        bonds, body, n = self.body.bonds, self.body, len(self.body)
-        shares = self._weights * intact
-        total = np.bincount(bonds.first, shares * body.all_volumes[bonds.second], n)
-        within = bonds.second < n
-        return total + np.bincount(bonds.second[within], (shares * body.all_volumes[bonds.first])[within], n)
+        return 1 - _by_points(self.body, self.body.bonds.first, self.body.bonds.second, self._weights * ~self.broken) / self._whole
 
 
 def _lengths(body: Body, first, second) -> np.ndarray:
     return np.linalg.norm(body.all_points[second] - body.all_points[first], axis=1)
 
 
-def _cut_weights(body: Body) -> np.ndarray:
-    """Return the sum of w V over the bonds of every point that were cut from the outset."""
-    n, cut = len(body), body.bonds.cut
-    weights = body.weigh(_lengths(body, cut[:, 0], cut[:, 1]))
-    total = np.zeros(len(body.all_points))
-    for end in (0, 1):
-        np.add.at(total, cut[:, end], weights * body.all_volumes[cut[:, 1 - end]])
-    return total[:n]
+def _by_points(body: Body, first: np.ndarray, second: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the sum of w V over some bonds of every point."""
+    n, volumes, within = len(body), body.all_volumes, second < len(body)
+    return np.bincount(first, weights * volumes[second], n) + np.bincount(second[within], (weights * volumes[first])[within], n)
 
 
 def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:

@@ -15,9 +15,6 @@ SECONDS_TO_HEAR = 1.0
 class Interrupted(RuntimeError):
     """Raised where a run stops because of a signal or its time limit."""
 
-    def __init__(self) -> None:
-        super().__init__("interrupted")
-
 
 class Interruption:
     """Context in which an interrupt requests the end of a run, and enforces it if the run does not react; a second one ends it at once.

@@ -1,7 +1,5 @@
 """Stages in equilibrium: outputs on the way, and increments of the loading parameter between them."""
 
-from __future__ import annotations
-
 import logging
 from contextlib import suppress
 
@@ -11,22 +9,11 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
-from ..solvers import (
-    SOLVERS,
-    Diverging,
-    Equilibrium,
-    EquilibriumSolver,
-    Increments,
-    NotConverged,
-    RanAway,
-    TooFar,
-    TooSmall,
-    Unbalanced,
-    Unstable,
-    note_of_zero_energy_modes,
-)
-from ..solvers.branch import Branch
-from ..solvers.equilibrium import is_rigid, strain_of, strain_rounding
+from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, NoEquilibrium, NotConverged, RanAway, TooSmall, Unbalanced, note_of_modes
+from ..solvers.increments import Increments
+from ..solvers.methods import SOLVERS
+from ..solvers.nearest_bonds import is_rigid, strain_of, strain_rounding
+from ..solvers.stability import check_branch
 from .checkpoints import ACCEPTED
 from .interruption import Interrupted
 from .rows import equilibrium_columns, output_row
@@ -65,7 +52,7 @@ FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
 MOST_OFF = 1e-3
 """Greatest sum of all loads and reactions of an equilibrium, relative to the driving forces."""
 
-FAILURES = (NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable)
+FAILURES = NoEquilibrium, InvalidState
 """Failures that a shorter increment may avoid."""
 
 
@@ -101,7 +88,7 @@ class Equilibria:
 
     def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
         self.run, self.stage, self.solver = run, stage, solver
-        self._branch, self._course = Branch(run.loading, run.loaded, solver), run.loading.course
+        self._course = run.loading.course
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
         self._farthest = FARTHEST * run.body.extent
         self._evaluations: list[int] = []  # evaluations of every successful increment of the stage
@@ -141,8 +128,7 @@ class Equilibria:
             self._iterate, self._evaluations = run.positions.copy(), list(kept["evaluations"])
             self._last_output = arrays["last_output"].copy(), kept["last_output"]
             self._increments = Increments(end=self._outputs[run.state.outputs + 1], **kept["increments"])
-            run.positions[:] = arrays[f"{ACCEPTED}positions"]
-            for key, array in run.force.state_arrays().items():
+            for key, array in run.arrays().items():
                 array[:] = arrays[ACCEPTED + key]
         run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
@@ -151,8 +137,7 @@ class Equilibria:
         kept, arrays = None, {}
         if increments is not None:
             kept = {"increments": increments.describe(), "evaluations": self._evaluations, "last_output": self._last_output[1]}
-            arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()}
-            arrays |= {f"{ACCEPTED}positions": self._accepted.positions, "last_output": self._last_output[0]}
+            arrays = {ACCEPTED + key: array for key, array in self._accepted.arrays.items()} | {"last_output": self._last_output[0]}
         self.run.checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
 
     def _go_to_output(self, increments: Increments) -> Equilibrium | None:
@@ -174,23 +159,17 @@ class Equilibria:
                 spent = patience <= 0 or run.state.wasted >= min(MOST_WASTED, run.problem.solver.most_evaluations)
                 self._take_back(increments, error, ran_away or error, spent)
                 continue
-            ran_away, patience = None, np.inf
+            ran_away, patience, taken, easy = None, np.inf, run.force.evaluations - began, True
             if self._course.adaptive:
-                run.earlier = self._accepted.parameter, self._accepted.positions
-                self._lengthen(increments, run.force.evaluations - began)
-            else:
-                increments.accept()
+                run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]
+                easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
+                self._evaluations.append(taken)
+            if increments.accept(easy) and self._course.adaptive:
+                again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
+                run.note(run.state.parameter, reason=again)
             if run.damage is not None and run.body.share.any(len(run.damage.overstretched(run.force.positions)) > 0):
                 return None
         return equilibrium
-
-    def _lengthen(self, increments: Increments, taken: int) -> None:
-        """Continue after an increment of `taken` evaluations, with a longer one if it was easy."""
-        easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
-        self._evaluations.append(taken)
-        if increments.accept(easy):
-            again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
-            self.run.note(self.run.state.parameter, reason=again)
 
     def _follow(self, increments: Increments, patience: float) -> Equilibrium:
         """Bring the run to equilibrium at the end of the present increment, within `patience` evaluations."""
@@ -203,7 +182,7 @@ class Equilibria:
         run.loading.apply(target, run.loaded, start)
         run.positions[:] = start
         equilibrium = self._solve(target, tolerance, guess, patience, increments)
-        self._branch.check(state.parameter, target, guess, run.positions)
+        check_branch(run.loading, run.loaded, self.solver, state.parameter, target, guess, run.positions)
         if increments.ends:
             _check_resolved(run, target)
         state.parameter = target
@@ -230,7 +209,7 @@ class Equilibria:
 
         Raises
         ------
-        NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable
+        NoEquilibrium, InvalidState
             If the increment is not shortened: the cause of the failure, with the progress of the loading.
         """
         run, state = self.run, self.run.state
@@ -274,7 +253,7 @@ class Equilibria:
                 raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
             moved = 0.0 if run.loads is None else run.body.share.greatest(np.abs(run.positions - guess))
             if moved > self._farthest:
-                weak = note_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
+                weak = note_of_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
 
         least_drive = run.state.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0
@@ -316,14 +295,13 @@ class _Accepted:
     """Copy of the equilibrium from which an increment starts and to which the run returns if it fails."""
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
-        self.parameter, self.positions, self.gave_up = run.state.parameter, run.positions.copy(), solver.gave_up
-        self.arrays = {key: array.copy() for key, array in run.force.state_arrays().items()}
+        self.parameter, self.gave_up = run.state.parameter, solver.gave_up
+        self.arrays = {key: array.copy() for key, array in run.arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
         """Restore a run and its solver to this equilibrium."""
         run.state.parameter, solver.gave_up = self.parameter, self.gave_up
-        run.positions[:] = self.positions
-        for key, array in run.force.state_arrays().items():
+        for key, array in run.arrays().items():
             array[:] = self.arrays[key]
         run.loading.apply(self.parameter, run.loaded, run.positions)
 

@@ -1,7 +1,5 @@
 """Picture of a scene before it is run: its body, with regions, prescribed motions, loads, cuts and probes."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -15,13 +13,13 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from scipy.linalg import null_space
 from scipy.spatial import cKDTree
 
 from ..arguments import check_is
-from ..body import Body
 from ..problem import Problem, compile_scene
-from ..problem.problem import scene_errors
-from ..results import figures, views
+from ..problem.materials import scene_errors
+from ..results import figures
 from ..scenes import Load, Part, Prescribed, Scene
 from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
@@ -77,9 +75,12 @@ def preview(scene: Scene) -> Figure:
     problem = compile_scene(scene)
     with scene_errors(scene):
         marks = _marks(problem)
+    colours = np.tile(matplotlib.colors.to_rgba(PLAIN), (len(problem.body), 1))
+    for mark in marks:
+        colours[mark.points] = mark.colour
     with matplotlib.rc_context(figures.STYLE):
         draw = _in_space if scene.dimension == 3 else _in_the_plane
-        figure, axes = draw(problem, marks)
+        figure, axes = draw(problem, marks, colours)
         axes.set_title(f"{scene.name}: {len(problem.body):,} points, spacing {scene.units.amount(problem.body.spacing, 'length', 'g')}")
         handles: list[Artist] = [Patch(color=mark.colour, label=mark.text) for mark in marks]
         handles += [Line2D([], [], color="black", lw=2, label="cut")] if scene.precuts else []
@@ -106,29 +107,16 @@ def _marks(problem: Problem) -> list[_Mark]:
         size = f"{value:g}" if load.kind == "pressure" else f"({', '.join(f'{component:g}' for component in value)})"
         points = regions.points(load.region) if load.kind != "body_force" else np.zeros(0, dtype=int)
         found.append((f"{label}: {load.kind.replace('_', ' ')} {size}", points, None if load.kind == "pressure" else np.array(value)))
-    palette, middle = matplotlib.colormaps["tab10"], (problem.regions.lower + problem.regions.upper) / 2
-    return [
-        _Mark(
-            text,
-            points,
-            palette(number % 10),
-            problem.body.points[points].mean(axis=0) if len(points) else middle,
-            vector / np.linalg.norm(vector) if vector is not None and vector.any() else None,
-        )
-        for number, (text, points, vector) in enumerate(found)
-    ]
+    palette, middle, marks = matplotlib.colormaps["tab10"], (regions.lower + regions.upper) / 2, []
+    for number, (text, points, vector) in enumerate(found):
+        place = problem.body.points[points].mean(axis=0) if len(points) else middle
+        arrow = vector / np.linalg.norm(vector) if vector is not None and vector.any() else None
+        marks.append(_Mark(text, points, palette(number % 10), place, arrow))
+    return marks
 
 
-def _colours(body: Body, marks: list[_Mark]) -> np.ndarray:
-    """Return the colour of every cell."""
-    colours = np.tile(matplotlib.colors.to_rgba(PLAIN), (len(body), 1))
-    for mark in marks:
-        colours[mark.points] = mark.colour
-    return colours
-
-
-def _in_the_plane(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
-    """Draw the cells of a sheet with its marked regions and arrows."""
+def _in_the_plane(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tuple[Figure, Axes]:
+    """Draw the cells of a sheet in their colours, with the arrows of its marks."""
     scene, body = problem.scene, problem.body
     polygons = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
@@ -138,7 +126,7 @@ def _in_the_plane(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
     axes = figure.subplots()
     colour, width = ("white", 0.3) if len(body) <= MOST_CELLS_WITH_EDGES else ("face", 0.2)
     # The stub of PolyCollection leaves out that it takes one array of polygons.
-    cells = PolyCollection(polygons, facecolors=_colours(body, marks), edgecolors=colour, linewidths=width)  # type: ignore[arg-type]
+    cells = PolyCollection(polygons, facecolors=colours, edgecolors=colour, linewidths=width)  # type: ignore[arg-type]
     axes.add_collection(cells)
     with suppress(ValueError):  # of a body whose boundary only a load would need, and that has none
         surface = problem.regions.surface()
@@ -160,13 +148,15 @@ def _in_the_plane(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _in_space(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
-    """Draw a solid from outside with its marked regions and arrows."""
+def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tuple[Figure, Axes]:
+    """Draw a solid from outside, its cells in their colours, with the arrows of its marks."""
     scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    views.draw_outside(axes, body.cells, nodes, _colours(body, marks))
+    figures.draw_outside(axes, body.cells, nodes, colours, np.array([low, high]), zoom=0.95)
+    axes.set(xticks=[], yticks=[], zticks=[])
+    axes.set_axis_on()
     for mark in marks:
         if mark.arrow is not None:
             axes.quiver(*mark.place, *(2 * ARROW * (high - low).max() * mark.arrow), color=mark.colour, lw=2, zorder=5)
@@ -177,9 +167,6 @@ def _in_space(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
         hidden = _hidden(np.array(probe.at), tree, np.asarray(body.cell).min(), reach)
         axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7, alpha=0.35 if hidden else 1)
         axes.text(*probe.at, f" {probe.name}{' (hidden)' if hidden else ''}", zorder=8, alpha=0.6 if hidden else 1)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]), xticks=[], yticks=[], zticks=[])
-    axes.set_box_aspect(high - low, zoom=0.95)
-    axes.set_axis_on()
     for name, one, other, axis in zip("123", low, high, (axes.xaxis, axes.yaxis, axes.zaxis), strict=True):
         axis.set_label_text(f"x{name}: {scene.units.amount(f'{one:.4g} to {other:.4g}', 'length')}")
         axis.labelpad = -5  # there are no ticks between it and the axis
@@ -188,7 +175,7 @@ def _in_space(problem: Problem, marks: list[_Mark]) -> tuple[Figure, Axes]:
 
 def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
     """Return whether a place lies inside the body or on its far side: whether points lie between it and the eye."""
-    way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * views.EYE
+    way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * figures.EYE
     return bool((points.query(place + way)[0] < WITHIN * cell).any())
 
 
@@ -198,7 +185,5 @@ def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
         one, other = map(np.array, cut.sides)
         return np.array(cut.corner) + np.array([0 * one, one, one + other, other])
     _, normal, _ = cut.plane()
-    across = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    across /= np.linalg.norm(across)
-    angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)[:, None]
-    return np.array(cut.centre) + cut.radius * (np.cos(angles) * across + np.sin(angles) * np.cross(normal, across))
+    angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    return np.array(cut.centre) + cut.radius * np.column_stack([np.cos(angles), np.sin(angles)]) @ null_space(np.array([normal])).T

@@ -1,17 +1,11 @@
 """Measurements at an output: the rows of ``summary["levels"]``, and the columns of the history."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..body import Body
 from ..results import measures
-
-if TYPE_CHECKING:
-    from ..solvers.conditions import Reactions
-    from .run import Run
+from ..solvers.conditions import Reactions
+from .run import Run
 
 
 def forces_by_name(run: Run, reactions: Reactions) -> dict[str, np.ndarray]:
@@ -65,8 +59,8 @@ def equilibrium_columns(run: Run, level: dict) -> dict:
     row["strain_energy"] = run.strain_energy()
     row |= component_columns("force", level["forces"]) | component_columns("moment", level.get("moments", {}))
     for name, region in level.get("rigid", {}).items():
-        row |= component_columns("force", {f"{name}_rigid": region["force"]})
-        row |= component_columns("moment", {f"{name}_rigid": region["moment"]})
+        for kind in ("force", "moment"):
+            row |= component_columns(kind, {f"{name}_rigid": region[kind]})
     return row | state_columns(run)
 
 

@@ -1,39 +1,66 @@
 """One simulation under way: the problem, its forces, and the state that the stages of the programme advance."""
 
-from __future__ import annotations
-
+import os
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Protocol, runtime_checkable
 
 import numba
 import numpy as np
 
+from ..body import Body, ReflectionPlane
+from ..body.body import Cells
 from ..engine.threads import threads_for
 from ..forces import ForceModel
-from ..problem import Stage, compile_scene
-from ..problem.problem import scene_errors
-from ..ranks import communicator
+from ..problem import Problem, Stage, compile_scene
+from ..problem.materials import scene_errors
+from ..ranks import Communicator, communicator
 from ..results import measures
 from ..results.contents import Contents
-from ..results.probes import Probes
-from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory
+from ..results.states import Moment, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene
-from .checkpoints import Checkpoints
+from .checkpoints import Checkpoints, Record, State
 from .damage import Damage
 from .interruption import Interruption
-from .progress import Progress, Silent
-from .sharing import compile_first, threads_of
-from .state import State
-
-if TYPE_CHECKING:
-    from .record import Record
-
-__all__ = ["Progress", "Run", "Silent"]
 
 MOST_GATHERED = 500_000
 """Points of a body on several ranks beyond which each rank writes its own piece of a state.
 
 Gathering the state of so many points costs the first rank 0.16 GB and 10 s of processor time, while the others wait."""
+
+
+@runtime_checkable
+class Progress(Protocol):
+    """Receiver of the progress of a simulation; every method may do nothing."""
+
+    def compiling(self) -> None:
+        """Report that kernels are being compiled, which happens once on a machine."""
+
+    def level(self, number: int, parameter: float) -> None:
+        """Report that the search for an output in equilibrium begins: the number of its stage and its loading parameter."""
+
+    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
+        """Report the residual of a level."""
+
+    def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
+        """Report the share of a stage in dynamics that is done, from 0 to 1."""
+
+    def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
+        """Report the row that a stage in dynamics adds to the history."""
+
+
+class Silent:
+    """Progress that is not shown."""
+
+    def compiling(self, *_: Any, **__: Any) -> None:
+        """Do nothing."""
+
+    level = residual = dynamics = account = compiling
+
+
+class Oversubscribed(RuntimeWarning):
+    """More threads than cores: ranks wait for each other in loops, and each keeps a core from those it waits for."""
 
 
 class Run:
@@ -42,17 +69,18 @@ class Run:
     Parameters
     ----------
     scene : Scene
-    model : ForceModel
-        Model of the rest of the body, where there are several materials.
+    models : sequence of ForceModel
+        Model of the rest of the body, then those of the scene's `materials`, as `checked_models` returns them.
     progress : Progress
     folder : Path, optional
         Where states and checkpoints are written as they are reached.
     threads : int, optional
         Threads of the kernels; by default as many as pay for the body.
-    interruption : Interruption, optional
 
     Attributes
     ----------
+    interruption : Interruption
+        Signal or time limit that ends the run early; by default only a signal.
     problem : Problem
     force : InternalForce
     loaded : InternalForce or LoadedForce
@@ -76,33 +104,30 @@ class Run:
         Latest residual of the search for equilibrium.
     states : States
     checkpoints : Checkpoints
-    record_of_folder : Record or None
+    tables : Record
         Writer of the tables in the folder.
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        model: ForceModel,
-        progress: Progress,
-        folder: Path | None = None,
-        threads: int | None = None,
-        interruption: Interruption | None = None,
+        self, scene: Scene, models: Sequence[ForceModel], progress: Progress, folder: Path | None = None, threads: int | None = None
     ) -> None:
-        self.model, self.progress, self.folder = model, progress, folder
-        self.interruption, self.ranks = interruption or Interruption(), communicator()
-        self.problem = compile_scene(scene, model, self.ranks)
-        self.contents = Contents.of(scene, self.problem.models)
+        self.model, self.progress, self.folder = models[0], progress, folder
+        self.interruption, self.ranks = Interruption(), communicator()
+        self.problem = compile_scene(scene, models, self.ranks)
+        self.contents = Contents.of(scene, models)
         self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loading.loads
         self.stages: tuple[Stage, ...] = self.problem.stages
         paying = threads_for(len(self.body.bonds.first))
-        self.threads = (threads or paying) if self.ranks.size == 1 else threads_of(self.ranks, threads, paying)
+        self.threads = (threads or paying) if self.ranks.size == 1 else _threads_of(self.ranks, threads, paying)
         numba.set_num_threads(self.threads)
         if self.ranks.size > 1:
-            compile_first(self.ranks, model, self.problem)
+            _compile_first(self.ranks, self.model, self.problem)
         self.force, self.loaded = self.problem.bind()
+        portion_of = self.force.portion_of
+        if portion_of is not None:  # of the whole body
+            portion_of = self.ranks.to_all(self.body.share.gather(portion_of[: len(self.body)]))
         with scene_errors(scene):
-            self.probes = Probes(self.problem.whole, scene.probes, self._portion_of(), self.body.share)
+            self.probes = measures.Probes(self.problem.whole, scene.probes, portion_of, self.body.share)
         self.whole = None if self.ranks.rank else self.problem.whole
 
         self.positions = self.body.points.copy()
@@ -115,12 +140,16 @@ class Run:
         self.damage = None if critical is None else Damage(self.body, critical)
         self.states = self.states_of()
         self.checkpoints = Checkpoints(self)
-        self.record_of_folder: Record | None = None
+        self.tables = Record(self)
 
     def warm_up(self) -> None:
         """Compile everything before the clock of the evaluations starts."""
         self.force(self.positions, np.empty_like(self.positions))
         self.force.seconds, self.force.timed = 0.0, 0
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the positions and the arrays of state of the force, by name."""
+        return {"positions": self.positions, **self.force.state_arrays()}
 
     def takes_double(self) -> bool:
         """Return whether the force models can be evaluated in double instead of single precision."""
@@ -146,11 +175,10 @@ class Run:
 
     def states_of(self, moments: list[Moment] | None = None) -> States:
         """Return the storage of states, with the moments of those that are recorded already."""
-        if self._in_pieces:
-            return StatesInFiles(self.folder, self.problem.name, self.body, moments)
-        if self.ranks.rank:
-            return Moments(moments)
-        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, self.whole, moments)
+        writer = self.body if self._in_pieces else self.whole
+        if writer is None:
+            return States(moments)
+        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, writer, moments)
 
     @property
     def _in_pieces(self) -> bool:
@@ -158,17 +186,10 @@ class Run:
         large = self.body.share.size > MOST_GATHERED
         return large and self.ranks.size > 1 and self.folder is not None and not self.problem.meshed
 
-    def _portion_of(self) -> np.ndarray | None:
-        """Return the material of every point of the whole body; None where there is one."""
-        if self.force.portion_of is None:
-            return None
-        return self.ranks.to_all(self.body.share.gather(self.force.portion_of[: len(self.body)]))
-
     def report(self, event: str, *details) -> None:
         """Pass an event to the progress; rewrite history and summary in the folder if they are due."""
         getattr(self.progress, event)(*details)
-        if self.record_of_folder is not None:
-            self.record_of_folder.keep_if_due()
+        self.tables.keep_if_due()
 
     def note(self, increment: float, **entries) -> None:
         """Add a row about an increment on the way to the present target to the convergence."""
@@ -185,8 +206,7 @@ class Run:
         moment = Moment(**{"run_time": equilibria + since, "time": since, "stretch": None, self.loading.parameter: self.state.parameter})
         self._count_beyond_data(moment)
         self.states.append(moment, fields)
-        if self.record_of_folder is not None:
-            self.record_of_folder.keep_if_due(0.0 if len(self.states) > 1 else -np.inf)
+        self.tables.keep_if_due(0.0 if len(self.states) > 1 else -np.inf)
 
     def _count_beyond_data(self, moment: Moment) -> None:
         """Count the bonds, or of an energy the points, that are beyond the test data that the force was learnt from."""
@@ -215,3 +235,27 @@ class Run:
         bonds, own = self.body.bonds, self.body.share.own
         within = bonds.second < len(self.body)
         return int(np.count_nonzero(own[bonds.first[within]]) + np.count_nonzero(own[bonds.second[within]]))
+
+
+def _threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
+    """Return the number of threads of this rank: the one given, or else as many as pay, at most the cores per rank of its machine."""
+    here = ranks.here()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads = asked or max(1, min(paying, cores // here))
+    if here * threads > cores and ranks.rank == 0:
+        what = f"{here} ranks of {threads} thread{'s' * (threads > 1)} each share {cores} cores"
+        warnings.warn(f"{what}: each keeps the others waiting; take as many ranks as cores", Oversubscribed, stacklevel=3)
+    return threads
+
+
+def _compile_first(ranks: Communicator, model: ForceModel, problem: Problem) -> None:
+    """Compile the kernels on the first rank, so that the others load them and do not compete for its cores."""
+    if ranks.rank == 0:
+        dimension = problem.body.dimension
+        cells = Cells.filling((0.0,) * dimension, (8.0 if dimension == 2 else 5.0,) * dimension, 1.0)
+        points = cells.centres()
+        planes = (ReflectionPlane(0, 0.0, -1, (-1,) * dimension),)
+        body = Body(points, np.full(len(points), cells.volume), 3.15 if dimension == 2 else 1.75, 1.0, planes=planes)
+        force = model.bind(body, problem.law, problem.settings)
+        force(points.copy(), np.empty_like(points))
+    ranks.barrier()

@@ -9,6 +9,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .. import artifacts
@@ -16,23 +17,20 @@ from ..arguments import check_is, check_path, check_seconds, check_whole_number
 from ..engine.compile import compilation_clock
 from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from ..problem.materials import checked_models
-from ..ranks import communicator
+from ..problem.materials import checked_models, scene_errors
+from ..ranks import Communicator, communicator
 from ..results import Result
 from ..results.contents import Contents
 from ..results.files import remove_leftovers
 from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
+from ..results.provenance import provenance
 from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
-from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.conditions import FoldedOver
+from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from .interruption import Interrupted, Interruption
-from .progress import Progress, Silent
-from .record import Record
-from .run import Run
-from .sharing import refuse_different, together
+from .run import Progress, Run, Silent
 from .stages import SinglePrecisionLeft, go
-from .summary import result_of
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
@@ -190,42 +188,41 @@ def simulate(
         raise ValueError("give resume or overwrite, not both")
     ranks = communicator()
     if ranks.size > 1:
-        refuse_different(ranks, scene, model, folder, resume)
-    models = together(ranks, lambda: checked_models(scene, model))
+        _refuse_different(ranks, scene, model, folder, resume)
+    with ranks.together():
+        models = checked_models(scene, model)
     progress = Silent() if progress is None or ranks.rank else progress
     folder = None if folder is None else Path(folder)
     own = folder if ranks.rank == 0 else None  # of the rank that writes
-
-    def look_into_folder() -> None:
+    with ranks.together():  # before any work
         if own and resume:
             check_names(own, scene.name, resumed=True)
             remove_leftovers(own)
         elif own:
             check_room(own, Contents.of(scene, models), overwrite)
-
-    together(ranks, look_into_folder)  # before any work
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
     with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
-        run = Run(scene, model, progress, folder, threads and most, interruption)
+        run = Run(scene, models, progress, folder, threads and most)
+        run.interruption = interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
         if own and not resume:
             make_room(own, run.contents, overwrite)
         if folder is not None:
-            begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
-            run.record_of_folder = Record(run, begun.summary) if own else None
+            begun = _result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
+            if own:
+                run.tables.begin(begun.summary)
 
         def ended(message: str | None, status: str) -> Result:
-            result = result_of(run, clock.seconds, began, message, status)
+            result = _result_of(run, clock.seconds, began, message, status)
             if own:
                 write_tables(own, result.summary, result.history, result.convergence, scene.units)
             return result
 
         try:
-            with run.interruption:
+            with interruption:
                 go(run, resume)
         except (Interrupted, KeyboardInterrupt) as error:
             if isinstance(error, KeyboardInterrupt) and not interruption.told:
@@ -240,6 +237,82 @@ def simulate(
             raise SimulationFailed(message, ended(message, FAILED)) from error
         logger.info("%s ended: %d evaluations, %.3g s", scene.name, run.force.evaluations, time.perf_counter() - began)
         return ended(None, DONE)
+
+
+def _peak(history: list[dict]) -> dict | None:
+    """Return the row of the greatest nominal stress, which is the load that a body with a crack bears; None without rows."""
+    highest = max(history, key=lambda row: row["nominal_stress"], default=None)
+    return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
+
+
+def _result_of(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
+    """Return the result that the run has reached so far."""
+    force, state = run.force, run.state
+    residuals = [level["residual"] for level in state.levels if "residual" in level]
+    if failure is not None and run.residual is not None and np.isfinite(run.residual):
+        residuals.append(run.residual)
+    outside = force.fraction_outside
+    total, stress = run.body.share.total, run.problem.measures.nominal_stress
+    directed = total(run.directed_bonds())
+    summary = {
+        **run.problem.describe(),
+        "force": run.contents.force,
+        "plane": force.plane,
+        "thickness": 1.0,
+        "n_points": run.body.share.size,
+        "n_bonds": total(run.counted_pairs()),
+        "n_directed_bonds": directed,
+        "n_ghost_points": total(int(run.body.share.own[run.body.ghosts.source].sum())),
+        "spacing": run.body.spacing,
+        "cell_size": np.asarray(run.body.cell).tolist(),
+        "horizon": run.body.horizon,
+        "precision": force.precision,
+        "correction": force.correction,
+        **({"ranks": run.ranks.size} if run.ranks.size > 1 else {}),
+        "threads": run.threads,
+        "status": status,
+        "converged": failure is None,
+        "interrupted": status == INTERRUPTED,
+        "failure": failure,
+        "residual": max(residuals, default=None),
+        "n_force_evaluations": force.evaluations,
+        "seconds_total": time.perf_counter() - began,
+        "seconds_compile": seconds_compile,
+        "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * directed),
+        "fallback_fraction": outside if run.problem.settings.outside in (None, "fallback") else 0.0,
+        "fraction_outside_domain": outside,
+        **({"beyond_data": state.beyond_data} if state.beyond_data else {}),
+        "unsupported_points": run.unsupported_points(),
+        "levels": state.levels,
+        **run.contents.describe(),
+        "provenance": provenance(),
+    }
+    if any(stage.inertia is not None for stage in run.stages):
+        if stress is not None:
+            stresses = [row["nominal_stress"] for row in [*state.levels, *state.history] if "nominal_stress" in row]
+            summary["peak_nominal_stress"] = max(stresses, default=None)
+        summary["n_steps"] = state.steps
+        summary["dynamics"] = state.dynamics
+    if state.crack is not None:
+        summary["critical_stretch"] = run.problem.critical_stretch
+        summary["crack"] = state.crack | ({} if stress is None else {"peak": _peak(state.history)})
+    return Result(run.problem.scene, run.body if run.whole is None else run.whole, summary, state.history, run.states, state.convergence)
+
+
+def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
+    """Refuse ranks that were given different input, which would wait for each other.
+
+    Raises
+    ------
+    SceneError
+        Names the key.
+    """
+    given = {"scene": scene.model_dump_json(), "force": model.name, "folder": str(folder), "resume": resume}
+    others = ranks.everywhere(given)
+    different = [what for what in given if any(other[what] != others[0][what] for other in others)]
+    if different:
+        what = f"the ranks were not given the same {' and '.join(different)}"
+        raise SceneError(f"scene {scene.name}: {what}; start all of them by one command")
 
 
 def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) -> None:
@@ -289,7 +362,5 @@ def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
 
     law = scene.law()
     model = force_model_of(force, law)
-    try:
+    with scene_errors(scene):
         return scene, stated_against(model, law, best_of(force).training_inputs_)
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None

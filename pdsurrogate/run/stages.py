@@ -1,11 +1,11 @@
 """Programme of a run: its stages in turn, from the first or from where a checkpoint was written."""
 
-from __future__ import annotations
-
 import warnings
 
+import numpy as np
+
 from ..results.checkpoint import CheckpointError
-from ..solvers import EquilibriumSolver, TooSmall, Unstable
+from ..solvers.equilibrium import EquilibriumSolver, TooSmall, Unstable
 from .levels import Equilibria, solver_of
 from .run import Run
 from .transient import Transient
@@ -25,10 +25,10 @@ class SinglePrecisionLeft(RuntimeWarning):
 
 def go(run: Run, resume: bool) -> None:
     """Go through the stages of the programme that are left."""
-    state, solver = run.state, solver_of(run)
+    solver = solver_of(run)
     current = _resumed(run, solver) if resume else None
-    if run.record_of_folder is not None:
-        run.record_of_folder.keep()
+    state = run.state
+    run.tables.keep_if_due(-np.inf)
     while state.stage < len(run.stages) and not (state.crack is not None and state.crack["through"]):
         if current is None:
             current = _stage_of(run, solver)

@@ -1,7 +1,5 @@
 """Stages in explicit dynamics: time stepping with moving holders, rows and outputs, and cracks that start and grow."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from contextlib import suppress
@@ -12,8 +10,9 @@ import numpy as np
 from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
-from ..solvers import Diverging, ExplicitDynamics
-from .account import STEPS_PER_ROW, Account, Bookkeeping
+from ..solvers.dynamics import ExplicitDynamics
+from ..solvers.equilibrium import Diverging
+from .account import STEPS_PER_ROW, Bookkeeping
 from .cracks import Cracks
 from .interruption import Interrupted
 from .rows import component_columns, forces_by_name, moments_by_name, output_row, place_columns, state_columns
@@ -45,26 +44,21 @@ class Transient:
     """
 
     def __init__(self, run: Run, stage: Stage) -> None:
-        self.run, self.spec, self.most_outputs = run, stage.inertia, stage.outputs
-        self.motion, self.viscosity = self.spec.motion(run.state.begin, stage.to), self._viscosity()
-        masses, moved = self.spec.density * run.body.volumes, (run.positions, np.zeros_like(run.positions), run.loading.free)
-        damped = {"damping": self.spec.damping, "viscosity": self.viscosity, "safety": self.spec.safety}
-        self.integrator = ExplicitDynamics(run.force, self._hold, *moved, masses, **damped, loads=run.loads)
+        self.run, self.most_outputs = run, stage.outputs
+        self.spec = spec = stage.inertia
+        self.motion, self.viscosity = spec.motion(run.state.begin, stage.to), spec.viscosity
+        if self.viscosity is None:
+            of_cracks = CRACK_VISCOSITY * run.body.spacing * math.sqrt(spec.density / run.problem.law.shear_modulus)
+            self.viscosity = 0.0 if run.damage is None else of_cracks
+        at_rest = run.positions, np.zeros_like(run.positions), run.loading.free, spec.density * run.body.volumes
+        self.integrator = ExplicitDynamics(
+            run.force, self._hold, *at_rest, damping=spec.damping, viscosity=self.viscosity, safety=spec.safety, loads=run.loads
+        )
         # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
-        self._timed = self.spec.duration is not None
+        self._timed = spec.duration is not None
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)
-        self._cracks = None if run.damage is None else Cracks(run, self.integrator, self._books.account)
-
-    @property
-    def account(self) -> Account:
-        """Return the account of energy."""
-        return self._books.account
-
-    def _viscosity(self) -> float:
-        """Return the retardation time of the stage: that of the scene, or the default for cracks."""
-        if self.spec.viscosity is not None or self.run.damage is None:
-            return self.spec.viscosity or 0.0
-        return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.problem.law.shear_modulus)
+        self.account = self._books.account
+        self._cracks = None if run.damage is None else Cracks(run, self.integrator, self.account)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the entries of a checkpoint for the dynamics."""
@@ -125,12 +119,13 @@ class Transient:
                 self._books.between_rows()
             due = self._due()
             if due:
-                through = self.output_at_row()
+                through = self.output()
                 self._books.check()
             # A checkpoint includes the row and the output of its step, but not the row that an interruption adds.
             asked, late = run.body.share.total((int(run.interruption.asked), int(run.checkpoints.late)))
             if not through and (due or asked or late):
-                self._checkpoint()
+                kept = {key: getattr(integrator, key) for key in INTEGRATOR} | {"account": asdict(account)}
+                run.checkpoints.write({"transient": kept}, self.arrays())
             if not through and asked:
                 self._last_row()
                 raise Interrupted
@@ -139,16 +134,13 @@ class Transient:
         return True
 
     def _time_due(self, outputs: int) -> float:
-        """Return the time of the output after `outputs` others, in a stage with a duration."""
+        """Return the time of the output after `outputs` others."""
         return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
-        """Return whether the next output is due."""
-        if self._timed:
-            return self.account.time >= self._time_due(self.account.outputs)
-        motion = self.motion
-        due = motion.begin + (motion.end - motion.begin) * (self.account.outputs + 1) / self.most_outputs
-        return motion.at(self.account.time) >= due - 1e-12 * (motion.end - motion.begin)
+        """Return whether the next output is due; where times of steps are sums, rounding does not add a step."""
+        rounding = 0.0 if self._timed else 1e-12 * self.motion.duration
+        return self.account.time >= self._time_due(self.account.outputs) - rounding
 
     def save_last_state(self) -> None:
         """Undo the failed step, and record the state before it unless it has been recorded."""
@@ -162,17 +154,18 @@ class Transient:
                 self._apply()
                 run.loading.check_inside(run.state.parameter, run.force, run.positions)
                 integrator.evaluate_at_rest()
-                self.output_at_row()
+                self.output()
 
     def step(self) -> None:
         """Advance the body by one step."""
         run, account, integrator = self.run, self.account, self.integrator
         left = self._time_due(account.outputs) - account.time
         integrator.move()
-        ended = self._timed and integrator.last_step == left
-        account.time = self._time_due(account.outputs) if ended else account.time + integrator.last_step
+        reached = self._timed and integrator.last_step == left
+        account.time = self._time_due(account.outputs) if reached else account.time + integrator.last_step
         run.state.steps += 1
-        run.state.parameter = run.target = self._parameter()
+        ended = self._timed and account.time >= self.motion.duration
+        run.state.parameter = run.target = self.motion.end if ended else self.motion.at(account.time)  # without rounding at the end
         self._apply()
         if self._cracks is None:
             integrator.evaluate()
@@ -197,11 +190,6 @@ class Transient:
             left, apart = self.motion.duration - account.time, self.motion.duration / self.most_outputs
             integrator.longest = min(left, apart) if self._books.every_step and left > 0 else apart
 
-    def _parameter(self) -> float:
-        """Return the present loading parameter; at the end of the stage it is the exact final value, without rounding."""
-        ended = self._timed and self.account.time >= self.motion.duration
-        return self.motion.end if ended else self.motion.at(self.account.time)
-
     def _apply(self) -> None:
         """Move all held parts to their present places, and set the loads to their present size."""
         self.run.loading.apply(self.run.state.parameter, self.run.force, self.run.positions)
@@ -218,10 +206,9 @@ class Transient:
     def _row(self, first: bool = False) -> None:
         """Add a row to the history, and work and damped energy up to it to the account."""
         run, books, stress = self.run, self._books, self.run.problem.measures.nominal_stress
-        reactions, kinetic = books.reactions(), books.kinetic_energy()
-        books.add_work(reactions)
+        reactions, kinetic = run.loading.reactions(run.force, self.integrator.forces), books.kinetic_energy()
         forces = forces_by_name(run, reactions)
-        books.add_damping(evaluate=True)
+        books.advance(reactions, evaluate=True)
         strain, row = run.strain_energy(), place_columns(run, run.state.elapsed + self.account.time)
         if stress is not None:
             row["nominal_stress"] = stress.of(reactions.forces)
@@ -236,26 +223,19 @@ class Transient:
         run.state.dynamics[-1] |= books.entries()
         run.report("account", self.integrator.steps, kinetic, strain)
 
-    def output_at_row(self) -> bool:
-        """Record the present state, with a row; return whether the body has separated between its supports."""
-        self._last_row()
-        through = self._cracks is not None and self._cracks.through()
-        self.output()
-        return through
+    def output(self) -> bool:
+        """Record the present state, with a row; return whether the body has separated between its supports.
 
-    def output(self) -> None:
-        """Record the present state, as a level where the results' levels include those in dynamics."""
+        The state is a level where the results' levels include those in dynamics.
+        """
         run, account = self.run, self.account
+        self._last_row()
+        through = self._cracks is not None and self._cracks.output()
         self._apply()
-        if self._cracks is not None:
-            self._cracks.output()
         if run.problem.measures.nominal_stress is None:
             run.loaded(run.positions, np.empty_like(run.positions))
             row = output_row(run, run.state.elapsed + account.time)
             run.state.levels.append(row | {"kinetic_energy": self._books.kinetic_energy()})
         run.record(account.time)
         account.outputs += 1
-
-    def _checkpoint(self) -> None:
-        kept = {key: getattr(self.integrator, key) for key in INTEGRATOR} | {"account": asdict(self.account)}
-        self.run.checkpoints.write({"transient": kept}, self.arrays())
+        return through

@@ -1,7 +1,5 @@
 """Amplitudes, by which prescribed values follow the loading parameter t: a ramp, a sine, a table, or an expression of t."""
 
-from __future__ import annotations
-
 import ast
 import math
 from collections.abc import Callable
@@ -15,18 +13,8 @@ from pydantic import BeforeValidator
 
 from .strict_model import Finite
 
-FUNCTIONS = {
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "exp": math.exp,
-    "log": math.log,
-    "sqrt": math.sqrt,
-    "tanh": math.tanh,
-    "abs": abs,
-    "min": min,
-    "max": max,
-}
+FUNCTIONS = {name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh")}
+FUNCTIONS |= {"abs": abs, "min": min, "max": max}
 """Functions that an expression of t may call."""
 
 _NODES = (

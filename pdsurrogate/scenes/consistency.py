@@ -60,8 +60,11 @@ def _dimension(scene: Scene) -> None:
             what = f"a {part.shape}" if key.startswith("holes") else "this cut"
             raise ValueError(f"{key}: {what} belongs to {there}, and the body, a {body}, to {here}")
     for key, entry in _entries(scene, "prescribed"):
-        if misfit := entry.misfit(dimension):
-            raise ValueError(f"{key}.{misfit[0]}: {misfit[1]}")
+        for name in ("x3", "axis"):
+            if dimension == 2 and getattr(entry, name) is not None:
+                raise ValueError(f"{key}.{name}: a body in the plane has x1 and x2, and turns about a place alone; leave it out")
+        if dimension == 3 and entry.rotation is not None and entry.axis is None:
+            raise ValueError(f"{key}.axis: a rotation of a solid needs the direction of its axis, as axis=[1, 0, 0]")
     for key, hold in _entries(scene, "holds"):
         if dimension == 2 and "x3" in (hold.components or ()):
             raise ValueError(f"{key}.components: a body in the plane has x1 and x2, and no x3")
@@ -69,8 +72,12 @@ def _dimension(scene: Scene) -> None:
         if grip.edge not in edge_names(dimension):
             raise ValueError(f"{key}.edge: a body in the plane has no {grip.edge}; it has {', '.join(edge_names(2))}")
     for key, region in _references(scene):
-        if isinstance(region, Region) and (misfit := region.misfit(dimension)):
-            raise ValueError(f"{key}: {misfit}")
+        for pair in (("disc", "ball"), ("half_plane", "half_space")):
+            own, other = pair if dimension == 2 else pair[::-1]
+            if getattr(region, other, None) is not None:
+                raise ValueError(f"{key}: {other} is a region of {there}; in {here} give {own}")
+        if getattr(region, "edge", None) not in (None, *edge_names(dimension)):
+            raise ValueError(f"{key}: a body in the plane has no {region.edge}; its edges are {', '.join(edge_names(dimension))}")
     for key, vector in vectors_in(scene):
         if len(vector) != dimension:
             raise ValueError(f"{key}: needs {dimension} components for a body in {here}, not {len(vector)}")
@@ -80,10 +87,8 @@ def _way_of_loading(scene: Scene) -> None:
     general = [key for key in ("prescribed", "loads", "steps") if getattr(scene, key)]
     short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(scene, key)]
     if general and short:
-        raise ValueError(
-            f"{short[0]} and {general[0]} are two ways of saying the loading: give grips and stretches (with holds and dynamics), or "
-            "prescribed and loads with steps (dynamics within a step)"
-        )
+        ways = "give grips and stretches (with holds and dynamics), or prescribed and loads with steps (dynamics within a step)"
+        raise ValueError(f"{short[0]} and {general[0]} are two ways of saying the loading: {ways}")
     if general and not scene.steps:
         raise ValueError(f"{general[0]} need steps: the values of the loading parameter t to go to, as steps=1")
     if general == ["steps"]:
@@ -95,10 +100,10 @@ def _way_of_loading(scene: Scene) -> None:
 def _rigid_regions(scene: Scene) -> None:
     if scene.material is not None and scene.material.rigid:
         raise ValueError("material: the rest of a body is of a law; a rigid region is an entry of materials")
-    rigid = next((key for key, part in _entries(scene, "materials") if part.rigid), None)
+    rigid = next((key for key, part in _entries(scene, "materials") if part.material.rigid), None)
     moving = next((key for key, step in _entries(scene, "steps") if step.dynamics is not None), None)
     if rigid and scene.stretched:
-        raise ValueError(f"{rigid}: beside a rigid region the loading is said by prescribed, loads and steps, not by grips")
+        raise ValueError(f"{rigid}: with a rigid region, give the loading by prescribed, loads and steps, not by grips")
     if rigid and moving:
         raise ValueError(f"{moving}.dynamics: a rigid region ({rigid}) is taken in equilibrium only")
 
@@ -137,7 +142,7 @@ def _programme(scene: Scene) -> None:
 def _thickness(scene: Scene) -> None:
     for key, load in _entries(scene, "loads"):
         if scene.plane != "stress" and load.thickness is not None:
-            why = "a body in space has none" if scene.dimension == 3 else "under plane strain the thickness does not change"
+            why = "a solid has none" if scene.dimension == 3 else "under plane strain the thickness does not change"
             raise ValueError(f"{key}.thickness: {why}; leave it out")
 
 

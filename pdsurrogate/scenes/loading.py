@@ -1,7 +1,5 @@
 """Loading in a scene: grips and prescriptions, loads, steps and probes."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -52,30 +50,18 @@ class Prescribed(StrictModel):
     amplitude: Amplitude = "ramp"
     name: LoadName | None = None
 
-    @model_validator(mode="after")
-    def _says_something(self) -> Prescribed:
+    def model_post_init(self, _) -> None:
         if all(value is None for value in (*self.displacement, self.rotation)):
-            raise ValueError("nothing is prescribed: give x1, x2, in space x3, or a rotation; 0 holds a component")
+            raise ValueError("nothing is prescribed: give x1, x2, for a solid x3, or a rotation; 0 holds a component")
         if (self.rotation is None) != (self.about is None):
             raise ValueError("a rotation needs the place that it is about, and only a rotation has one: give both or neither")
         if self.axis is not None and self.rotation is None:
             raise ValueError("axis is the direction of the axis of a rotation, and only a rotation has one")
-        return self
 
     @property
     def displacement(self) -> tuple[float | None, float | None, float | None]:
         """Values of x1, x2 and x3; None where they are not named."""
         return self.x1, self.x2, self.x3
-
-    def misfit(self, dimension: int) -> tuple[str, str] | None:
-        """Return the key that is invalid in the given dimension and the reason; None if all are valid."""
-        if dimension == 2:
-            for key in ("x3", "axis"):
-                if getattr(self, key) is not None:
-                    return key, "a body in the plane has x1 and x2, and turns about a place alone; leave it out"
-        elif self.rotation is not None and self.axis is None:
-            return "axis", "a rotation in space needs the direction of its axis, as axis=[1, 0, 0]"
-        return None
 
 
 class Load(StrictModel):
@@ -124,8 +110,7 @@ class Load(StrictModel):
         """Return the kind of the load."""
         return next(kind for kind in self.kinds if getattr(self, kind) is not None)
 
-    @model_validator(mode="after")
-    def _one_kind(self) -> Load:
+    def model_post_init(self, _) -> None:
         given = [kind for kind in self.kinds if getattr(self, kind) is not None]
         if len(given) != 1:
             raise ValueError("a load is exactly one of traction, pressure, body_force and force")
@@ -133,7 +118,6 @@ class Load(StrictModel):
             raise ValueError(f"a {given[0]} needs the region that it acts on")
         if self.thickness is not None and given != ["pressure"]:
             raise ValueError("only a pressure has a thickness that it acts on")
-        return self
 
 
 class DynamicsSettings(StrictModel):
@@ -207,11 +191,9 @@ class Step(StrictModel):
     def _from_number(cls, value):
         return {"to": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
 
-    @model_validator(mode="after")
-    def _either(self) -> Step:
+    def model_post_init(self, _) -> None:
         if self.dynamics is not None and self.largest_increment is not None:
             raise ValueError("a step in dynamics has no increments: leave largest_increment out")
-        return self
 
 
 class Probe(StrictModel):

@@ -1,13 +1,11 @@
 """Scene: a body, its material, its supports and loads, and reference values."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
 from ..html_tables import html_facts
@@ -16,9 +14,9 @@ from .consistency import check_consistency
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
 from .problems import SceneError, suggestion
 from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
-from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle, with_shape
-from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Sphere, Tube, cut_of
-from .strict_model import Finite, Positive, StrictModel, Vector, Whole
+from .shapes import Mesh
+from .solids import AnyBody, AnyPrecut, AnyShape
+from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Result files are named after a scene: no path, and nothing that a terminal or a shell would read."""
@@ -28,8 +26,8 @@ UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
 Level = Annotated[Positive, Field(le=100)]
 """A stretch; rubber breaks below 10."""
 
-HORIZON_RATIOS = {2: 3.15, 3: 1.75}
-"""Default horizon over the side of a cell, by dimension. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
+USUAL: dict[str, dict[int, Any]] = {"plane": {2: "stress", 3: "space"}, "horizon_ratio": {2: 3.15, 3: 1.75}}
+"""Defaults by the dimension of the body. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
 
 RIGID = "rigid"
 """Material of a region that moves as one body, in the place of a law."""
@@ -53,21 +51,17 @@ class MaterialSpec(StrictModel):
             return value.describe()
         return {"law": value} if isinstance(value, str) else value
 
-    @model_validator(mode="after")
-    def _build(self) -> MaterialSpec:
+    def model_post_init(self, _) -> None:
         if self.rigid:
             if self.model_extra:
                 raise ValueError(f"{RIGID} has no parameter {next(iter(self.model_extra))!r}; it has none")
-            return self
+            return
         law = self.build()
         for key in ("shear_modulus", "bulk_modulus"):
             value = getattr(law, key)
             if not LEAST_MODULUS <= value <= MOST_MODULUS:
-                raise ValueError(
-                    f"{key} is {value:g}: forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}; "
-                    "take other units of stress"
-                )
-        return self
+                taken = f"forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}"
+                raise ValueError(f"{key} is {value:g}: {taken}; take other units of stress")
 
     @property
     def rigid(self) -> bool:
@@ -126,16 +120,9 @@ class Part(StrictModel):
     material: MaterialSpec
     force: str | None = None
 
-    @property
-    def rigid(self) -> bool:
-        """Return whether the region moves as one body."""
-        return self.material.rigid
-
-    @model_validator(mode="after")
-    def _no_force_where_rigid(self) -> Part:
-        if self.rigid and self.force is not None:
+    def model_post_init(self, _) -> None:
+        if self.material.rigid and self.force is not None:
             raise ValueError("a rigid region is not deformed and takes no force: leave it out")
-        return self
 
 
 class Grip(StrictModel):
@@ -161,11 +148,9 @@ class Hold(StrictModel):
     components: Annotated[tuple[Literal["x1", "x2", "x3"], ...] | None, Field(min_length=1)] = None
     travel: Vector | None = None
 
-    @model_validator(mode="after")
-    def _one_region(self) -> Hold:
+    def model_post_init(self, _) -> None:
         if (self.box is None) == (self.points is None):
             raise ValueError("a hold needs either a box or a list of points")
-        return self
 
 
 class SolverSpec(StrictModel):
@@ -186,11 +171,9 @@ class Fracture(StrictModel):
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
     energy: Positive | None = None
 
-    @model_validator(mode="after")
-    def _one_criterion(self) -> Fracture:
+    def model_post_init(self, _) -> None:
         if (self.critical_stretch is None) == (self.energy is None):
             raise ValueError("fracture needs either a critical_stretch or an energy")
-        return self
 
 
 class Dynamics(DynamicsSettings):
@@ -211,13 +194,11 @@ class Dynamics(DynamicsSettings):
     outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 30
 
 
-_Shape = Rectangle | Circle | Ellipse | Polygon | Box | Cylinder | Sphere | Tube | Extrusion
-AnyShape = Annotated[_Shape, Field(discriminator="shape"), BeforeValidator(with_shape)]
-AnyBody = Annotated[_Shape | Mesh, Field(discriminator="shape"), BeforeValidator(with_shape)]
-AnyPrecut = Annotated[
-    Annotated[Precut, Tag("line")] | Annotated[ParallelogramCut, Tag("parallelogram")] | Annotated[DiscCut, Tag("disc")],
-    Discriminator(cut_of),
-]
+_OneOrMany = BeforeValidator(lambda value: (value,) if isinstance(value, int | float | dict) else value)
+"""Lets one entry stand for a list of one."""
+
+
+_known_weight = refused(lambda name: name not in WEIGHT_FUNCTIONS, f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
 
 
 def _dimension_of(data: Mapping[str, Any]) -> int:
@@ -283,7 +264,7 @@ class Scene(StrictModel):
     name: SceneName
     title: str = ""
     spacing: Annotated[Positive, Field(ge=LEAST_SPACING, le=MOST_SPACING)] | None
-    stretches: tuple[Level, ...] = ()
+    stretches: Annotated[tuple[Level, ...], _OneOrMany] = ()
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()
     precuts: tuple[AnyPrecut, ...] = ()
@@ -295,11 +276,11 @@ class Scene(StrictModel):
     regions: Annotated[dict[RegionName, Region], Field(default_factory=dict)]
     prescribed: tuple[Prescribed, ...] = ()
     loads: tuple[Load, ...] = ()
-    steps: tuple[Step, ...] = ()
+    steps: Annotated[tuple[Step, ...], _OneOrMany] = ()
     probes: tuple[Probe, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
-    weight: str = "inverse"
+    weight: Annotated[str, AfterValidator(_known_weight)] = "inverse"
     correction: Literal["tensor", "scalar", "none"] | None = None
     rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
@@ -310,26 +291,11 @@ class Scene(StrictModel):
     units: Units = Units()
     reference: Literal["uniaxial", "finite-elements"] | None = None
 
-    @field_validator("stretches", "steps", mode="before")
-    @classmethod
-    def _one_or_many(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, int | float | dict) else value
-
-    @field_validator("weight")
-    @classmethod
-    def _known_weight(cls, value: str) -> str:
-        if value not in WEIGHT_FUNCTIONS:
-            raise ValueError(f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
-        return value
-
     @field_validator("plane", "horizon_ratio", mode="before")
     @classmethod
     def _usual(cls, value: Any, info: ValidationInfo) -> Any:
         """Fill in what depends on the dimension of the body."""
-        if value is not None:
-            return value
-        dimension = _dimension_of(info.data)
-        return HORIZON_RATIOS[dimension] if info.field_name == "horizon_ratio" else "space" if dimension == 3 else "stress"
+        return USUAL[str(info.field_name)][_dimension_of(info.data)] if value is None else value
 
     @field_validator("regions")
     @classmethod
@@ -374,10 +340,8 @@ class Scene(StrictModel):
         meshed = isinstance(body, Mesh) or (isinstance(body, dict) and body.get("shape") == "mesh")
         return {"spacing": None, **value} if meshed else value
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Scene:
+    def model_post_init(self, _) -> None:
         check_consistency(self)
-        return self
 
     def __repr__(self) -> str:
         programme, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")

@@ -1,7 +1,5 @@
 """Error messages for invalid scenes."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Iterator
 from types import UnionType
@@ -37,13 +35,7 @@ def suggestion(word: str, known: Iterable[str], otherwise: str = "there are") ->
     return f"did you mean {nearest[0]}?" if nearest else f"{otherwise} {', '.join(known)}"
 
 
-PLAIN = {
-    "tuple_type": "must be a list",
-    "model_type": "must be a table",
-    "model_attributes_type": "must be a table",
-    "dict_type": "must be a table",
-    "missing": "Field required",
-}
+PLAIN = {"tuple_type": "must be a list", **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table")}
 """Messages in the place of Pydantic's, which uses the words of Python; a description is written in TOML."""
 
 
@@ -78,7 +70,7 @@ def _line(problem: Any, problems: list, model: type[BaseModel] | None) -> str | 
         bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
         message = f"needs {bound} entries, not {context['actual_length']}"
         if (context.get("max_length"), context["actual_length"]) == (2, 3):
-            message += "; it belongs to the plane, and three components to what is in space"
+            message += "; it belongs to the plane, and three components to a solid"
     elif kind == "union_tag_invalid":
         shapes = context["expected_tags"].replace("'", "").split(", ")
         message = f"unknown shape {context['tag']!r}; {suggestion(context['tag'], shapes)}"

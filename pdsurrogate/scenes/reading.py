@@ -1,11 +1,10 @@
 """Reading scenes: built-in ones by name, users' own from TOML files, and changes to either."""
 
-from __future__ import annotations
-
 import copy
 import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -55,17 +54,11 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
     <Scene uniaxial: rectangle, spacing 0.1 cm, neo-hookean, 3 stretches>
     """
     check_path(reference, "a scene's reference")
-    text, source = _text_of(reference)
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise SceneError(f"{source}: not valid TOML: {error}") from None
-    if isinstance(changes, Mapping):
-        pairs = list(changes.items())
-    elif isinstance(changes, str):
+    place, source = _place_of(reference)
+    data = read_description(place, "scene")
+    if isinstance(changes, str):
         raise SceneError(f"changes must be a list of key=value, or a mapping, not the text {changes!r}")
-    else:
-        pairs = [parse_change(change) for change in changes]
+    pairs = changes.items() if isinstance(changes, Mapping) else map(parse_change, changes)
     for key, value in [*pairs, *parameters.items()]:
         apply_change(data, key, value)
     body = data.get("body")
@@ -78,13 +71,26 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
         raise SceneError(f"{source}: {explain(error, Scene)}") from None
 
 
-def read_description(path: Path) -> str:
-    """Return the text of a scene or study file; raise SceneError where it is longer than any, as that of an endless device is."""
-    with path.open("rb") as file:
-        content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise SceneError(f"{path}: it has more than {MOST_BYTES / 2**20:.0f} MiB, which no description of a scene or study has")
-    return content.decode("utf-8").replace("\r\n", "\n")
+def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
+    """Return what a scene or study file says.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be read, is not valid TOML, or is longer than any, as an endless device is.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise SceneError(f"{path}: it has more than {MOST_BYTES / 2**20:.0f} MiB, which no description of a scene or study has")
+        return tomllib.loads(content.decode("utf-8").replace("\r\n", "\n"))
+    except OSError as error:
+        raise SceneError(f"cannot read {kind} file {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SceneError(f"{path}: not valid TOML: it is not UTF-8 text") from None
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise SceneError(f"{path}: not valid TOML: {error}") from None
 
 
 def parse_change(change: str) -> tuple[str, Any]:
@@ -142,16 +148,12 @@ def _entry(place: dict | list, step: str, key: str, before: list[str]) -> str | 
     raise SceneError(f"{key}: {name} is a list without an entry {step!r}; {there}")
 
 
-def _text_of(reference: str | Path) -> tuple[str, str]:
+def _place_of(reference: str | Path) -> tuple[Path | Traversable, str]:
+    """Return the file of a scene, and its name for messages."""
     name = str(reference)
     if name in scene_names():
-        return (resources.files(__package__) / f"{name}.toml").read_text("utf-8"), f"scene {name}"
+        return resources.files(__package__) / f"{name}.toml", f"scene {name}"
     path = Path(reference)
     if not name or (path.suffix != ".toml" and not path.exists()):
         raise SceneError(f"unknown scene {name!r}; built in are {', '.join(scene_names())}, anything else is the path of a .toml file")
-    try:
-        return read_description(path), str(path)
-    except OSError as error:
-        raise SceneError(f"cannot read scene file {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise SceneError(f"{path}: not valid TOML: it is not UTF-8 text") from None
+    return path, str(path)

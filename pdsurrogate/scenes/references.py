@@ -1,7 +1,5 @@
 """Reference values of scenes: exact homogeneous tension, and finite element solutions with the problem of each."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from importlib import resources
@@ -42,11 +40,8 @@ def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
     except ValueError:
         return {}
     narrowing = (1 - exact.lateral_stretch) / 2 * scene.body.size[1 - scene.loaded_axis]
-    return {
-        "nominal_stress": exact.nominal_stress,
-        "lateral_displacement": narrowing,
-        "greatest_lateral_displacement": narrowing,
-    }
+    displacements = dict.fromkeys(("lateral_displacement", "greatest_lateral_displacement"), narrowing)
+    return {"nominal_stress": exact.nominal_stress, **displacements}
 
 
 def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
-from .strict_model import Direction, Point, Positive, SpaceDirection, SpacePoint, StrictModel, Vector, Whole
+from .strict_model import Direction, Point, Positive, SpaceDirection, SpacePoint, StrictModel, Vector, Whole, refused
 
 Face = Literal["left", "right", "bottom", "top", "back", "front"]
 FACES: tuple[Face, ...] = get_args(Face)
@@ -29,13 +29,9 @@ def reserved_names(dimension: int) -> tuple[str, ...]:
     return (*edge_names(dimension), "body", "outline", "holes")
 
 
-def _name(value: str) -> str:
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,63}", value):
-        raise ValueError("the name of a region begins with a letter, and goes on with letters, digits, - and _")
-    return value
-
-
-RegionName = Annotated[str, AfterValidator(_name)]
+_MISNAMED = "the name of a region begins with a letter, and goes on with letters, digits, - and _"
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
+RegionName = Annotated[str, AfterValidator(refused(lambda name: not _NAME.fullmatch(name), _MISNAMED))]
 
 
 class Disc(StrictModel):
@@ -123,17 +119,6 @@ class Region(StrictModel):
             raise ValueError("a box is given by its corners where all coordinates are least, and greatest")
         return self
 
-    def misfit(self, dimension: int) -> str | None:
-        """Return why the region is invalid in the given dimension, apart from numbers of components; None if it is valid."""
-        here, there = ("space", "the plane") if dimension == 3 else ("the plane", "space")
-        for pair in (("disc", "ball"), ("half_plane", "half_space")):
-            own, other = pair if dimension == 2 else pair[::-1]
-            if getattr(self, other) is not None:
-                return f"{other} is a region of {there}; in {here} give {own}"
-        if self.edge is not None and self.edge not in edge_names(dimension):
-            return f"a body in the plane has no {self.edge}; its edges are {', '.join(edge_names(dimension))}"
-        return None
-
     def members(self) -> Iterator[tuple[str, str | Region]]:
         """Yield the regions that this one combines, each with its key: and.0, and.1, or.0, not."""
         yield from ((f"and.{number}", member) for number, member in enumerate(self.both or ()))
@@ -141,16 +126,11 @@ class Region(StrictModel):
         yield from () if self.other is None else [("not", self.other)]
 
 
-def _name_or_table(value: Any) -> Any:
-    if not isinstance(value, str | dict | Region):
-        raise ValueError('must be the name of a region, or a region such as {edge = "left"}')
-    return value
-
-
+_NO_REGION = 'must be the name of a region, or a region such as {edge = "left"}'
 RegionReference = Annotated[
     Annotated[str, Tag("name")] | Annotated[Region, Tag("region")],
     Discriminator(lambda value: "name" if isinstance(value, str) else "region"),
-    BeforeValidator(_name_or_table),
+    BeforeValidator(refused(lambda value: not isinstance(value, str | dict | Region), _NO_REGION)),
 ]
 """Name of a region, or a region given in place."""
 

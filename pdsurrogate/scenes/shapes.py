@@ -1,13 +1,11 @@
 """Shapes, those of the plane, of which bodies are made and holes are cut, and straight cuts."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from ..body import encloses
 from .strict_model import Point, Positive, StrictModel
@@ -142,17 +140,14 @@ class Polygon(Outline):
     shape: Literal["polygon"] = "polygon"
     vertices: Annotated[tuple[Point, ...], Field(min_length=3)]
 
-    @model_validator(mode="after")
-    def _has_an_area(self) -> Polygon:
+    def model_post_init(self, _) -> None:
         corners = np.array(self.vertices)
         area = 0.5 * abs(_cross(corners, np.roll(corners, -1, axis=0)).sum())
         extent = np.ptp(corners, axis=0).max()
-        crossing = _crossing(corners)
-        if crossing is not None:
+        if crossing := _crossing(corners):
             raise ValueError(f"the outline {crossing}; give its corners in order, once around, and what is cut out under holes")
         if not area > 1e-9 * extent**2:
             raise ValueError("the polygon has no area")
-        return self
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         corners = np.array(self.vertices)
@@ -170,9 +165,8 @@ def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
     """Return nodes along the sides of a polygon, each divided into the equal pieces that are nearest to a cell."""
     sides = np.roll(corners, -1, axis=0) - corners
     pieces = [max(1, round(float(np.hypot(*(side / cell))))) for side in sides]
-    return np.concatenate(
-        [corner + np.arange(count)[:, None] / count * side for corner, side, count in zip(corners, sides, pieces, strict=True)]
-    )
+    divided = zip(corners, sides, pieces, strict=True)
+    return np.concatenate([corner + np.arange(count)[:, None] / count * side for corner, side, count in divided])
 
 
 def _crossing(corners: np.ndarray) -> str | None:
@@ -211,7 +205,7 @@ def _crossing(corners: np.ndarray) -> str | None:
         place, one, other = crossings[0]
         return f"crosses itself at ({place[0]:.4g}, {place[1]:.4g}), where the sides that begin at corners {one} and {other} meet"
     place = places[wrong[0]]
-    return f"runs around itself more than once, or crosses itself at a corner: it does so beside ({place[0]:.4g}, {place[1]:.4g})"
+    return f"runs around itself more than once, or crosses itself at a corner: it does so near ({place[0]:.4g}, {place[1]:.4g})"
 
 
 def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -288,11 +282,9 @@ class Precut(StrictModel):
     start: Point
     end: Point
 
-    @model_validator(mode="after")
-    def _has_a_length(self) -> Precut:
+    def model_post_init(self, _) -> None:
         if self.start == self.end:
             raise ValueError("a precut needs two different ends")
-        return self
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return which of the segments from `starts` to `ends`, each of shape (k, 2), cross the cut.
@@ -302,15 +294,9 @@ class Precut(StrictModel):
         """
         a, b = np.array(self.start), np.array(self.end)
         along = b - a
-        tolerance = 1e-9 * np.linalg.norm(along)
-
-        def left_of(points, origin, direction):
-            offset = points - origin
-            return direction[..., 0] * offset[..., 1] - direction[..., 1] * offset[..., 0]
-
-        sides = [left_of(points, a, along) >= -tolerance * np.linalg.norm(along) for points in (starts, ends)]
+        sides = [_cross(along, points - a) >= -1e-9 * (along @ along) for points in (starts, ends)]
         apart = np.flatnonzero(sides[0] != sides[1])
         crossing = np.zeros(len(starts), dtype=bool)
         origin, direction = starts[apart], ends[apart] - starts[apart]
-        crossing[apart] = (left_of(a, origin, direction) >= 0) != (left_of(b, origin, direction) >= 0)
+        crossing[apart] = (_cross(direction, a - origin) >= 0) != (_cross(direction, b - origin) >= 0)
         return crossing

@@ -1,14 +1,12 @@
 """Three-dimensional shapes of bodies and holes, and flat cuts."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from .shapes import AnyOutline, Circle, Ellipse, Outline, Rectangle, Shape
+from .shapes import AnyOutline, Circle, Ellipse, Mesh, Outline, Polygon, Precut, Rectangle, Shape, with_shape
 from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictModel
 
 
@@ -16,11 +14,6 @@ class Solid(Shape):
     """A closed three-dimensional shape."""
 
     dimension: ClassVar[int] = 3
-
-    @property
-    @abstractmethod
-    def convex(self) -> bool:
-        """Return whether the shape is certainly convex."""
 
 
 class Straight(NamedTuple):
@@ -56,10 +49,6 @@ class Prism(Solid):
     @abstractmethod
     def straight(self) -> Straight:
         """Return the section and its axis."""
-
-    @property
-    def convex(self) -> bool:
-        return not self.straight.bores and isinstance(self.straight.section, Rectangle | Circle | Ellipse)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         straight = self.straight
@@ -148,11 +137,9 @@ class Tube(Round):
     inner_radius: Positive
     outer_radius: Positive
 
-    @model_validator(mode="after")
-    def _has_a_wall(self) -> Tube:
+    def model_post_init(self, _) -> None:
         if not self.inner_radius < self.outer_radius:
             raise ValueError(f"inner_radius must be less than outer_radius, {self.outer_radius:g}, not {self.inner_radius:g}")
-        return self
 
     @property
     def straight(self) -> Straight:
@@ -201,10 +188,6 @@ class Sphere(Solid):
     def halved(self) -> tuple[int, ...]:
         """Return the axes along which only the upper half of the sphere is there."""
         return tuple(range(("whole", "half", "quarter", "eighth").index(self.part)))
-
-    @property
-    def convex(self) -> bool:
-        return True
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         offsets = points - np.array(self.centre)
@@ -261,12 +244,10 @@ class ParallelogramCut(FlatCut):
     corner: SpacePoint
     sides: tuple[SpacePoint, SpacePoint]
 
-    @model_validator(mode="after")
-    def _has_an_area(self) -> ParallelogramCut:
+    def model_post_init(self, _) -> None:
         one, other = np.array(self.sides)
         if not np.linalg.norm(np.cross(one, other)) > 1e-9 * max(one @ one, other @ other):
             raise ValueError("sides: they span no area; give two of different directions")
-        return self
 
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
         one, other = np.array(self.sides)
@@ -301,12 +282,17 @@ class DiscCut(FlatCut):
         return np.linalg.norm(places - np.array(self.centre), axis=1) <= self.radius
 
 
-def cut_of(value: Any) -> str:
+def _cut_of(value: Any) -> str:
     """Return the kind of cut as which a part is read, by its keys: a straight cut of a sheet unless it has those of another kind."""
-    if isinstance(value, FlatCut):
-        return "disc" if isinstance(value, DiscCut) else "parallelogram"
-    if not isinstance(value, dict):
-        return "line"
-    if {"corner", "sides"} & value.keys():
-        return "parallelogram"
-    return "disc" if {"centre", "radius", "normal"} & value.keys() else "line"
+    given = value if isinstance(value, dict) else getattr(value, "__dict__", {})
+    kinds = {"parallelogram": ParallelogramCut, "disc": DiscCut}
+    return next((kind for kind, cut in kinds.items() if cut.model_fields.keys() & given), "line")
+
+
+_Shape = Rectangle | Circle | Ellipse | Polygon | Box | Cylinder | Sphere | Tube | Extrusion
+AnyShape = Annotated[_Shape, Field(discriminator="shape"), BeforeValidator(with_shape)]
+AnyBody = Annotated[_Shape | Mesh, Field(discriminator="shape"), BeforeValidator(with_shape)]
+AnyPrecut = Annotated[
+    Annotated[Precut, Tag("line")] | Annotated[ParallelogramCut, Tag("parallelogram")] | Annotated[DiscCut, Tag("disc")],
+    Discriminator(_cut_of),
+]

@@ -1,8 +1,6 @@
 """Base of all parts of a scene's description."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -10,12 +8,19 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from .problems import SceneError, explain
 
 
-def _no_switch_or_text(value: Any) -> Any:
-    """Reject values that Pydantic would convert into a number, such as true and "1"."""
-    if isinstance(value, bool | str | bytes):
-        raise ValueError("Input should be a valid number")
-    return value
+def refused(wrong: Callable[[Any], bool], message: str) -> Callable[[Any], Any]:
+    """Return a validator that refuses values for which `wrong` holds."""
 
+    def checked(value: Any) -> Any:
+        if wrong(value):
+            raise ValueError(message)
+        return value
+
+    return checked
+
+
+_no_switch_or_text = refused(lambda value: isinstance(value, bool | str | bytes), "Input should be a valid number")
+"""Reject values that Pydantic would convert into a number, such as true and "1"."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(_no_switch_or_text)]
 Positive = Annotated[Finite, Field(gt=0)]
@@ -27,12 +32,7 @@ SpacePoint = tuple[Finite, Finite, Finite]
 """Place in three dimensions."""
 
 
-def _not_zero(value: tuple[float, ...]) -> tuple[float, ...]:
-    if not any(value):
-        raise ValueError("it is a direction, of any length but zero")
-    return value
-
-
+_not_zero = refused(lambda value: not any(value), "it is a direction, of any length but zero")
 Direction = Annotated[Point, AfterValidator(_not_zero)]
 SpaceDirection = Annotated[SpacePoint, AfterValidator(_not_zero)]
 
@@ -56,7 +56,8 @@ class _PartType(type(BaseModel)):
 class StrictModel(BaseModel, metaclass=_PartType):
     """Base of all parts of a scene: unknown keys are errors, and nothing changes once read.
 
-    A part composed in Python is refused with the same message as one in a file.
+    A part composed in Python is refused with the same message as one in a file. Fields that are valid alone and do not fit together are
+    refused in `model_post_init`: Pydantic reports a ValueError from there with the key of the part.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -67,12 +68,9 @@ def vectors_in(value: Any, key: str = "") -> Iterator[tuple[str, Components]]:
     if isinstance(value, Components):
         yield key, value
         return
-    entries: Iterator = iter(())
     if isinstance(value, StrictModel):
-        entries = ((field.alias or name, getattr(value, name)) for name, field in type(value).model_fields.items())
-    elif isinstance(value, Mapping):
-        entries = iter(value.items())
+        value = {field.alias or name: getattr(value, name) for name, field in type(value).model_fields.items()}
     elif isinstance(value, tuple):
-        entries = enumerate(value)
-    for step, inner in entries:
+        value = dict(enumerate(value))
+    for step, inner in value.items() if isinstance(value, Mapping) else ():
         yield from vectors_in(inner, f"{key}.{step}" if key else str(step))

@@ -1,7 +1,5 @@
 """Effective diameter of a crack tip, where it was measured."""
 
-from __future__ import annotations
-
 TIP_DIAMETER = 1.15
 """Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no energy.
 
@@ -43,7 +41,5 @@ def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) ->
     entries = zip(TIP_DIAMETERS, ratios, strict=True)
     there = "; ".join(f"{known}, plane={state}, horizon_ratio {ratio}" for (known, state, *_), ratio in entries)
     here = f"{'' if family is None else f'{family}, '}plane={plane}, horizon_ratio {horizon_ratio:g}"
-    raise ValueError(
-        f"fracture.energy gives a critical stretch only where the diameter of a crack tip was measured ({there}), and not for {here}; "
-        "give fracture.critical_stretch"
-    )
+    limited = f"only where the diameter of a crack tip was measured ({there}), and not for {here}"
+    raise ValueError(f"fracture.energy gives a critical stretch {limited}; give fracture.critical_stretch")

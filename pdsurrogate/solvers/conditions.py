@@ -1,11 +1,7 @@
 """Conditions of a body: held points and planes, their positions at a value of the loading parameter, and the reaction forces."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +9,9 @@ from ..body import Body
 from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
+from .held import Held, Support
 from .loads import AT_REST, Loads
-from .supports import SupportAtPlace, Supports
-
-if TYPE_CHECKING:
-    from .course import Paths, Pull
+from .rigid import displaced, moment_of
 
 ONE_SIDED = 0.1
 """Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the
@@ -26,77 +20,6 @@ point, halves 0.4 away."""
 
 class FoldedOver(InvalidState):
     """A free side has bulged over the plane that it is bonded to, where it would lie against it."""
-
-
-@dataclass(frozen=True)
-class HeldPoints:
-    """Points some components of which follow the loading parameter.
-
-    Attributes
-    ----------
-    name : str
-        Name of the condition in messages.
-    holder : int or None
-        Number of the holder that their force counts for; None where results do not report it.
-    points : ndarray of int, shape (k,)
-    components : tuple of int
-    displacement : callable
-        Displacement at a value of the parameter, shape (d,) or (k, d); only held components are read.
-    support : SupportAtPlace, optional
-        Support at a place: the point is one of several that move so only in the mean.
-    """
-
-    name: str
-    holder: int | None
-    points: np.ndarray
-    components: tuple[int, ...]
-    displacement: Callable[[float], np.ndarray]
-    support: SupportAtPlace | None = None
-
-    @property
-    def every(self) -> np.ndarray:
-        """Return the points, and for a support at a place also the others that are equally near."""
-        return self.points if self.support is None else np.concatenate([self.points, self.support.others])
-
-
-@dataclass(frozen=True)
-class HeldPlane:
-    """A plane of reflection that follows the loading parameter.
-
-    Attributes
-    ----------
-    name : str
-        Name in messages.
-    holders : tuple of int or None
-        By component: number of the holder that the force on the plane counts for.
-    components : tuple of int
-        Components that are held.
-    displacement : callable
-        Displacement at a value of the parameter, shape (d,); 0 in free components.
-    turn : callable, optional
-        Q - I at a value of the parameter, shape (d, d), of a plane that turns; all its components are held.  The place X of the plane at
-        rest is then displaced by u(X) = displacement + turn X.
-    """
-
-    name: str
-    holders: tuple[int | None, ...]
-    components: tuple[int, ...]
-    displacement: Callable[[float], np.ndarray]
-    turn: Callable[[float], np.ndarray] | None = None
-
-    def motion(self, parameter: float) -> np.ndarray:
-        """Return [Q - I, displacement] at a value of the parameter, Q the rotation, shape (d, d + 1); see `displaced`."""
-        displacement = self.displacement(parameter)
-        motion = np.zeros((len(displacement), len(displacement) + 1))
-        motion[:, -1] = displacement
-        if self.turn is not None:
-            motion[:, :-1] = self.turn(parameter)
-        return motion
-
-
-def displaced(motion: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the displacements u(X), shape (k, d), of places (k, d) by the motion (d, d + 1) of a plane."""
-    return places @ motion[:, :-1].T + motion[:, -1]
 
 
 @dataclass(frozen=True)
@@ -109,7 +32,7 @@ class Reactions:
         Forces of the holders.
     on_planes : ndarray, shape (planes, d)
     at_points : ndarray, shape (n, d), or None
-        Forces on held points, 0 in free components; None where no holder holds points.
+        Forces on held points, 0 in free components; None where no points are held.
     levers : ndarray, shape (planes, d, d), or None
         Sum over each plane of f (x) y, with the place y that a force f acts at; None where no plane turns.
     """
@@ -118,18 +41,6 @@ class Reactions:
     on_planes: np.ndarray
     at_points: np.ndarray | None
     levers: np.ndarray | None = None
-
-
-def place_of(body: Body, point: int) -> str:
-    """Return the place of a point, for messages."""
-    return f"({', '.join(f'{coordinate:.4g}' for coordinate in body.points[point])})"
-
-
-def moment_of(levers: np.ndarray) -> np.ndarray:
-    """Return the moments of sums of f (x) y, shape (k, d, d): (k,) counter-clockwise in the plane, (k, 3) in three dimensions."""
-    if levers.shape[-1] == 2:
-        return levers[:, 1, 0] - levers[:, 0, 1]
-    return np.stack([levers[:, 2, 1] - levers[:, 1, 2], levers[:, 0, 2] - levers[:, 2, 0], levers[:, 1, 0] - levers[:, 0, 1]], axis=1)
 
 
 class Loading:
@@ -144,43 +55,57 @@ class Loading:
         Its value at rest.
     names : sequence of str
         Names of the holders, whose forces results report.
-    planes : sequence of HeldPlane
-        In the order of the body's.
-    held : sequence of HeldPoints
-        The force on a point that two entries hold counts for the later of them.
+    planes : sequence of str
+        Names of the planes in messages, in the order of the body's.
+    held : sequence of Held
+        The force on a point that two entries hold counts for the later of them; no two hold the same component of a plane.
     loads : Loads or None
 
     Attributes
     ----------
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
-    supports : Supports or None
-        Supports at places between points; None where there are none.
+    part, component, point, plane, place : ndarray, shape (k,), the last (k, d)
+        Held components in a row: number in `held`, component, point, plane (-1 for that of a point itself), and the place at rest that
+        moves.
+    at_points : ndarray of bool, shape (k,)
+        Flags of the components of points themselves.
+    there : tuple of ndarray of int
+        Points and components of these, which index arrays (n, d).
+    plane_components : ndarray of bool, shape (planes, d)
+        Flags of the held components of the planes.
+    turning : set of int
+        Numbers of the planes that turn.
+    supports : list of Support
+        Supports at places between points.
     course : Pull or Paths
         Paths on which the body follows the held parts; set once the conditions are known.
     parameter, rest, names, planes, held, loads
     """
 
-    course: Pull | Paths
-
     def __init__(
-        self,
-        body: Body,
-        parameter: str,
-        rest: float,
-        names: tuple[str, ...],
-        planes: tuple[HeldPlane, ...],
-        held: tuple[HeldPoints, ...],
-        loads: Loads | None,
+        self, body: Body, parameter: str, rest: float, names: tuple[str, ...], planes: list[str], held: list[Held], loads: Loads | None
     ) -> None:
         self.body, self.parameter, self.rest, self.names, self.loads, self._share = body, parameter, rest, names, loads, body.share
         self.planes, self.held = planes, held
-        at_places = tuple(part for part in held if part.support is not None)
-        self.supports = Supports(body, at_places) if at_places else None
-        self.free = np.ones((len(body), body.dimension))
-        for part in held:
+        self.supports = [Support(body, part) for part in held if part.others is not None]
+        self._of_points = [part for part in held if part.plane is None]
+        self._of_planes = [part for part in held if part.plane is not None]
+        self.turning = {part.plane for part in self._of_planes if part.angle is not None}
+        self.plane_components = np.zeros((len(planes), body.dimension), dtype=bool)
+        for part in self._of_planes:
+            self.plane_components[part.plane, part.components] = True
+        rows = [(np.zeros(0, dtype=int),) * 4 + (np.zeros((0, body.dimension)),)]
+        for number, part in enumerate(held):
+            places = np.broadcast_to(part.places, (len(part.points), body.dimension))
             for component in part.components:
-                self.free[part.points, component] = 0
+                numbers = number, component, -1 if part.plane is None else part.plane
+                rows.append((*(np.full(len(places), value) for value in numbers), part.points, places))
+        self.part, self.component, self.plane, self.point, self.place = map(np.concatenate, zip(*rows, strict=True))
+        self.at_points = self.plane < 0
+        self.there = self.point[self.at_points], self.component[self.at_points]
+        self.free = np.ones((len(body), body.dimension))
+        self.free[self.there] = 0
 
     def pieces(self, intact: np.ndarray | None = None) -> tuple[int, np.ndarray]:
         """Return the number of pieces into which bonds within the body join its points, and the piece of every point.
@@ -198,24 +123,24 @@ class Loading:
         """Return words for a value of the parameter."""
         return f"t = {parameter:g}" if self.parameter == "t" else f"{self.parameter} {parameter:g}"
 
-    def at_rest(self, parameter: float) -> bool:
-        """Return whether, at a value of the parameter, everything held is in its place at rest and there are no loads."""
-        shares = [np.abs(part.displacement(parameter)[..., list(part.components)]).max(initial=0.0) for part in self.held]
-        motions = np.abs(self.plane_motions(parameter))
-        shares += [motions[..., -1].max(initial=0.0), motions[..., :-1].max(initial=0.0) * self.body.spacing]
-        moved = self._share.greatest(max(shares)) > AT_REST * self.body.extent
-        return not moved and (self.loads is None or self.loads.vanish(parameter))
-
-    @cached_property
-    def beside_planes(self) -> list[np.ndarray]:
-        """Points that have images in each plane."""
-        ghosts = self.body.ghosts
-        return [np.unique(ghosts.source[ghosts.plane == number]) for number in range(len(self.planes))]
+    def moves(self, parameter: float, places: np.ndarray | None = None) -> np.ndarray:
+        """Return the displacements of all held components at a value of the parameter, shape (k,), or as of other places (k, d)."""
+        dimension = self.body.dimension
+        motions = np.array([part.motion(parameter) for part in self.held]).reshape(-1, dimension, dimension + 1)
+        rows = motions[self.part, self.component]
+        return (rows[:, :-1] * (self.place if places is None else places)).sum(axis=1) + rows[:, -1]
 
     def plane_motions(self, parameter: float) -> np.ndarray:
-        """Return the motions of all planes, see `HeldPlane.motion`, shape (p, d, d + 1)."""
-        dimension = self.body.dimension
-        return np.array([plane.motion(parameter) for plane in self.planes]).reshape(-1, dimension, dimension + 1)
+        """Return the motions of all planes, see `Held.motion`, shape (p, d, d + 1); 0 in free components."""
+        found = np.zeros((len(self.planes), self.body.dimension, self.body.dimension + 1))
+        for part in self._of_planes:
+            found[part.plane, part.components] = part.motion(parameter)[list(part.components)]
+        return found
+
+    def at_rest(self, parameter: float) -> bool:
+        """Return whether, at a value of the parameter, everything held is in its place at rest and there are no loads."""
+        moved = self._share.greatest(np.abs(self.moves(parameter))) > AT_REST * self.body.extent
+        return not moved and (self.loads is None or self.loads.vanish(parameter))
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter, and bring the loads to their size there."""
@@ -225,27 +150,18 @@ class Loading:
 
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter."""
-        for part in self.held:
-            if part.support is None:
-                displacement = part.displacement(parameter)
-                for component in part.components:
-                    positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
-        if self.supports is not None:
-            self.supports.set(parameter)
-            self.supports.place(positions)
-        for number, plane in enumerate(self.planes):
-            force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
+        positions[self.there] = self.body.points[self.there] + self.moves(parameter)[self.at_points]
+        for support in self.supports:
+            support.set(parameter)
+            support.place(positions)
+        for number, motion in enumerate(self.plane_motions(parameter)):
+            force.move_plane(number, motion[:, -1], motion[:, :-1] if number in self.turning else None)
 
     def unevenness(self, last: float, now: float, ahead: float) -> float:
         """Return the deviation of held parts from their velocity since the `last` value, relative to their way to a value `ahead`."""
         if now == last:
             return 0.0
-
-        def places(parameter: float) -> np.ndarray:
-            motions = [*(part.displacement(parameter) for part in self.held), self.plane_motions(parameter)]
-            return np.concatenate([np.ravel(motion) for motion in motions])
-
-        before, present, after = map(places, (last, now, ahead))
+        before, present, after = (np.append(self.moves(t)[self.at_points], self.plane_motions(t)) for t in (last, now, ahead))
         way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
         off, *ways = (self._share.greatest(np.abs(change)) for change in (way - evenly, way, evenly))
         return off / max(ways) if off > 0 else 0.0
@@ -260,18 +176,18 @@ class Loading:
         InvalidState
             Names the point that is farthest beyond, and the plane.
         """
-        supported = force.supported
-        for plane, held in zip(self.body.planes, self.planes, strict=True):
-            motion, (normal, place) = held.motion(parameter), np.zeros((2, self.body.dimension))
+        supported, motions = force.supported, self.plane_motions(parameter)
+        for name, plane, motion, held in zip(self.planes, self.body.planes, motions, self.plane_components, strict=True):
+            normal, place = np.zeros((2, self.body.dimension))
             normal[plane.axis], place[plane.axis] = 1.0, plane.position
-            place += displaced(motion, place[None])[0]
+            place += displaced(motion, place)
             beyond = np.where(supported, plane.side * ((positions - place) @ (normal + motion[:, :-1] @ normal)), 0.0)
             worst, error = int(beyond.argmax()), None
             if beyond[worst] > 1e-6 * self.body.spacing:
-                what = f"it lies {beyond[worst]:.3g} beyond the {held.name}, on the side of its own image"
+                what = f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
                 error = InvalidState(at_point(self.body, worst, what))
-                if len(held.components) > 1 and self._beside_free_side(worst, plane.axis):
-                    what += "; the free side beside it bulges over what it is bonded to, and would lie against it"
+                if held.sum() > 1 and self._beside_free_side(worst, plane.axis):
+                    what += "; the free side next to it bulges over what it is bonded to, and would lie against it"
                     error = FoldedOver(at_point(self.body, worst, what))
             self.body.share.agree(error)
 
@@ -297,32 +213,24 @@ class Loading:
             Internal force and loads on every point in that state; summed from all pairs where they are not given.
         """
         bonds, planes, shares = self.crossing
-        crossing, on_planes = force.pair_forces(bonds), np.zeros((len(self.planes), self.body.dimension))
+        crossing, on_planes = force.pair_forces(bonds), np.zeros(self.plane_components.shape)
         np.add.at(on_planes, planes, crossing * shares)
-        levers = None
-        if any(plane.turn is not None for plane in self.planes):
-            levers = self._share.total(self._levers_on_planes(force, crossing))
-        if on_points is None and self.held:
+        levers = self._share.total(self._levers_on_planes(force, crossing)) if self.turning else None
+        if on_points is None and self._of_points:
             on_points = self._on_points(force)
         return self.reactions_of(self._share.total(on_planes), levers, on_points)
 
     def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
         """Return the forces of all holders from those on planes, with their levers, and from internal force and loads on every point."""
         forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
-        if self.held:
+        if self._of_points:
             at_points = -on_points * (1 - self.free)
-            for part in self.held:
-                if part.support is not None:
-                    self.body.share.fill(at_points)
-                    for component in part.components if len(part.points) else ():
-                        at_points[part.support.others, component] = at_points[part.points, component]
-            for part, owned in zip(self.held, self._owned, strict=True):
-                for component, points in owned.items():
-                    forces[part.holder, component] += at_points[points, component].sum()
+            for support in self.supports:
+                support.spread(at_points)
+            holder, *there = self._counted
+            np.add.at(forces, (holder, there[1]), at_points[tuple(there)])
             forces = self._share.total(forces)
-        for number, plane in enumerate(self.planes):
-            for component in plane.components:
-                forces[plane.holders[component], component] += on_planes[number, component]
+        self._add_planes(forces, on_planes)
         return Reactions(forces, on_planes, at_points, levers)
 
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
@@ -335,18 +243,18 @@ class Loading:
         ndarray
             Counter-clockwise moments per unit thickness in the plane, shape (holders,); vectors in three dimensions, shape (holders, 3).
         """
-        positions, dimension = force.positions, self.body.dimension
-        levers = np.zeros((len(self.names), dimension, dimension))
+        levers = np.zeros((len(self.names), self.body.dimension, self.body.dimension))
         if len(self.crossing[0]):
-            on_planes = self._levers_on_planes(force, force.pair_forces(self.crossing[0]))
-            for of_plane, plane in zip(on_planes, self.planes, strict=True):
-                for component in plane.components:
-                    levers[plane.holders[component], component] += of_plane[component]
+            self._add_planes(levers, self._levers_on_planes(force, force.pair_forces(self.crossing[0])))
         if reactions.at_points is not None:
-            for part, owned in zip(self.held, self._owned, strict=True):
-                for component, points in owned.items():
-                    levers[part.holder, component] += reactions.at_points[points, component] @ positions[points]
+            holder, point, component = self._counted
+            np.add.at(levers, (holder, component), reactions.at_points[point, component, None] * force.positions[point])
         return moment_of(self._share.total(levers))
+
+    def _add_planes(self, of_holders: np.ndarray, of_planes: np.ndarray) -> None:
+        """Add values of planes, shape (planes, d, ...), to those of the holders that hold their components."""
+        for part in self._of_planes:
+            of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
         """Return the sum of f (x) y over every plane, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""
@@ -377,17 +285,14 @@ class Loading:
         return total if beside is None else total + beside
 
     @cached_property
-    def _owned(self) -> list[dict[int, np.ndarray]]:
-        """Points whose force counts for the holder, by condition and component; none where results do not report it."""
-        owner = np.full((len(self.body), self.body.dimension), -1)
-        for number, part in enumerate(self.held):
-            for component in part.components:
-                owner[part.every, component] = number
-        owner[~self._share.own] = -1
-        return [
-            {} if part.holder is None else {c: part.every[owner[part.every, c] == number] for c in part.components}
-            for number, part in enumerate(self.held)
-        ]
+    def _counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Components of own points whose force counts for a holder: its number, the point and the component."""
+        holder = np.full(self.free.shape, -1)
+        for part in self._of_points:
+            holder[part.every[:, None], part.components] = -1 if part.holder is None else part.holder
+        holder[~self._share.own] = -1
+        there = np.nonzero(holder >= 0)
+        return holder[there], *there
 
     @cached_property
     def crossing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -401,46 +306,40 @@ class Loading:
 
     def ends(self) -> list[np.ndarray]:
         """Return the points of this share that each holder holds directly."""
-        return self._by_holder(self.beside_planes, [part.points for part in self.held])
+        return self._by_holder([part.points for part in self.held])
 
-    def _by_holder(self, at_planes: list[np.ndarray], at_points: list[np.ndarray]) -> list[np.ndarray]:
-        """Return the points that each holder holds, from those of every plane and of every entry of `held`."""
-        found: list[list[np.ndarray]] = [[] for _ in self.names]
-        for points, plane in zip(at_planes, self.planes, strict=True):
-            for holder in {plane.holders[component] for component in plane.components}:
-                found[holder].append(points)
-        for points, part in zip(at_points, self.held, strict=True):
-            if part.holder is not None:
-                found[part.holder].append(points)
-        return [np.unique(np.concatenate(parts)) for parts in found]
+    def _by_holder(self, points: list[np.ndarray]) -> list[np.ndarray]:
+        """Return the points that each holder holds, from those of every entry of `held`."""
+        holders = np.repeat([-1 if part.holder is None else part.holder for part in self.held], [len(numbers) for numbers in points])
+        every = np.concatenate([np.zeros(0, dtype=int), *points])
+        return [np.unique(every[holders == number]) for number in range(len(self.names))]
 
     def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
         """Return the mean displacement of each holder, shape (holders, d): that of its points, or of the middle of its plane.
 
         Components in which a plane is free to move are the means over the points within a cell of it.
         """
-        n = len(self.names)
         # Displacement, place and number of the points of each holder.
-        sums = np.zeros((n, 2 * self.body.dimension + 1))
+        sums = np.zeros((len(self.names), 2 * self.body.dimension + 1))
         for number, points in enumerate(self._beside):
             places = self.body.points[points]
             sums[number] = np.concatenate([(positions[points] - places).sum(axis=0), places.sum(axis=0), [len(points)]])
         sums = self._share.total(sums)
-        means = sums[:, :-1] / np.maximum(sums[:, -1:], 1)
-        found, places = np.split(means, 2, axis=1)
-        for plane, held in zip(self.body.planes, self.planes, strict=True):
-            motion = held.motion(parameter)
-            for component in held.components:
-                holder = held.holders[component]
-                middle = places[holder].copy()
-                middle[plane.axis] = plane.position
-                found[holder, component] = displaced(motion, middle[None])[0, component]
+        found, places = np.split(sums[:, :-1] / np.maximum(sums[:, -1:], 1), 2, axis=1)
+        for part in self._of_planes:
+            plane, middle = self.body.planes[part.plane], places[part.holder].copy()
+            middle[plane.axis] = plane.position
+            found[part.holder, part.components] = displaced(part.motion(parameter), middle)[list(part.components)]
         return found
 
     @cached_property
     def _beside(self) -> list[np.ndarray]:
-        """Points that each holder holds directly; of a plane, those within a cell of it."""
+        """Own points that each holder holds directly; of a plane, those within a cell of it."""
         near = []
-        for plane, sources in zip(self.body.planes, self.beside_planes, strict=True):
-            near.append(sources[np.abs(self.body.points[sources, plane.axis] - plane.position) < self.body.cell[plane.axis]])
-        return [points[self._share.own[points]] for points in self._by_holder(near, [part.every for part in self.held])]
+        for part in self.held:
+            points = part.every
+            if part.plane is not None:
+                axis, position = self.body.planes[part.plane].axis, self.body.planes[part.plane].position
+                points = points[np.abs(self.body.points[points, axis] - position) < self.body.cell[axis]]
+            near.append(points[self._share.own[points]])
+        return self._by_holder(near)

@@ -1,7 +1,5 @@
 """Course of a body along its loading: first guesses and velocities from the held parts, and the power of the holders."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cached_property
@@ -11,11 +9,12 @@ import numpy as np
 
 from ..body.body import sums_at_points
 from ..forces import InternalForce
-from .conditions import HeldPoints, Loading, Reactions, displaced
+from .conditions import Loading, Reactions
 from .equilibrium import TooFar
-from .extension import Samples, affine_extension, greatest_bond_strain
-from .motion import Motion
-from .preconditioner import Extension
+from .increments import Motion
+from .nearest_bonds import greatest_bond_strain
+from .preconditioner import extension_of
+from .rigid import displaced
 
 COMPRESSED = 0.05
 """Compression anywhere, over the greatest tension in the body, beyond which the body may buckle: free edges, whose horizons are incomplete,
@@ -34,6 +33,10 @@ HALVINGS = 10
 AHEAD = 1e-6
 """Change of the stretch, or share of a stage, over which velocities are formed as difference quotients; the rounding of the result, the
 root of that of the positions, is as small as its error."""
+
+
+LEAST_SPREAD = 0.5
+"""Least spread of places along a direction in which they determine a gradient, over that of the body: across a thin edge it is noise."""
 
 
 class Pull:
@@ -101,24 +104,14 @@ class Paths:
     shear_modulus : float
     largest_strain : float
         Greatest strain of a bond that a first guess may make.
-    turned : callable
-        Greatest angle in degrees by which a held part turns between two values of the parameter.
     """
 
     adaptive = True
 
-    def __init__(
-        self,
-        loading: Loading,
-        springs: float | np.ndarray,
-        shear_modulus: float,
-        largest_strain: float,
-        turned: Callable[[float, float], float],
-    ) -> None:
+    def __init__(self, loading: Loading, springs: float | np.ndarray, shear_modulus: float, largest_strain: float) -> None:
         self._loading, self.body, self._share = loading, loading.body, loading.body.share
         # A slightly larger bound accepts increments of exactly that strain.
         self._springs, self._shear_modulus, self._largest_strain = springs, shear_modulus, largest_strain * (1 + 1e-6)
-        self._turned = turned
 
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
         """Return the greatest increment to plan between two values of the parameter.
@@ -136,8 +129,7 @@ class Paths:
         largest = min(abs(end - start), asked or math.inf) or 1.0
         for _ in range(HALVINGS):
             share = min(1.0, largest / abs(end - start)) if end != start else 1.0
-            guess = self._followed(positions, start, start + share * (end - start))
-            if self._greatest_strain(positions, guess) <= self._largest_strain:
+            if self._followed(positions, start, start + share * (end - start))[1] <= self._largest_strain:
                 break
             largest /= 2
         return largest
@@ -160,8 +152,7 @@ class Paths:
         TooFar
             If the first guess strains a bond too much.
         """
-        guess = self._followed(positions, before, after)
-        strain = self._greatest_strain(positions, guess)
+        guess, strain = self._followed(positions, before, after)
         if strain > self._largest_strain:
             raise TooFar(f"the first guess strains a bond by {strain:.2g}, more than solver.largest_increment = {self._largest_strain:.4g}")
         if earlier is None or earlier[0] == before or after == before:
@@ -185,19 +176,16 @@ class Paths:
         before, after = (motion.at(time - step), motion.at(time)) if time >= step else (motion.at(time), motion.at(time + step))
         old, new = self._loading.plane_motions(before), self._loading.plane_motions(after)
         changes = new - old
-        if reactions.levers is None:
-            power = float((reactions.on_planes * (changes[:, :, -1] / step)).sum())
-        else:
+        shifts, power = changes[:, :, -1], 0.0
+        if reactions.levers is not None:
             # The place X of a plane is at y = X + u(X): the change of u is a linear function of y.
             by_place = np.linalg.solve((np.eye(self.body.dimension) + old[:, :, :-1]).mT, changes[:, :, :-1].mT).mT
-            shifts = changes[:, :, -1] - np.einsum("prc,pc->pr", by_place, old[:, :, -1])
-            power = float((reactions.on_planes * shifts).sum() + (reactions.levers * by_place).sum()) / step
+            shifts = shifts - np.einsum("prc,pc->pr", by_place, old[:, :, -1])
+            power = float((reactions.levers * by_place).sum()) / step
+        power += float((reactions.on_planes * shifts).sum()) / step
         if reactions.at_points is not None:
-            moved = np.zeros_like(reactions.at_points)
-            for part in self._loading.held:
-                change = np.broadcast_to(part.displacement(after) - part.displacement(before), (len(part.points), self.body.dimension))
-                for component in part.components:
-                    moved[part.points, component] = change[:, component]
+            moved, loading = np.zeros_like(reactions.at_points), self._loading
+            moved[loading.there] = (loading.moves(after) - loading.moves(before))[loading.at_points]
             power += self._share.sum(reactions.at_points * moved) / step
         return power
 
@@ -222,24 +210,23 @@ class Paths:
 
     def response(self, displacements: np.ndarray) -> np.ndarray:
         """Return the displacements of the body, shape (n, d), near held components that are displaced by (n, d)."""
-        still = np.zeros((len(self._loading.planes), self.body.dimension))
-        return self._stiffness.response(displacements, still)
+        return self._extend(displacements, np.zeros((len(self._loading.planes), self.body.dimension)))
 
     @cached_property
-    def _stiffness(self) -> Extension:
-        return Extension(self.body, self._springs, self._loading.free)
+    def _extend(self) -> Callable[..., np.ndarray]:
+        return extension_of(self.body, self._springs, self._loading.free)
 
-    def _followed(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
-        """Return the guess that follows held parts, in enough portions of the way that none turns far and points move along arcs."""
-        portions = max(1, math.ceil(self._turned(before, after) / LARGEST_TURN))
+    def _followed(self, positions: np.ndarray, before: float, after: float) -> tuple[np.ndarray, float]:
+        """Return the guess that follows held parts, and the greatest strain of a bond on the way.
+
+        It is found in enough portions of the way that no part turns far and points move along arcs.
+        """
+        turns = (abs(part.angle(after) - part.angle(before)) for part in self._loading.held if part.angle is not None)
+        portions, guess = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN)), positions
         for start, end in pairwise(np.linspace(before, after, portions + 1)):
-            positions = self._extended(positions, self._loading.plane_motions(start), end)
-        return positions
-
-    def _greatest_strain(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Return the greatest strain of a bond on the way from one state to another."""
-        self._share.fill(before)
-        return self._share.greatest(greatest_bond_strain(self.body, before, after))
+            guess = self._extended(guess, self._loading.plane_motions(start), end)
+        self._share.fill(positions)
+        return guess, self._share.greatest(greatest_bond_strain(self.body, positions, guess))
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:
         """Return the positions in which all held parts are in their place at t, from a start with planes moved by (p, d, d + 1).
@@ -247,85 +234,111 @@ class Paths:
         An affine map fitted to the motion of the held parts is applied first: it captures homogeneous deformations and rotations of the
         whole body. The remaining held displacements are then interpolated as by a network of springs.
         """
-        goal_planes = self._loading.plane_motions(t)
+        loading, goal_planes = self._loading, self._loading.plane_motions(t)
         self._share.fill(start)
-        samples = self._samples(start, planes, goal_planes, t)
-        changes = samples.goals - samples.places[np.arange(len(samples.goals)), samples.components]
-        farthest = self._share.greatest(np.abs(changes))
+        places, goals = self._samples(start, planes, goal_planes, t)
+        rows = np.arange(len(goals)), loading.component
+        farthest = self._share.greatest(np.abs(goals - places[rows]))
         if farthest == 0:
             return start.copy()
-        everywhere = Samples(*(self._share.joined(rows, samples.points) for rows in (samples.places, samples.components, samples.goals)))
-        gradient, shift = affine_extension(everywhere, lambda direction: self._spread(start @ direction))
+
+        def spread(direction: np.ndarray) -> float:
+            along = start @ direction
+            along -= self._share.sum(along) / self._share.size
+            return float(np.sqrt(self._share.sum(np.square(along)) / self._share.size))
+
+        everywhere = (self._share.joined(values, loading.point) for values in (places, loading.component, goals))
+        gradient, shift = affine_extension(*everywhere, spread)
         guess = start @ gradient.T + shift
-        mapped = (samples.places @ gradient.T + shift)[np.arange(len(samples.goals)), samples.components]
-        left = samples.goals - mapped
+        left = goals - (places @ gradient.T + shift)[rows]
         if self._share.greatest(np.abs(left)) > 1e-6 * min(farthest, self.body.spacing):
-            moved, at, of_planes = np.zeros_like(start), 0, np.zeros(goal_planes.shape[:2])
-            turns = self._turns_left(planes, goal_planes, gradient)
-            for part in self._loading.held:
-                for component in part.components:
-                    moved[part.points, component] = left[at : at + len(part.points)]
-                    at += len(part.points)
-            for number, (sources, held) in enumerate(zip(self._loading.beside_planes, self._loading.planes, strict=True)):
-                for component in held.components:
-                    # Along its plane the affine map need not follow every place alike.
-                    of_planes[number, component] = self._share.joined(left[at : at + len(sources)], sources).mean()
-                    at += len(sources)
-                if turns is not None and len(held.components) == self.body.dimension:
-                    of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
-            guess += self._stiffness.response(moved, of_planes, turns)
-        for part in self._loading.held:
-            goal = self._goal(part, t, start)
-            for component in part.components:
-                guess[part.points, component] = goal[:, component]
+            moved, of_planes = np.zeros_like(start), np.zeros(goal_planes.shape[:2])
+            moved[loading.there] = left[loading.at_points]
+            for number, component in zip(*np.nonzero(loading.plane_components), strict=True):
+                # Along its plane the affine map need not follow every place alike.
+                own = (loading.plane == number) & (loading.component == component)
+                of_planes[number, component] = self._share.joined(left[own], loading.point[own]).mean()
+            turns = None
+            if loading.turning:
+                # If one plane turns, the map turns the others by a part of that, which the remainder of their turn cancels.
+                held = loading.plane_components.all(axis=1)
+                identity = np.eye(self.body.dimension)
+                turns = identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
+                turns[~held] = 0.0
+                of_planes[held] = (goal_planes[:, :, -1] - planes[:, :, -1] @ gradient.T - shift)[held]
+            guess += self._extend(moved, of_planes, turns)
+        guess[loading.there] = goals[loading.at_points]
         return guess
 
-    def _spread(self, values: np.ndarray) -> float:
-        """Return the standard deviation of values at the points, shape (n,)."""
-        mean = self._share.sum(values) / self._share.size
-        return float(np.sqrt(self._share.sum(np.square(values - mean)) / self._share.size))
+    def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the places of held components, for planes those next to points of the body, and the values that the components go to."""
+        loading, displacements = self._loading, start - self.body.points
+        there = loading.point, loading.component
+        places, goals = start[loading.point], self.body.points[there] + loading.moves(t)
+        for number, part in enumerate(loading.held):
+            if part.others is not None:  # the point of a place between points goes as far as the mean of all its points does
+                own = loading.part == number
+                mean = displacements[part.every].sum(axis=0) / part.count
+                goals[own] += displacements[loading.point[own], loading.component[own]] - mean[loading.component[own]]
+        beside = ~loading.at_points
+        number, component, at_rest = loading.plane[beside], loading.component[beside], loading.place[beside]
+        now, then = (displaced(motions[number], at_rest) for motions in (planes, goal_planes))
+        there = np.where(loading.plane_components[number], at_rest + now, places[beside])
+        rows = np.arange(len(number)), component
+        places[beside], goals[beside] = there, there[rows] + (then - now)[rows]
+        return places, goals
 
-    def _turns_left(self, planes: np.ndarray, goal_planes: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
-        """Return the remainder of the planes' turns after an affine map of a given gradient, as in `Ghosts.shifts`; None if none turns.
 
-        If one plane turns, the map turns the others by a part of that, which their remainder cancels.
-        """
-        if all(plane.turn is None for plane in self._loading.planes):
-            return None
-        identity = np.eye(self.body.dimension)
-        left = identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
-        left[[len(plane.components) < self.body.dimension for plane in self._loading.planes]] = 0.0
-        return left
+def affine_extension(
+    places: np.ndarray, components: np.ndarray, goals: np.ndarray, spread_along: Callable[[np.ndarray], float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the affine map y -> A y + b that takes some components of places nearest to their goals: the gradient A and the shift b.
 
-    def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> Samples:
-        """Return the places that are held and where they go: points, then planes, at the places next to points of the body."""
-        places, components, goals = [np.zeros((0, self.body.dimension))], [np.zeros(0, dtype=int)], [np.zeros(0)]
-        points = [np.zeros(0, dtype=int)]
+    Along directions in which the places do not determine the gradient it is that of the identity. Where all of them lie on one line, in
+    space on one plane, as on a single clamped edge or face, the direction across it turns with them.
 
-        def add(numbers: np.ndarray, there: np.ndarray, component: int, goal: np.ndarray) -> None:
-            points.append(numbers)
-            places.append(there)
-            components.append(np.full(len(there), component))
-            goals.append(goal)
+    Parameters
+    ----------
+    places : ndarray, shape (k, d)
+    components : ndarray of int, shape (k,)
+        Component of each place that has a goal.
+    goals : ndarray, shape (k,)
+        Value of that component in the end.
+    spread_along : callable
+        Standard deviation of the positions of the body along a direction (d,).
 
-        for part in self._loading.held:
-            goal = self._goal(part, t, start)
-            for component in part.components:
-                add(part.points, start[part.points], component, goal[:, component])
-        planes_held = zip(self.body.planes, self._loading.planes, self._loading.beside_planes, strict=True)
-        for number, (plane, held, sources) in enumerate(planes_held):
-            there, at_rest = start[sources].copy(), self.body.points[sources].copy()
-            at_rest[:, plane.axis] = plane.position
-            now, then = displaced(planes[number], at_rest), displaced(goal_planes[number], at_rest)
-            for component in held.components:
-                there[:, component] = at_rest[:, component] + now[:, component]
-            for component in held.components:
-                add(sources, there, component, there[:, component] + (then - now)[:, component])
-        return Samples(*map(np.concatenate, (places, components, goals, points)))
+    Returns
+    -------
+    gradient : ndarray, shape (d, d)
+    shift : ndarray, shape (d,)
+    """
+    dimension = places.shape[1]
+    gradient, told = np.eye(dimension), [[] for _ in range(dimension)]
+    shift, middles = np.zeros(dimension), np.zeros((dimension, dimension))
+    for component in range(dimension):
+        own = components == component
+        if not own.any():
+            continue
+        middles[component] = middle = places[own].mean(axis=0)
+        changes = goals[own] - places[own, component]
+        _, spreads, directions = np.linalg.svd(places[own] - middle, full_matrices=False)
+        for spread, direction in zip(spreads / np.sqrt(own.sum()), directions, strict=True):
+            if spread > LEAST_SPREAD * spread_along(direction) and spread > 0:
+                arms = (places[own] - middle) @ direction
+                gradient[component] += (arms @ changes) / (arms @ arms) * direction
+                told[component].append(direction)
+        shift[component] = middle[component] + changes.mean() - gradient[component] @ middle
+    if all(len(directions) == dimension - 1 for directions in told):
+        normals = [_normal(np.array(directions)) for directions in told]
+        wanted = _normal(np.array(told[0]) @ gradient.T)
+        length = np.linalg.norm(wanted)
+        if all(abs(normals[0] @ normal) > 0.99 for normal in normals[1:]) and length > 0:
+            change = np.outer(wanted / length - gradient @ normals[0], normals[0])
+            shift -= (change * middles).sum(axis=1)
+            gradient += change
+    return gradient, shift
 
-    def _goal(self, part: HeldPoints, t: float, start: np.ndarray) -> np.ndarray:
-        """Return the places of held points at t, shape (k, d); that of a support goes as far as the mean of its points does."""
-        displacement = part.displacement(t)
-        if part.support is None:
-            return self.body.points[part.points] + displacement
-        return start[part.points] + displacement - (start[part.every] - self.body.points[part.every]).sum(axis=0) / part.support.count
+
+def _normal(directions: np.ndarray) -> np.ndarray:
+    """Return the normal to one direction in the plane (1, 2), or to two in three dimensions (2, 3), which rotates with them."""
+    return np.array([-directions[0, 1], directions[0, 0]]) if directions.shape[1] == 2 else np.cross(*directions)

@@ -1,7 +1,5 @@
 """Explicit dynamics: central differences with damping proportional to mass and to stiffness, and a step below the critical one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -23,17 +21,6 @@ MOST_TRAVEL = 0.5
 past the bonds that should stop it."""
 
 
-class VelocitiesAround(NamedTuple):
-    """Velocities of the half step before, at the positions, and of the half step after, shape (n, d) each.
-
-    The velocities before exclude the impulse of bonds that broke at the present positions.
-    """
-
-    before: np.ndarray
-    now: np.ndarray
-    after: np.ndarray
-
-
 class Power(NamedTuple):
     """Power of forces at the positions.
 
@@ -51,7 +38,7 @@ class Power(NamedTuple):
     now: float = 0.0
     after: float = 0.0
 
-    def plus(self, other: Power, share: float = 1.0) -> Power:
+    def plus(self, other: "Power", share: float = 1.0) -> "Power":
         """Return this power plus a share of another."""
         return Power(*(own + share * added for own, added in zip(self, other, strict=True)))
 
@@ -193,11 +180,15 @@ class ExplicitDynamics:
     def move(self) -> None:
         """Advance velocities and positions by one step; the forces are still those before it."""
         step = self.next_step()
-        scheme = self.forces, self._free, self._mass, self._damping
-        central_difference_step[self.positions.shape[1]](self.positions, self.velocities, *scheme, step, self.last_step)
+        self._step(self.positions, self.velocities, step)
         self.last_step = step
         self.steps += 1
         self._kicks = None
+
+    def _step(self, positions: np.ndarray, velocities: np.ndarray, step: float) -> None:
+        """Advance velocities and positions in place."""
+        scheme = self.forces, self._free, self._mass, self._damping, step, self.last_step
+        central_difference_step[positions.shape[1]](positions, velocities, *scheme)
 
     def next_step(self) -> float:
         """Return the next step: stable, no longer than `longest`, and so short that no point moves too far."""
@@ -228,12 +219,16 @@ class ExplicitDynamics:
         """Return the kinetic energy of the last half step."""
         return 0.5 * self._share.dot(self.velocities, self.velocities, self._mass)
 
-    def velocities_around(self) -> VelocitiesAround:
-        """Return the velocities at the positions, and of the half steps before and after."""
-        before = self.velocities if self._kicks is None else self.velocities - self._kicks
-        return VelocitiesAround(before, self.mean_velocities(), self._following_velocities(self.next_step()))
+    def velocities_around(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the velocities of the half step before, at the positions, and of the half step after, shape (n, d) each.
 
-    def kept_energy(self, velocities: VelocitiesAround) -> tuple[float, float]:
+        The velocities before exclude the impulse of bonds that broke at the present positions.
+        """
+        before = self.velocities if self._kicks is None else self.velocities - self._kicks
+        now = 0.5 * (self.velocities + self._following_velocities(self.last_step))
+        return before, now, self._following_velocities(self.next_step())
+
+    def kept_energy(self) -> tuple[float, float]:
         """Return the kinetic energies at the positions before and after them; each keeps its sum with the strain energy over steps.
 
         The first is the energy of the half step before, plus the work up to now of the forces that end here; the second that of the half
@@ -242,19 +237,14 @@ class ExplicitDynamics:
         velocity at the positions exceeds both by h^2 f M^-1 f/8, which is large where bonds have just broken. Both equal v M v'/2, except
         where forces vanish here or the step changes: the scheme itself dissipates their difference.
         """
-        before, now, after = velocities
+        before, now, after = self.velocities_around()
         arriving, leaving = (self._share.dot(side, now - 0.5 * side, self._mass) for side in (before, after))
         return arriving, leaving
 
     def _following_velocities(self, step: float) -> np.ndarray:
         following = self.velocities.copy()
-        scheme = self.forces, self._free, self._mass, self._damping, step, self.last_step
-        central_difference_step[self.positions.shape[1]](self.positions.copy(), following, *scheme)
+        self._step(self.positions.copy(), following, step)
         return following
-
-    def mean_velocities(self) -> np.ndarray:
-        """Return the velocities at the positions, the mean of those half a step before and after, shape (n, d)."""
-        return 0.5 * (self.velocities + self._following_velocities(self.last_step))
 
     def elastic_with_loads(self) -> np.ndarray:
         """Return the forces on every point at the positions, without viscous part, shape (n, d)."""
@@ -262,11 +252,11 @@ class ExplicitDynamics:
 
     def damped_power(self) -> Power:
         """Return the power that damping and viscosity dissipate, the latter from the elastic forces as last evaluated or followed."""
-        velocities = self.velocities_around()
-        taking = self._damping * self._mass[:, None] * velocities.now
-        power = self._damping * self._share.dot(velocities.now, velocities.now, self._mass)
+        before, now, after = self.velocities_around()
+        taking = self._damping * self._mass[:, None] * now
+        power = self._damping * self._share.dot(now, now, self._mass)
         if self._viscosity > 0:
             viscous = self._free * (self.elastic_with_loads() - self.forces)
             taking += viscous
-            power += self._share.dot(viscous, velocities.now)
-        return Power(self._share.dot(taking, velocities.before), power, self._share.dot(taking, velocities.after))
+            power += self._share.dot(viscous, now)
+        return Power(self._share.dot(taking, before), power, self._share.dot(taking, after))

@@ -1,21 +1,16 @@
 """Protocol of solvers for equilibrium, their results and errors."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from ..body import Body
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
-from .extension import greatest_bond_strain
+from .nearest_bonds import is_rigid, strain_rounding
 from .preconditioner import Preconditioner, preconditioner_of
-from .supports import SupportedPreconditioner
 
 Report = Callable[[int, float], None]
 """Function that a solver calls with the number of force evaluations so far and the residual."""
@@ -39,15 +34,15 @@ IDLE = 5
 """Evaluations within which the forces left must fall by a third once they may be rounding errors, see `ROUNDED`."""
 
 
-RIGID = 1000
-"""Strain, over that of rounding, up to which a body counts as moved without deformation."""
-
-
 def no_report(evaluations: int, residual: float) -> None:
     """Ignore a report."""
 
 
-class NotConverged(RuntimeError):
+class NoEquilibrium(RuntimeError):
+    """Failure to find an equilibrium, which a shorter increment may avoid."""
+
+
+class NotConverged(NoEquilibrium):
     """The residual did not fall below the tolerance."""
 
 
@@ -55,7 +50,7 @@ class Unbalanced(NotConverged):
     """Loads and reactions that do not add up to zero."""
 
 
-class Diverging(RuntimeError):
+class Diverging(NoEquilibrium):
     """The iteration diverges."""
 
 
@@ -63,41 +58,24 @@ class TooSmall(RuntimeError):
     """A strain that the precision of the force, or of the positions, does not resolve."""
 
 
-class Unstable(RuntimeError):
+class Unstable(NoEquilibrium):
     """An equilibrium that is not stable, or not a continuation of the previous one."""
 
 
-class TooFar(RuntimeError):
+class TooFar(NoEquilibrium):
     """An increment whose first guess strains the body too much for a solver to converge."""
 
 
-class RanAway(RuntimeError):
+class RanAway(NoEquilibrium):
     """A body that loads move far away within one increment, as happens beyond its limit load."""
 
 
-def note_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
+def note_of_modes(force: InternalForce, consequence: str) -> str:
     """Return the note on zero-energy modes for an error message; empty if the force has no such modes."""
     if not force.zero_energy_modes:
         return ""
     others = "force=bond-energy" if force.body.dimension == 3 else "force=analytic or force=bond-energy"
     return f" (this force does not resist all displacements from point to point, {consequence}: {others} does)"
-
-
-def strain_rounding(body: Body) -> float:
-    """Return the strain that rounding of the positions makes in a bond as long as the spacing."""
-    farthest = body.share.greatest(np.abs(body.points))
-    return float(np.finfo(float).eps) * farthest / body.spacing
-
-
-def is_rigid(force: InternalForce) -> bool:
-    """Return whether the body has moved without deformation, up to rounding, in the state last evaluated."""
-    return strain_of(force) <= RIGID * strain_rounding(force.body)
-
-
-def strain_of(force: InternalForce) -> float:
-    """Return the greatest change of length of a bond over its length at rest, in the state last evaluated."""
-    n = len(force.body)
-    return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))
 
 
 @dataclass(frozen=True)
@@ -147,17 +125,14 @@ class EquilibriumSolver(ABC):
     """True once a faster method has failed on this body; a solver keeps no other state between calls."""
 
     def __init__(
-        self,
-        free: np.ndarray,
-        volumes: np.ndarray,
-        tolerance: float = 1e-6,
-        most_evaluations: int = 50_000,
-        share: Share | None = None,
+        self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000, share: Share | None = None
     ) -> None:
         self.free, self.volumes, self.share = free, volumes, share or Share.whole(len(free))
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
+        # Permitted sum of the forces on free points, relative to the driving forces.
+        self._share_left = min(UNBALANCED, PER_TOLERANCE * tolerance)
+        self._held, self._drive = np.nonzero(free == 0), 0.0
         self._preconditioner: Preconditioner | None = None
-        self._drive, self._on_held = 0.0, np.zeros(0)
 
     @abstractmethod
     def solve(
@@ -194,30 +169,24 @@ class EquilibriumSolver(ABC):
         """Return the approximation of the tangent of the force, built on first use."""
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free)
-            supports = getattr(force, "supports", None)
-            if supports is not None:
-                self._preconditioner = SupportedPreconditioner(self._preconditioner, supports)
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Return the largest force density in units of shear modulus / spacing, see `InternalForce.force_scale`."""
-        unit, volumes = force.force_scale, self.volumes
-        if isinstance(unit, np.ndarray):  # with several materials every point has its own scale
-            unit, volumes = 1.0, volumes * unit
-        greatest = self.share.greatest(greatest_force_density[forces.shape[1]](forces, self.free, volumes))
-        return greatest * force.body.spacing / unit
+        # With several materials every point has its own scale.
+        density = greatest_force_density[forces.shape[1]](forces, self.free, self.volumes * force.force_scale)
+        return self.share.greatest(density) * force.body.spacing
 
     def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:
         """Write the forces on free components to `out`, shape (n, d), 0 on held ones, whose forces are kept as driving forces."""
         force(positions, out)
-        components = out.reshape(-1)
-        self._on_held = components[self._held]
-        components[self._held] = 0.0
+        self._on_held = out[self._held]
+        out[self._held] = 0.0
 
     def begin(self, force: InternalForce, least_drive: float) -> None:
         """Begin a search; `least_drive` as in `solve`."""
         stiffness = force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
-        self._least_drive, self._least_left, self._idle = least_drive, np.inf, 0
+        self._least_drive, self.least_left, self._idle = least_drive, np.inf, 0
         self._rounding = ROUNDED * stiffness * strain_rounding(force.body)
 
     def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
@@ -235,7 +204,7 @@ class EquilibriumSolver(ABC):
         loads = force.applied()
         loading = 0.0 if loads is None else self.share.sum(np.abs(loads))
         self._drive = max(loading, self._holding(force), self._least_drive)
-        most = self.share_left * self._drive
+        most = self._share_left * self._drive
         if left <= most:
             return residual, True
         if residual * most < SINGLE * left and force.precision == "float32":
@@ -244,42 +213,22 @@ class EquilibriumSolver(ABC):
             raise TooSmall("the forces that drive the body are too small for single precision")
         if residual > self._rounding:
             return residual, False
-        self._idle = 0 if left < 2 / 3 * self._least_left else self._idle + 1
-        self._least_left = min(self._least_left, left)
+        self._idle = 0 if left < 2 / 3 * self.least_left else self._idle + 1
+        self.least_left = min(self.least_left, left)
         return residual, self._idle >= IDLE
-
-    @property
-    def at_rounding(self) -> bool:
-        """Whether the forces left may be rounding errors."""
-        return self._least_left < np.inf
-
-    @property
-    def share_left(self) -> float:
-        """Permitted sum of the forces on free points, relative to the driving forces."""
-        return min(UNBALANCED, PER_TOLERANCE * self.tolerance)
 
     def _holding(self, force: InternalForce) -> float:
         """Return the sum of the magnitudes of all forces on held components and across planes of reflection."""
-        crossing = self._crossing(force.body)
+        body = force.body
+        outer = np.flatnonzero(body.bonds.second >= len(body))
+        crossing = outer[self.share.own[body.bonds.first[outer]]]
         across = np.abs(force.pair_forces(crossing)).sum() if len(crossing) else 0.0
         return self.share.total(float(np.abs(self._on_held).sum() + across))
-
-    @cached_property
-    def _held(self) -> np.ndarray:
-        """Numbers of the held components, of all components in a row."""
-        return np.flatnonzero(self.free.ravel() == 0)
-
-    def _crossing(self, body: Body) -> np.ndarray:
-        """Return the numbers of the bonds across planes of reflection that are counted here."""
-        outer = np.flatnonzero(body.bonds.second >= len(body))
-        return outer[body.share.own[body.bonds.first[outer]]]
 
     def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:
         """Return the error for a residual, or a sum of forces, that is still too large."""
         reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
         if residual <= tolerance:
-            reached = (
-                f"after {evaluations} force evaluations the forces left on free points are in sum more than {self.share_left:.1g} of those "
-                "that drive the body"
-            )
-        return NotConverged(reached + note_of_zero_energy_modes(force, "which then never come to rest"))
+            left = f"the forces left on free points are in sum more than {self._share_left:.1g} of those that drive the body"
+            reached = f"after {evaluations} force evaluations {left}"
+        return NotConverged(reached + note_of_modes(force, "which then never come to rest"))

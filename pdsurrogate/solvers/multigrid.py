@@ -1,6 +1,6 @@
-"""A cycle of multigrid for Laplacians of scattered points, which costs a few products with the matrix for any number of points."""
+"""Linear systems: a cycle of multigrid for Laplacians of scattered points, and conjugate gradients for products alone."""
 
-from __future__ import annotations
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy import sparse
@@ -10,6 +10,9 @@ from ..engine.block_arrays import power_of_two
 from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..kernels.multigrid import passes_of
+
+Operator = Callable[[np.ndarray], np.ndarray]
+InnerProduct = Callable[[np.ndarray, np.ndarray], float]
 
 COARSENING = 3
 """Mean distances of points, along each axis, that are one on the next level."""
@@ -117,7 +120,7 @@ class _Level:
         self.right, self.found, self.rest, self.first = np.zeros((4, count, held), dtype=np.float32)
         self.down = self.up = self.take_rest = None
 
-    def bind(self, matrix: sparse.csr_array, relaxation: np.ndarray, prolongation: sparse.csr_array, coarser: _Level) -> None:
+    def bind(self, matrix: sparse.csr_array, relaxation: np.ndarray, prolongation: sparse.csr_array, coarser: "_Level") -> None:
         """Make the passes between this level and the next coarser one."""
         rows, restriction = _rows(matrix), _rows(prolongation.T.tocsr())
         relaxation, right, found, rest = relaxation.astype(np.float32), self.right, self.found, self.rest
@@ -149,3 +152,47 @@ def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
 def _rows(matrix: sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return pointers, columns and values of the rows in the types of the passes."""
     return matrix.indptr.astype(np.uint64), matrix.indices.astype(np.uint32), matrix.data.astype(np.float32)
+
+
+def conjugate_gradient_steps(
+    left: np.ndarray, precondition: Operator, image_of: Operator, dot: InnerProduct, share_left: float, most: int
+) -> Iterator[tuple[float, np.ndarray, float]]:
+    """Yield length and direction of every step, and the square of the rest before it, until the rest is small enough, or after `most`.
+
+    The solution is the sum of the lengths times the directions.
+
+    Parameters
+    ----------
+    left : ndarray
+        Right hand side, changed in place to the rest that the solution leaves.
+    precondition : callable
+        Approximate inverse of the matrix: fixed, symmetric and positive definite.
+    image_of : callable
+        Product of the matrix and a direction.
+    dot : callable
+        Inner product.
+    share_left : float
+        Size of the rest at the end over that of the right hand side, both in the norm of `precondition`.
+    most : int
+    """
+    direction = better = precondition(left)
+    size = dot(left, better)
+    least = share_left**2 * size
+    for _ in range(most):
+        if not size > least:
+            return
+        image = image_of(direction)
+        length = size / dot(direction, image)
+        yield length, direction, size
+        left -= length * image
+        better = precondition(left)
+        size, before = dot(left, better), size
+        direction = better + size / before * direction
+
+
+def conjugate_gradients(left: np.ndarray, *settings) -> np.ndarray:
+    """Return the solution for a right hand side, the sum of all `conjugate_gradient_steps`; the arguments are theirs."""
+    found = np.zeros_like(left)
+    for length, direction, _ in conjugate_gradient_steps(left, *settings):
+        found += length * direction
+    return found

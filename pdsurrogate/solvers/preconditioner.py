@@ -1,17 +1,16 @@
 """Preconditioners of quasi-Newton methods, chosen by the force, and extensions of held displacements into the body."""
 
-from __future__ import annotations
-
-from functools import partial
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from . import conjugate_gradients
-from .nearest_bonds import Laplacian, NearestBondLaplacian, NearestBondStiffness, Preconditioner, Springs
-from .rigid import RigidStiffness
-from .schwarz import EXACTLY, SchwarzLaplacian, SchwarzStiffness
+from ..ranks import Share
+from .held import Support
+from .multigrid import conjugate_gradient_steps, conjugate_gradients
+from .nearest_bonds import EXACTLY, Preconditioner, inverse_of_laplacian, inverse_of_springs, laplacian_of, springs_of
+from .rigid import inverse_with_regions
 
 EXTENDED = 3e-4
 """Permitted residual of a first guess, relative to the forces of held components, in the energy norm."""
@@ -29,19 +28,18 @@ EXPONENT_ERROR = 0.5
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner for the tangent of a force, with the given free components (n, d)."""
     body, moduli = force.body, force.stiffness_moduli
-    if getattr(force, "rigid", ()):
-        return RigidStiffness(force, free)
-    if force.nearly_incompressible:
-        return IncompressibleStiffness(force, _inverse_of_laplacian(body, moduli, free))
-    return (SchwarzStiffness if body.share.divided else NearestBondStiffness)(body, moduli, free)
+    if regions := getattr(force, "rigid", ()):
+        found = inverse_with_regions(body, moduli, free, regions)
+    elif force.nearly_incompressible:
+        found = incompressible_inverse(force, inverse_of_laplacian(body, moduli, free))
+    else:
+        found = inverse_of_springs(body, moduli, free)
+    supports = getattr(force, "supports", ())
+    return supported(found, supports, body.share) if supports else found
 
 
-def _inverse_of_laplacian(body: Body, moduli: float | np.ndarray, free: np.ndarray) -> Preconditioner:
-    return (SchwarzLaplacian if body.share.divided else NearestBondLaplacian)(body, moduli, free)
-
-
-class Extension:
-    """Map from displacements of held components to displacements of the whole body, through a network of springs.
+def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Callable[..., np.ndarray]:
+    """Return the map from displacements of held components to displacements of the whole body, through a network of springs.
 
     In 3D the network is the Laplacian, and conjugate gradients solve it: a factor of all components would fill too much memory.
 
@@ -51,55 +49,39 @@ class Extension:
     shear_moduli : float or ndarray, shape (n,)
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
+
+    Returns
+    -------
+    callable
+        ``response(held, planes, turns)`` returns the displacements, shape (n, d), where held components and planes of reflection are
+        displaced: by `held` (n, d), 0 in free components, by `planes` (planes, d), and by `turns` (planes, d, d), rotations as in
+        `pdsurrogate.body.Ghosts.shifts`, or None.
     """
+    if body.dimension == 2:
+        network, solve = springs_of(body, shear_moduli), inverse_of_springs(body, shear_moduli, free, EXACTLY).solve
+    else:
+        network, precondition = laplacian_of(body, shear_moduli), inverse_of_laplacian(body, shear_moduli, free).solve
 
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._body, self._free = body, free
-        if body.dimension == 3:
-            self._network, self._precondition = Laplacian(body, shear_moduli), _inverse_of_laplacian(body, shear_moduli, free).solve
-            self._solve = self._by_conjugate_gradients
-            return
-        self._network = Springs(body, shear_moduli)
-        if body.share.divided:
-            self._solve = partial(SchwarzStiffness(body, shear_moduli, free).solve, left=EXACTLY)
-        else:
-            self._solve = NearestBondStiffness(body, shear_moduli, free).solve
+        def solve(forces: np.ndarray) -> np.ndarray:
+            settings = precondition, lambda moved: -network.forces(moved) * free, body.share.dot, EXTENDED, MOST_STEPS
+            return conjugate_gradients(forces * free, *settings)
 
-    def response(self, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-        """Return the displacements of the body, shape (n, d), where held components and planes of reflection are displaced.
-
-        Parameters
-        ----------
-        held : ndarray, shape (n, d)
-            Displacements in held components, 0 in free ones.
-        planes : ndarray, shape (planes, d)
-            Displacements of the planes.
-        turns : ndarray, shape (planes, d, d), optional
-            Rotations of planes, see `pdsurrogate.body.Ghosts.shifts`.
-        """
-        ghosts, held, share = self._body.ghosts, held.copy(), self._body.share
-        share.fill(held)
-        images = held[ghosts.source] * ghosts.parity + ghosts.moved_by_planes(self._body.points, planes, turns)
-        found = self._solve(self._network.forces(np.vstack([held, images]))) + held
-        share.fill(found)
+    def response(held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
+        held = held.copy()
+        found = solve(network.forces(held, body.ghosts.moved_by_planes(body.points, planes, turns))) + held
+        body.share.fill(found)
         return found
 
-    def _by_conjugate_gradients(self, forces: np.ndarray) -> np.ndarray:
-        settings = self._precondition, self._image_of, self._body.share.dot, EXTENDED, MOST_STEPS
-        return conjugate_gradients.solution(forces * self._free, *settings)
-
-    def _image_of(self, direction: np.ndarray) -> np.ndarray:
-        self._body.share.fill(direction)
-        images = direction[self._body.ghosts.source] * self._body.ghosts.parity
-        return -self._network.forces(np.vstack([direction, images])) * self._free
+    return response
 
 
-class IncompressibleStiffness(Preconditioner):
-    """Approximation A + D^T C D of the tangent of a nearly incompressible body, whose systems are solved (theory (58), (59)).
+def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> Preconditioner:
+    """Return the inverse of A + D^T C D, an approximation of the tangent of a nearly incompressible body (theory (58), (59)).
 
     A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C the stiffness against
     it. D is exact, since an error in the change of volume is multiplied by K. In the pressures p as unknowns the system has the magnitude
-    of the bulk compliance and not of K, (C^-1 + D A^-1 D^T) p = D A^-1 f, and a few steps of conjugate gradients solve it.
+    of the bulk compliance and not of K, (C^-1 + D A^-1 D^T) p = D A^-1 f, and a few steps of conjugate gradients solve it; each costs about
+    two thirds of a force evaluation and a solution with A.
 
     Parameters
     ----------
@@ -107,50 +89,32 @@ class IncompressibleStiffness(Preconditioner):
         Force with a linearised dilatation.
     laplacian : Preconditioner
         Exact or approximate inverse of A: a fixed operator, symmetric and positive definite.
-
-    Attributes
-    ----------
-    steps : int
-        Conjugate-gradient steps for the pressures so far; each costs about two thirds of a force evaluation and a solution with A.
     """
+    share, dilatation = force.body.share, force.linearised_dilatation()
+    compliance, unit = force.law.shear_modulus / force.law.bulk_modulus, force.law.shear_modulus * force.body.volumes
+    inverse = dilatation.polynomial(_inverse_polynomial(compliance))
 
-    def __init__(self, force: InternalForce, laplacian: Preconditioner) -> None:
-        self._laplacian, self._share = laplacian, force.body.share
-        self._dilatation = force.linearised_dilatation()
-        self._volumes, self._modulus = force.body.volumes, force.law.shear_modulus
-        self._compliance = force.law.shear_modulus / force.law.bulk_modulus
-        self._inverse = self._dilatation.polynomial(_inverse_polynomial(self._compliance))
-        self.steps = 0
+    def precondition(left: np.ndarray) -> np.ndarray:
+        """Return about V mu (mu/K + W^4)^-1 of a rest: D has the smoothing W, and the bonds' means smooth about as much again."""
+        return unit * inverse(left)
 
-    def update(self) -> None:
-        """Update the operator to the state in which the force was last evaluated."""
-        self._dilatation.take()
+    def dot(one: np.ndarray, other: np.ndarray) -> float:
+        return share.dot(one[:, None], other[:, None])
 
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d)."""
-        laplacian, dilatation = self._laplacian, self._dilatation
-        compliance = 1 / dilatation.stiffness
-        displacements = laplacian.solve(forces)
-        moved = displacements
+    def solve(forces: np.ndarray) -> np.ndarray:
+        displacements = moved = laplacian.solve(forces)
 
         def image_of(pressures: np.ndarray) -> np.ndarray:
             nonlocal moved
             moved = laplacian.solve(dilatation.forces(pressures))
-            return compliance * pressures + dilatation.changes(moved)
+            return pressures / dilatation.stiffness + dilatation.changes(moved)
 
-        asked = self._precondition, image_of, self._dot, NEARLY_SOLVED * self._compliance, MOST_STEPS
-        for share, _, _ in conjugate_gradients.steps(dilatation.changes(displacements), *asked):
-            displacements -= share * moved
-            self.steps += 1
+        settings = precondition, image_of, dot, NEARLY_SOLVED * compliance, MOST_STEPS
+        for length, _, _ in conjugate_gradient_steps(dilatation.changes(displacements), *settings):
+            displacements -= length * moved
         return displacements
 
-    def _precondition(self, left: np.ndarray) -> np.ndarray:
-        """Return about V mu (mu/K + W^4)^-1 of a rest: D has the smoothing W, and the bonds' means smooth about as much again."""
-        return self._modulus * self._volumes * self._inverse(left)
-
-    def _dot(self, first: np.ndarray, second: np.ndarray) -> float:
-        """Return the inner product of values at the points, shape (n,)."""
-        return self._share.dot(first[:, None], second[:, None])
+    return Preconditioner(solve, dilatation.take)
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:
@@ -162,3 +126,22 @@ def _inverse_polynomial(compliance: float) -> np.ndarray:
         if np.abs(table @ coefficients - 1).max() <= EXPONENT_ERROR:
             break
     return coefficients
+
+
+def supported(inner: Preconditioner, supports: Sequence[Support], share: Share) -> Preconditioner:
+    """Return the preconditioner R M R^T of a body held at places between points, from M of the same body held at points.
+
+    R u moves no such place.
+    """
+    fields, dot = [field for support in supports for field in support.fields()], share.dot
+
+    def solve(forces: np.ndarray) -> np.ndarray:
+        balanced = forces.copy()
+        for weights, follows in fields:
+            balanced -= weights * dot(follows, balanced)
+        moved = inner.solve(balanced)
+        for weights, follows in reversed(fields):
+            moved -= follows * dot(weights, moved)
+        return moved
+
+    return Preconditioner(solve, inner.update)

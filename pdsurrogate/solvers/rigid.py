@@ -1,19 +1,16 @@
-"""Regions that move as one body: their forces are resultants, their displacements three or six numbers (theory (63))."""
+"""Rigid motions, and regions that move as one body: their forces are resultants, their displacements three or six numbers (theory (63))."""
 
-from __future__ import annotations
-
-from itertools import pairwise
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from ..body import Body
 from ..forces import InvalidState
-from .conditions import moment_of
-from .loads import LoadedForce
 from .multigrid import factor_of
-from .nearest_bonds import Preconditioner, Springs, held_matrix
+from .nearest_bonds import Preconditioner, held_matrix, springs_of
 
 MOST_STEPS = 30
 """Maximum number of Newton steps that bring a region to the places of its held components; from the last state two or three suffice."""
@@ -23,6 +20,53 @@ HELD = 1e-6
 
 INDEPENDENT = 1e-9
 """Singular value of the held components, over the greatest, below which a motion of the region is free."""
+
+
+TURNS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
+"""Axes that each turn of a body moves along: from the first to the second."""
+
+
+def displaced(motions: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the displacements of places (k, d) by one motion [Q - I, c], shape (d, d + 1), or by one for each place (k, d, d + 1)."""
+    return (motions[..., :-1] @ places[..., None])[..., 0] + motions[..., -1]
+
+
+def rigid_motions(arms: np.ndarray) -> np.ndarray:
+    """Return the displacements of places at arms (k, d), shape (k, d, motions), by d translations and then the turns of `TURNS`."""
+    count, d = arms.shape
+    found = np.zeros((count, d, d + len(TURNS[d])))
+    found[:, range(d), range(d)] = 1.0
+    for number, (a, b) in enumerate(TURNS[d], d):
+        found[:, a, number], found[:, b, number] = -arms[:, b], arms[:, a]
+    return found
+
+
+def moment_of(levers: np.ndarray) -> np.ndarray:
+    """Return the moments of sums of f (x) y, shape (..., d, d): (...,) counter-clockwise in the plane, (..., 3) in three dimensions."""
+    moments = np.stack([levers[..., b, a] - levers[..., a, b] for a, b in TURNS[levers.shape[-1]]], axis=-1)
+    return moments[..., 0] if levers.shape[-1] == 2 else moments
+
+
+def turn_by(vector: np.ndarray) -> np.ndarray:
+    """Return the rotation by an angle in the plane (1,), or by a vector along its axis in three dimensions (3,)."""
+    if len(vector) == 3:
+        return Rotation.from_rotvec(vector).as_matrix()
+    cosine, sine = np.cos(vector[0]), np.sin(vector[0])
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
+def rotation_of(turn: np.ndarray) -> np.ndarray:
+    """Return the angle of a rotation in the plane; in three dimensions the vector of that length along its axis."""
+    if len(turn) == 2:
+        return np.arctan2(turn[1, 0], turn[0, 0])
+    return Rotation.from_matrix(turn).as_rotvec()
+
+
+def nearest_turn(matrix: np.ndarray) -> np.ndarray:
+    """Return the rotation nearest to a matrix, shape (d, d)."""
+    U, _, V = np.linalg.svd(matrix)
+    U[:, -1] *= np.sign(np.linalg.det(U @ V))
+    return U @ V
 
 
 class RigidRegion:
@@ -52,16 +96,6 @@ class RigidRegion:
         self.size = float(np.sqrt(self._volumes @ (self._arms**2).sum(axis=1) / self._volumes.sum()))
         self._held = np.nonzero(free[points] == 0)
 
-    @property
-    def n_motions(self) -> int:
-        """Number of rigid translations and rotations: 3 in the plane, 6 in three dimensions."""
-        return 3 if self._arms.shape[1] == 2 else 6
-
-    @property
-    def all_held(self) -> bool:
-        """True if no motion of the region is free at rest."""
-        return len(self._free_motions(self.motions(self._middle + self._arms)).T) == 0
-
     def snap(self, positions: np.ndarray) -> None:
         """Move the region to the nearest rigid placement in which held components have their given positions.
 
@@ -72,8 +106,7 @@ class RigidRegion:
         """
         given = positions[self.points]
         goals = given[self._held]
-        middle = self._volumes @ given / self._volumes.sum()
-        turn = _nearest_turn((given - middle).T @ (self._volumes[:, None] * self._arms))
+        middle, turn = self._placement(given)
         for _ in range(MOST_STEPS):
             placed = middle + self._arms @ turn.T
             left = goals - placed[self._held]
@@ -81,7 +114,7 @@ class RigidRegion:
                 break
             step = np.linalg.lstsq(self.motions(placed)[self._held], left, rcond=INDEPENDENT)[0]
             d = len(middle)
-            middle, turn = middle + step[:d], _turn_by(step[d:] / self.size) @ turn
+            middle, turn = middle + step[:d], turn_by(step[d:] / self.size) @ turn
         if np.abs(left).max(initial=0.0) > HELD * self.size:
             raise InvalidState(
                 f"{self.name} is rigid, and what is prescribed moves its points apart: by {np.abs(left).max():.3g} from any place that it "
@@ -92,22 +125,17 @@ class RigidRegion:
 
     def motions(self, placed: np.ndarray) -> np.ndarray:
         """Return displacements of points (k, d) by translations, then by turns about their middle over `size`, shape (k, d, motions)."""
-        arms = (placed - self._volumes @ placed / self._volumes.sum()) / self.size
-        k, d = arms.shape
-        found = np.zeros((k, d, self.n_motions))
-        found[:, range(d), range(d)] = 1.0
-        for number, (a, b) in enumerate([(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)], d):
-            found[:, a, number], found[:, b, number] = -arms[:, b], arms[:, a]
-        return found
+        return rigid_motions((placed - self._volumes @ placed / self._volumes.sum()) / self.size)
 
-    def _free_motions(self, motions: np.ndarray) -> np.ndarray:
+    def _placement(self, placed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the middle of the region and its rotation, with its points at given places (k, d)."""
+        middle = self._volumes @ placed / self._volumes.sum()
+        return middle, nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
+
+    def free_motions(self, motions: np.ndarray) -> np.ndarray:
         """Return the orthonormal motions that leave held components in place, as columns."""
         held = motions[self._held]
-        if not len(held):
-            return np.eye(self.n_motions)
-        _, sizes, directions = np.linalg.svd(np.linalg.qr(held, mode="r"), full_matrices=True)
-        sizes = np.concatenate([sizes, np.zeros(self.n_motions - len(sizes))])
-        return directions[sizes <= INDEPENDENT * sizes.max()].T
+        return null_space(np.linalg.qr(held, mode="r"), rcond=INDEPENDENT) if len(held) else np.eye(motions.shape[-1])
 
     def describe(self, positions: np.ndarray, forces: np.ndarray) -> dict:
         """Return, for results, force and moment about the origin of forces (n, d) on the region, and its displacement and rotation.
@@ -115,23 +143,13 @@ class RigidRegion:
         The displacement is that of its middle; the rotation is in degrees, in three dimensions a vector along the axis.
         """
         placed, forces = positions[self.points], forces[self.points]
-        middle = self._volumes @ placed / self._volumes.sum()
-        turn = _nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
+        middle, turn = self._placement(placed)
         return {
             "force": forces.sum(axis=0).tolist(),
-            "moment": moment_of((forces.T @ placed)[None])[0].tolist(),
+            "moment": moment_of(forces.T @ placed).tolist(),
             "displacement": (middle - self._middle).tolist(),
-            "rotation": np.degrees(_rotation_of(turn)).tolist(),
+            "rotation": np.degrees(rotation_of(turn)).tolist(),
         }
-
-    def take(self, placed: np.ndarray) -> None:
-        """Set the places (k, d) at which later calls carry forces and expand displacements."""
-        self._motions = self.motions(placed)
-        free = self._free_motions(self._motions)
-        self.projector = free @ free.T
-        by_volume = np.einsum("kdm,k,kdn->mn", self._motions, self._volumes, self._motions)
-        self._spread = free @ np.linalg.solve(free.T @ by_volume @ free, free.T)
-        self._by_volume = by_volume
 
     def resultant(self, forces: np.ndarray) -> np.ndarray:
         """Return force, and moment about the middle over `size`, of forces (k, d) on the points."""
@@ -145,75 +163,54 @@ class RigidRegion:
         """Replace forces on the region's points at given positions, both (n, d), in place.
 
         The new forces have the same resultant and accelerate all points as a rigid body. The part of the resultant that held components
-        bear is on these components, as the least forces that balance it.
+        bear is on these components, as the least forces that balance it. Later calls of `resultant` and `expand` refer to these positions.
         """
-        self.take(positions[self.points])
+        self._motions = self.motions(positions[self.points])
+        free = self.free_motions(self._motions)
+        self.projector = free @ free.T
+        by_volume = np.einsum("kdm,k,kdn->mn", self._motions, self._volumes, self._motions)
         resultant = self.resultant(forces[self.points])
-        motion = self._spread @ resultant
+        motion = free @ np.linalg.solve(free.T @ by_volume @ free, free.T) @ resultant
         carried = self._volumes[:, None] * self.expand(motion)
         if len(self._held[0]):
-            left = resultant - self._by_volume @ motion
+            left = resultant - by_volume @ motion
             carried[self._held] += np.linalg.lstsq(self._motions[self._held].T, left, rcond=INDEPENDENT)[0]
         forces[self.points] = carried
 
 
-class RigidStiffness(Preconditioner):
-    """The stiffness of the springs along and across the nearest bonds, for the motions of rigid regions and the points of the rest.
+def inverse_with_regions(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, regions: Sequence[RigidRegion]) -> Preconditioner:
+    """Return the inverse of `springs_of` a body for the motions of rigid regions and the points of the rest.
 
     Parameters
     ----------
-    force : LoadedForce
-        With rigid regions.
+    body : Body
+    shear_moduli : float or ndarray, shape (n,)
     free : ndarray, shape (n, d)
         1 where a component may move.
+    regions : sequence of RigidRegion
     """
+    n, d = free.shape
+    inside, kept = np.zeros(n, dtype=bool), free.copy()
+    columns, motions_free = [], []
+    for region in regions:
+        inside[region.points], kept[region.points] = True, 0
+        own = region.motions(body.points[region.points])
+        motions = np.zeros((n, *own.shape[1:]))
+        motions[region.points] = own
+        columns.append(sparse.csr_array(motions.reshape(d * n, -1)))
+        motions_free.append(np.full(own.shape[-1], float(region.free_motions(own).any())))
+    by_motion = sparse.hstack([sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
+    column = np.concatenate([kept.ravel(), *motions_free])
+    matrix = by_motion.T @ springs_of(body, shear_moduli).matrix(inside) @ by_motion
+    factor = factor_of(held_matrix(matrix.tocsc(), column))
 
-    def __init__(self, force: LoadedForce, free: np.ndarray) -> None:
-        body, self._regions = force.body, force.rigid
-        n, d = free.shape
-        inside, kept = np.zeros(n, dtype=bool), free.copy()
-        columns, motions_free = [], []
-        for region in self._regions:
-            inside[region.points], kept[region.points] = True, 0
-            motions = np.zeros((n, d, region.n_motions))
-            motions[region.points] = region.motions(body.points[region.points])
-            columns.append(sparse.csr_array(motions.reshape(d * n, -1)))
-            motions_free.append(np.full(region.n_motions, 0.0 if region.all_held else 1.0))
-        by_motion = sparse.hstack([sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
-        ends = np.cumsum([d * n, *(region.n_motions for region in self._regions)])
-        self._places = [slice(*span) for span in pairwise(ends)]
-        self._free = np.concatenate([kept.ravel(), *motions_free])
-        matrix = by_motion.T @ Springs(body, force.stiffness_moduli).matrix(inside) @ by_motion
-        self._factor = factor_of(held_matrix(matrix.tocsc(), self._free))
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d)."""
-        size = forces.size
-        reduced = np.concatenate([forces.ravel(), *(r.projector @ r.resultant(forces[r.points]) for r in self._regions)])
-        found = self._factor.solve(reduced * self._free) * self._free
-        displacements = found[:size].reshape(forces.shape)
-        for region, place in zip(self._regions, self._places, strict=True):
-            displacements[region.points] = region.expand(region.projector @ found[place])
+    def solve(forces: np.ndarray) -> np.ndarray:
+        motions = [region.projector @ region.resultant(forces[region.points]) for region in regions]
+        found = factor.solve(np.concatenate([forces.ravel(), *motions]) * column) * column
+        displacements, *of_regions = np.split(found, forces.size + np.cumsum([0, *map(len, motions)])[:-1])
+        displacements = displacements.reshape(forces.shape)
+        for region, motion in zip(regions, of_regions, strict=True):
+            displacements[region.points] = region.expand(region.projector @ motion)
         return displacements
 
-
-def _nearest_turn(matrix: np.ndarray) -> np.ndarray:
-    """Return the rotation nearest to a matrix, shape (d, d)."""
-    U, _, V = np.linalg.svd(matrix)
-    U[:, -1] *= np.sign(np.linalg.det(U @ V))
-    return U @ V
-
-
-def _rotation_of(turn: np.ndarray) -> np.ndarray:
-    """Return the angle of a rotation in the plane; in three dimensions the vector of that length along its axis."""
-    if len(turn) == 2:
-        return np.arctan2(turn[1, 0], turn[0, 0])
-    return Rotation.from_matrix(turn).as_rotvec()
-
-
-def _turn_by(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation by an angle in the plane (1,), or by a vector along its axis in three dimensions (3,)."""
-    if len(vector) == 3:
-        return Rotation.from_rotvec(vector).as_matrix()
-    cosine, sine = np.cos(vector[0]), np.sin(vector[0])
-    return np.array([[cosine, -sine], [sine, cosine]])
+    return Preconditioner(solve)

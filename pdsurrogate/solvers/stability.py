@@ -1,14 +1,13 @@
-"""The highest frequency of a discretised body, which limits an explicit step, and the least curvature of its energy."""
-
-from __future__ import annotations
+"""Highest frequency of a discretised body, which limits an explicit step, and whether an equilibrium is stable and continues the last."""
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from ..forces import InternalForce
 from ..ranks import Share
-from .extension import strain_of_step
-from .nearest_bonds import Preconditioner
+from .conditions import Loading
+from .equilibrium import EquilibriumSolver, Unstable
+from .nearest_bonds import Preconditioner, random_vector, strain_of_step
 
 
 class FrequencyEstimate:
@@ -54,12 +53,6 @@ class FrequencyEstimate:
         return float(value)
 
 
-def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
-    """Return normally distributed numbers in the free components, shape (n, d), the same for a point on any number of ranks."""
-    whole = np.random.default_rng(0).standard_normal((share.size, free.shape[1]))
-    return whole[share.numbers] * free
-
-
 PROBES = {"float64": 1e-6, "float32": 1e-3}
 """Strain of the difference quotients that approximate the tangent, by the precision of the pass.
 
@@ -77,12 +70,15 @@ NEGATIVE = -0.01
 """Curvature, over that of the body at rest, that counts as negative."""
 
 
-def least_curvature(
-    force: InternalForce,
-    positions: np.ndarray,
-    free: np.ndarray,
-    stiffness: Preconditioner,
-) -> float:
+JUMP = 0.25
+"""Greatest distance of the points from the extrapolation, over the growth of the body's extent. Contraction across the load and stresses at
+holes and cracks cause some hundredths; buckling of a sheet several tenths to ten, and more with shorter increments."""
+
+LEAST_JUMP = 0.1
+"""Least distance, in spacings, that counts as a jump: a finer tolerance changes positions by less."""
+
+
+def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarray, stiffness: Preconditioner) -> float:
     """Return an upper bound of the least curvature of the energy over that at rest, which is close where it is negative.
 
     Lanczos' method on P^-1 K, with K v from force differences and P an approximation of it, stopped at the first negative
@@ -112,9 +108,7 @@ def least_curvature(
         q = stiffness.solve(p) * free
         norm = np.sqrt(max(share.dot(p, q), 0.0))
         if diagonal:
-            if norm * abs(last) <= KNOWN * least:
-                break
-            if not norm > 1e-10 * max(map(abs, diagonal)):
+            if norm * abs(last) <= KNOWN * least or not norm > 1e-10 * max(map(abs, diagonal)):
                 break
             off_diagonal.append(norm)
         elif norm == 0:
@@ -135,3 +129,57 @@ def least_curvature(
         for displacement, dual in zip(displacements, duals, strict=True):
             p -= share.dot(displacement, p) * dual
     return least
+
+
+def check_branch(
+    loading: Loading, force: InternalForce, solver: EquilibriumSolver, before: float, after: float, guess: np.ndarray, positions: np.ndarray
+) -> None:
+    """Check an equilibrium in which the force was last evaluated: that it is stable, and continues the last one.
+
+    Only compressed bodies are checked for stability: under tension the stress itself prevents buckling.
+
+    Parameters
+    ----------
+    loading : Loading
+    force : InternalForce
+    solver : EquilibriumSolver
+        Solver that computed the equilibrium.
+    before, after : float
+        Loading parameter of the last equilibrium, and of this one.
+    guess : ndarray, shape (n, 2)
+        Extrapolation from the last equilibrium.
+    positions : ndarray, shape (n, 2)
+
+    Raises
+    ------
+    InvalidState
+        If a point lies beyond a plane of reflection.
+    Unstable
+        If a compressed body jumped away from the extrapolation, provided that the conditions determine it, or its energy is not a local
+        minimum.
+    """
+    loading.check_inside(after, force, positions)
+    growth, jumped = loading.course.growth(before, after), False
+    if growth is not None:
+        moved = np.sqrt(solver.share.sum(np.square(positions - guess)) / solver.share.total(positions.size))
+        jumped = moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing)
+    if not (jumped or force.has_energy) or not loading.course.pushes(force):
+        return
+    if jumped:
+        raise Unstable(
+            f"the body buckles between the stretches {before:.4g} and {after:.4g}: while its length changed by {growth:.3g}, "
+            f"its points moved by {moved:.3g} in the mean from where the states before lead"
+        )
+    preconditioner = solver.preconditioner(force)
+    preconditioner.update()
+    arrays = force.state_arrays()
+    held = {key: array.copy() for key, array in arrays.items()}
+    curvature = least_curvature(force, positions, loading.free, preconditioner)
+    force(positions, np.empty_like(positions))
+    for key, array in arrays.items():
+        array[:] = held[key]
+    if curvature < NEGATIVE:
+        raise Unstable(
+            f"the equilibrium at {loading.at(after)} is not stable: along one displacement the energy has "
+            f"{curvature:.2g} times the curvature that it has at rest, so that the body buckles"
+        )

@@ -1,7 +1,5 @@
 """Small bodies for tests and hard cases in two and three dimensions: regular, jittered, with holes, notches and reflection planes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import permutations
 

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ..artifacts import law_of, load_card, load_surrogate
 from ..body import Body
@@ -18,7 +19,7 @@ from ..materials import PLANES, Law, NeoHookean, dimension_of, homogeneous, plan
 from ..results import Result
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene
-from ..solvers import Diverging, NotConverged, Unstable
+from ..solvers.equilibrium import Diverging, NotConverged, Unstable
 from .bodies import regular
 
 PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
@@ -65,17 +66,13 @@ class Outcome:
     weakness: str | None = None
 
     @classmethod
-    def below(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure: str = "{:.1e}") -> Outcome:
-        """Return an outcome that is passed if the value, or the greatest of several by their names, is at most the limit."""
-        return cls._compared(value, max, operator.le, limit, weakness, figure)
-
-    @classmethod
-    def above(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure: str = "{:.2g}") -> Outcome:
+    def above(cls, value: float | Mapping, limit: float, weakness: str, figure="{:.2g}") -> Outcome:
         """Return an outcome that is passed if the value, or the least of several by their names, is at least the limit."""
-        return cls._compared(value, min, operator.ge, limit, weakness, figure)
+        return cls.below(value, limit, weakness, figure, min, operator.ge)
 
     @classmethod
-    def _compared(cls, value, worst: Callable, holds: Callable, limit: float, weakness: str, figure: str) -> Outcome:
+    def below(cls, value: float | Mapping, limit: float, weakness: str, figure="{:.1e}", worst=max, holds=operator.le) -> Outcome:
+        """Return an outcome that is passed if the value, or the greatest of several by their names, is at most the limit."""
         if isinstance(value, Mapping):
             name = worst(value, key=value.get)
             value, figure = value[name], f"{figure} ({name})"
@@ -89,17 +86,13 @@ class Outcome:
 
 
 class Ended(Exception):
-    """End of a case before anything is measured: its outcome."""
-
-    def __init__(self, verdict: str, figure: str, weakness: str | None = None) -> None:
-        super().__init__(figure)
-        self.outcome = Outcome(verdict, figure, weakness=weakness)
+    """End of a case before anything is measured; the argument is its outcome."""
 
 
 def required(holds: bool, otherwise: str) -> None:
     """End a case as inapplicable, for a reason, unless a condition holds."""
     if not holds:
-        raise Ended(INAPPLICABLE, otherwise)
+        raise Ended(Outcome(INAPPLICABLE, otherwise))
 
 
 @dataclass(frozen=True)
@@ -137,7 +130,7 @@ class Case:
         try:
             return self.function(subject, *given)
         except Ended as ended:
-            return ended.outcome
+            return ended.args[0]
         except (InvalidState, NotConverged, Diverging) as error:
             if self.failing is None:
                 raise
@@ -145,8 +138,13 @@ class Case:
 
 
 def case(title: str, asked: str, **options) -> Callable[[Callable[..., Outcome]], Case]:
-    """Return a decorator that makes a `Case` of a function, which must still be listed in `CASES`."""
+    """Return a decorator that makes a `Case` of a function."""
     return lambda function: Case(title, asked, function, **options)
+
+
+def cases_of(module: Mapping[str, Any]) -> tuple[Case, ...]:
+    """Return the cases that a module defines, in their order, from its `globals`."""
+    return tuple(found for found in module.values() if isinstance(found, Case) and found.function.__module__ == module["__name__"])
 
 
 @dataclass(frozen=True)
@@ -182,9 +180,7 @@ class Subject:
     @cached_property
     def law(self) -> Law:
         """Material that the model describes: its own, or Neo-Hookean rubber with K = 100 mu."""
-        if self.reference in FORCES:
-            return NeoHookean()
-        return law_of(load_card(self.reference))
+        return NeoHookean() if self.reference in FORCES else law_of(load_card(self.reference))
 
     def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return a result that is made once for all cases; one that `Ended` ends the next case alike."""
@@ -209,10 +205,8 @@ class Subject:
         """Return the gradient for an in-plane deformation F: F itself, or, in three dimensions, with the free stretch across the plane."""
         if self.dimension == 2:
             return F
-        full = np.zeros((3, 3))
         trace, J = plane_stress.invariants(F)
-        full[:2, :2], full[2, 2] = F, plane_stress.volume_ratio(self.law, trace, J) / J
-        return full
+        return block_diag(F, plane_stress.volume_ratio(self.law, trace, J) / J)
 
     def uniaxial(self, stretch: float) -> np.ndarray:
         """Return the gradient in uniaxial tension or compression under plane stress."""
@@ -248,9 +242,7 @@ class Subject:
         """Return the prescription that holds a region in place."""
         return {"region": region, **{f"x{axis + 1}": 0.0 for axis in range(self.dimension)}}
 
-    def run(
-        self, scene: Scene, force: str | None = None, where: str = "", weakness="does not converge", unstable=WEAK, **options
-    ) -> Result:
+    def run(self, scene: Scene, force: str | None = None, where="", weakness="does not converge", unstable=WEAK, **options) -> Result:
         """Return the run of a scene with the model or another force; raise `Ended` if it fails, KeyboardInterrupt if it is interrupted.
 
         `where` precedes the reason of a failure; `unstable` is the verdict if the equilibrium is not stable.
@@ -262,7 +254,7 @@ class Subject:
             raise KeyboardInterrupt from None
         except SimulationFailed as error:
             verdict = unstable if isinstance(error.__cause__, Unstable) else WEAK
-            raise Ended(verdict, f"{where}{error}", weakness if verdict == WEAK else None) from error
+            raise Ended(Outcome(verdict, f"{where}{error}", weakness=weakness if verdict == WEAK else None)) from error
 
 
 def forces_at(force: InternalForce, positions: np.ndarray) -> np.ndarray:
@@ -270,6 +262,11 @@ def forces_at(force: InternalForce, positions: np.ndarray) -> np.ndarray:
     out = np.empty_like(positions)
     force(positions, out)
     return out
+
+
+def off(found: np.ndarray, expected: np.ndarray) -> float:
+    """Return the greatest difference over the greatest value."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
 def spring_stiffness(body: Body, shear_modulus: float) -> float:

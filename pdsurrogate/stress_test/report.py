@@ -1,7 +1,5 @@
 """Report of all hard cases for any number of force models."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable
 
@@ -12,21 +10,14 @@ from ..artifacts import ArtifactError, list_artifacts, load_surrogate
 from ..engine.threads import at_most, most_threads
 from ..forces import FORCES
 from ..results.provenance import processor
-from . import conformance, deformations, discretisations, dynamics, equilibria, tangents
+from . import conformance, deformations, runs, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
 
-CASES: tuple[Case, ...] = (
-    *tangents.CASES,
-    *conformance.PROPERTIES,
-    *deformations.CASES,
-    *discretisations.CASES,
-    *equilibria.CASES,
-    *dynamics.CASES,
-)
+CASES: tuple[Case, ...] = tuple(dict.fromkeys((*tangents.CASES, *conformance.PROPERTIES, *deformations.CASES, *runs.CASES)))
 """All cases in the order of the table: the hard ones, then the properties of `conformance`."""
 
 
-BODIES = {"stress": "sheets under plane stress", "space": "bodies in space"}
+BODIES = {"stress": "sheets under plane stress", "space": "solids"}
 """Names of the states in which the hard cases are tested."""
 
 
@@ -110,11 +101,8 @@ def planes_of(report: dict) -> list[str]:
 def table(report: dict, plane: str) -> tuple[list[str], list[list[str]]]:
     """Return the header and the rows for a plane: a row for each case, a column for each force model."""
     models = [model for model in report["models"] if model["plane"] == plane]
-    rows = [
-        [case["title"], case["asked"], *(cell(model["results"][case["case"]]) for model in models)]
-        for case in report["cases"]
-        if plane in case["planes"]
-    ]
+    cases = [case for case in report["cases"] if plane in case["planes"]]
+    rows = [[case["title"], case["asked"], *(cell(model["results"][case["case"]]) for model in models)] for case in cases]
     return ["case", "asked", *(model["force"] for model in models)], rows
 
 
@@ -127,7 +115,7 @@ def cell(result: dict) -> str:
         return f"- ({figure})"
     if result["verdict"] == WEAK:
         return f"WEAK {figure}: {result['weakness']}"
-    return f"{ {PASS: 'pass', STOPS: 'stops'}[result['verdict']] } {figure}".strip()
+    return f"{result['verdict']} {figure}".strip()
 
 
 def count(model: dict) -> dict[str, int]:

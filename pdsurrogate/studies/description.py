@@ -1,14 +1,13 @@
-"""Description of a study: the scene or fit, and the parameters that change from run to run."""
+"""Description of a study: the scene or fit, and the parameters that change from run to run, with their values in each run."""
 
-from __future__ import annotations
-
-import tomllib
-from collections.abc import Mapping
+import itertools
+import math
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 
 from ..arguments import check_path
 from ..scenes import MaterialSpec, SceneError, scene_names
@@ -42,10 +41,8 @@ class Distribution(StrictModel):
 
     distribution: str
 
-    @model_validator(mode="after")
-    def _build(self) -> Distribution:
+    def model_post_init(self, context: Any) -> None:
         self.build()
-        return self
 
     @property
     def discrete(self) -> bool:
@@ -99,6 +96,37 @@ class Fit(StrictModel):
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 
+def _flattened(table: Any, before: str = "") -> Any:
+    """Return a table with dotted keys, which TOML reads as nested tables unless they are quoted."""
+    if not isinstance(table, Mapping):
+        return table
+    flat: dict[str, Any] = {}
+    for step, value in table.items():
+        nested = isinstance(value, Mapping) and "distribution" not in value
+        flat |= _flattened(value, f"{before}{step}.") if nested else {f"{before}{step}": value}
+    return flat
+
+
+def _values(values: Any) -> Any:
+    """Return a tuple of values or a distribution from what is given for a parameter."""
+    if isinstance(values, Distribution):
+        return values
+    if isinstance(values, Mapping):
+        return Distribution(**values)
+    if isinstance(values, np.ndarray):
+        values = values.tolist()
+    if not isinstance(values, list | tuple | range):
+        shown = f"[{values}]" if isinstance(values, int | float) else "[...]"
+        raise ValueError(f"must be a list of values, as {shown}, or a table with a distribution, not {values!r}")
+    if not len(values):
+        raise ValueError("is an empty list; give at least one value")
+    return tuple(values)
+
+
+Values = Annotated[tuple[Any, ...] | Distribution, BeforeValidator(_values)]
+Names = Annotated[tuple[str, ...], Field(min_length=1), BeforeValidator(lambda names: (names,) if isinstance(names, str) else names)]
+
+
 class Study(StrictModel):
     """Description of many runs of a scene, or of many fits.
 
@@ -136,31 +164,14 @@ class Study(StrictModel):
     scene: str | None = None
     fit: dict[str, Any] | None = None
     force: str | None = None
-    set: dict[str, Any] = Field(default_factory=dict)
-    parameters: dict[str, tuple[Any, ...] | Distribution]
+    set: Annotated[dict[str, Any], BeforeValidator(_flattened)] = Field(default_factory=dict)
+    parameters: Annotated[dict[str, Values], BeforeValidator(_flattened)]
     design: Literal["grid", "zip", "random", "latin-hypercube"] = "grid"
     samples: Annotated[Whole, Field(ge=1, le=MOST_RUNS)] | None = None
     seed: Annotated[Whole, Field(ge=0)] = 0
-    quantities: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    quantities: Names | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _flat(cls, data: Any) -> Any:
-        """Flatten dotted keys, which TOML reads as nested tables unless they are quoted."""
-        if not isinstance(data, Mapping):
-            return data
-        flat = {key: _flattened(data[key]) for key in ("set", "parameters") if isinstance(data.get(key), Mapping)}
-        if "parameters" in flat:
-            flat["parameters"] = {key: _values(key, values) for key, values in flat["parameters"].items()}
-        return {**data, **flat}
-
-    @field_validator("quantities", mode="before")
-    @classmethod
-    def _one_or_many(cls, value: Any) -> Any:
-        return (value,) if isinstance(value, str) else value
-
-    @model_validator(mode="after")
-    def _whole(self) -> Study:
+    def model_post_init(self, context: Any) -> None:
         drawn = self.design in ("random", "latin-hypercube")
         key = "force" if self.force is not None else "set"
         to_draw = "to draw samples, use design=random or design=latin-hypercube"
@@ -181,37 +192,6 @@ class Study(StrictModel):
         for key, values in self.parameters.items():
             if not drawn and isinstance(values, Distribution):
                 raise ValueError(f"parameters.{key}: a distribution needs design=random or design=latin-hypercube, not {self.design}")
-        return self
-
-
-def _flattened(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for step, value in table.items():
-        key = f"{before}{step}"
-        if isinstance(value, Mapping) and "distribution" not in value:
-            flat |= _flattened(value, f"{key}.")
-        else:
-            flat[key] = value
-    return flat
-
-
-def _values(key: str, values: Any) -> Any:
-    """Return a tuple of values or a distribution from the value given for a parameter."""
-    if isinstance(values, Distribution):
-        return values
-    if isinstance(values, Mapping):
-        try:
-            return Distribution.model_validate(values)
-        except ValidationError as error:
-            raise ValueError(f"parameters.{key}: {explain(error)}") from None
-    if isinstance(values, np.ndarray):
-        values = values.tolist()
-    if not isinstance(values, list | tuple | range):
-        shown = f"[{values}]" if isinstance(values, int | float) else "[...]"
-        raise ValueError(f"parameters.{key}: must be a list of values, as {shown}, or a table with a distribution, not {values!r}")
-    if not len(values):
-        raise ValueError(f"parameters.{key}: is an empty list; give at least one value")
-    return tuple(values)
 
 
 def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, str, Path]:
@@ -219,21 +199,15 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
 
     Raise SceneError, which names the key, if it cannot be read or is invalid.
     """
-    if isinstance(given, Study):
-        return given, "study", Path()
     source, folder = "study", Path()
+    if isinstance(given, Study):
+        return given, source, folder
     if isinstance(given, Mapping):
         data = dict(given)
     else:
         check_path(given, "a study")
         source, folder = str(given), Path(given).parent
-        try:
-            data = tomllib.loads(read_description(Path(given)))
-        except OSError as error:
-            raise SceneError(f"cannot read study file {source}: {error.strerror}") from None
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-            what = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else error
-            raise SceneError(f"{source}: not valid TOML: {what}") from None
+        data = read_description(Path(given), "study")
     try:
         return Study.model_validate(data), source, folder
     except ValidationError as error:
@@ -246,3 +220,44 @@ def scene_of(study: Study, folder: Path) -> str:
     place = folder / scene
     known = scene in scene_names() or (place.suffix != ".toml" and not place.exists())
     return scene if known else str(place)
+
+
+def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
+    """Return, for each run, the values of its parameters by dotted key; the last parameter of a grid changes fastest.
+
+    Raise SceneError if the lists of a zip differ in length, or a grid has more than `MOST_RUNS` runs.
+    """
+    keys, values = list(study.parameters), list[Any](study.parameters.values())
+    rows: Iterable[tuple]
+    if study.design == "grid":
+        number = math.prod(map(len, values))
+        if number > MOST_RUNS:
+            to_draw = "to draw from it, use design=latin-hypercube"
+            raise SceneError(f"parameters: the grid has {number} runs, the limit is {MOST_RUNS}; {to_draw}")
+        rows = itertools.product(*values)
+    elif study.design == "zip":
+        if len({len(entries) for entries in values}) > 1:
+            told = ", ".join(f"{key} has {len(entries)}" for key, entries in zip(keys, values, strict=True))
+            raise SceneError(f"parameters: design=zip needs lists of equal length, but {told} values")
+        rows = zip(*values, strict=True)
+    else:
+        rows = zip(*map(_drawn, values, _shares(study, len(keys)).T), strict=True)
+    return [dict(zip(keys, row, strict=True)) for row in rows]
+
+
+def _shares(study: Study, dimension: int) -> np.ndarray:
+    """Return places in the unit cube, shape (samples, dimension)."""
+    random, samples = np.random.default_rng(study.seed), study.samples or 0
+    if study.design == "random":
+        return random.random((samples, dimension))
+    from scipy.stats.qmc import LatinHypercube
+
+    return LatinHypercube(dimension, rng=random).random(samples)
+
+
+def _drawn(values: tuple | Distribution, shares: np.ndarray) -> list:
+    """Return quantiles of a distribution, or of a list whose entries have equal probability."""
+    if isinstance(values, Distribution):
+        quantiles = values.build().ppf(shares)
+        return [int(value) if values.discrete else float(value) for value in quantiles]
+    return [values[min(int(share * len(values)), len(values) - 1)] for share in shares]

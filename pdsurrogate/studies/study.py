@@ -1,7 +1,5 @@
 """Run of a study: missing runs are carried out, and all results are put into one table."""
 
-from __future__ import annotations
-
 import json
 import math
 import time
@@ -19,11 +17,9 @@ from ..results.contents import differences_of, told
 from ..results.files import check_writable, remove_leftovers, write_json, write_text
 from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
 from ..run.interruption import heard
-from .description import Study, load_study
-from .designs import parameters_of_runs
-from .parallel import NOT_DONE, OUTCOME, Outcome, Workers
+from .description import Study, load_study, parameters_of_runs
+from .runs import NOT_DONE, OUTCOME, FitTask, SceneTask, Workers, tasks_of
 from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, quantities_in, study_figure
-from .tasks import Task, tasks_of
 
 TABLE, FIGURE, DESCRIPTION, RUNS = "study.csv", "study.png", "study.json", "runs"
 
@@ -92,7 +88,7 @@ class StudyResult:
     def _summaries(self) -> dict[str, dict[str, Any]]:
         """Return the summaries of the completed runs by their folders."""
         done = [row[RUN] for row in self.rows if row[FAILURE] is None]
-        return {place: summary for place in done if (summary := _summary(self.folder / RUNS / place))}
+        return {place: summary for place in done if (summary := _read(self.folder / RUNS / place / SUMMARY))}
 
     def cautions(self) -> list[str]:
         """Return warnings about quantities that no run has, and about states outside the domain of a surrogate."""
@@ -226,7 +222,7 @@ def study(
             for outcome in workers.carry_out(left, folder / RUNS, max_time):
                 if outcome.failure == NOT_DONE:
                     continue
-                ended[outcome.place] = outcome
+                ended[outcome.place] = outcome.failure
                 progress.ended(outcome.place, outcome.failure)
                 if time.monotonic() - written > SECONDS_BETWEEN_TABLES:
                     _write(result())
@@ -244,11 +240,10 @@ def study(
 
 def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool) -> None:
     """Raise FolderTaken if the folder holds a table that this study neither continues nor extends."""
-    if not (folder / DESCRIPTION).exists():
-        if (folder / TABLE).exists():
-            raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
-        return
-    if overwrite:
+    described = (folder / DESCRIPTION).exists()
+    if not described and (folder / TABLE).exists():
+        raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
+    if overwrite or not described:
         return
     try:
         written = json.loads((folder / DESCRIPTION).read_text("utf-8"))
@@ -269,27 +264,27 @@ def _write(result: StudyResult) -> None:
         (result.folder / FIGURE).unlink(missing_ok=True)
 
 
-def _row(runs: Path, place: str, parameters: dict[str, Any], ended: Mapping[str, Outcome], study: Study) -> dict[str, Any]:
-    failure = ended[place].failure if place in ended else NOT_DONE
-    summary = _summary(runs / place) if place in ended else None
+def _row(runs: Path, place: str, parameters: dict[str, Any], ended: Mapping[str, str | None], study: Study) -> dict[str, Any]:
+    summary = _read(runs / place / SUMMARY) if place in ended else None
     asked = {RUN: place, **parameters}
     quantities = quantities_in(summary, study.quantities) if summary else {}
-    return {**asked, **quantities, **asked, FAILURE: failure}  # if a name is both, the parameter wins
+    return {**asked, **quantities, **asked, FAILURE: ended.get(place, NOT_DONE)}  # if a name is both, the parameter wins
 
 
-def _summary(folder: Path) -> dict[str, Any] | None:
+def _read(file: Path) -> Any:
+    """Return what a JSON file says; None if it cannot be read."""
     try:
-        return json.loads((folder / SUMMARY).read_text("utf-8"))
+        return json.loads(file.read_text("utf-8"))
     except (OSError, ValueError):
         return None
 
 
-def _outcomes(runs: Path, tasks: Mapping[str, Task]) -> dict[str, Outcome]:
-    """Return the outcomes of the runs that are done, by their folders."""
+def _outcomes(runs: Path, tasks: Mapping[str, SceneTask | FitTask]) -> dict[str, str | None]:
+    """Return why each of the runs that are done failed, or None, by their folders."""
     found = {}
     for place, task in tasks.items():
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            written = json.loads((runs / place / OUTCOME).read_text("utf-8"))
+        with suppress(KeyError, TypeError):
+            written = _read(runs / place / OUTCOME)
             if written["digest"] == task.digest:
-                found[place] = Outcome(place, written["failure"])
+                found[place] = written["failure"]
     return found

@@ -1,8 +1,7 @@
 """Table and figure of the results of a study."""
 
-from __future__ import annotations
-
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -51,18 +50,12 @@ RUN, FAILURE = "run", "failure"
 """First and last column: the folder of the run, and why it failed."""
 
 UNITS = {
-    "length": (
-        *("spacing", "cell_size", "horizon", "lateral_displacement", "greatest_lateral_displacement", "displacements", "displacement"),
-        *("radius", "inner_radius", "outer_radius", "semi_axes", "size", "length", "centre", "lower"),
-    ),
-    "stress": (
-        *("nominal_stress", "peak_nominal_stress", "nominal_stress_work_conjugate", "stress", "shear_modulus", "bulk_modulus"),
-        *("traction", "pressure"),
-    ),
-    "force": ("forces",),
-    "energy": ("moments", "energy", "kinetic_energy", "energy_put_in"),
+    "length": "spacing|cell_size|horizon|(greatest_)?lateral_displacement|displacements?|(.*_)?radius|semi_axes|size|length|centre|lower",
+    "stress": "(peak_)?nominal_stress(_work_conjugate)?|stress|(shear|bulk)_modulus|traction|pressure",
+    "force": "forces",
+    "energy": "moments|(kinetic_)?energy|energy_put_in",
 }
-"""Quantities of runs, and parameters of scenes, by the kind of unit that they have; they are matched with the parts of a dotted key."""
+"""Patterns of quantities of runs, and of parameters of scenes, by the kind of unit that they have; a part of a dotted key matches one."""
 
 MOST_DRAWN = 6
 """Greatest number of quantities, and of parameters, in a figure."""
@@ -91,18 +84,17 @@ def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str
     found: dict[str, Any] = {}
     for name in names:
         steps = name.split(".")
-        entries = dict(_leaves(summary, steps, ())) or dict(_leaves(last, steps, ()))
-        found |= {".".join(key): value for key, value in entries.items()}
+        found |= dict(_leaves(summary, steps)) or dict(_leaves(last, steps))
     return found
 
 
-def _leaves(place: Any, steps: list[str], before: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield every number, word and flag below the keys `steps` of a nested table, with its keys; ``*`` matches any key."""
+def _leaves(place: Any, steps: list[str], before: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every number, word and flag below the keys `steps` of a nested table, with its dotted key; ``*`` matches any key."""
     entries = dict(place) if isinstance(place, dict) else dict(enumerate(place)) if isinstance(place, list) else None
     if entries is not None:
         for key, inner in entries.items():
             if not steps or steps[0] in ("*", str(key)):
-                yield from _leaves(inner, steps[1:], (*before, str(key)))
+                yield from _leaves(inner, steps[1:], f"{before}.{key}" if before else str(key))
     elif not steps and place is not None:
         yield before, place
 
@@ -125,7 +117,7 @@ def _cell(value: Any) -> str:
 def label_of(key: str, units: Mapping[str, str]) -> str:
     """Return a key with its unit in brackets, if it has one."""
     parts = [part.removesuffix("_reference") for part in key.split(".")]
-    kind = next((kind for kind, names in UNITS.items() if set(names) & set(parts)), None)
+    kind = next((kind for kind, pattern in UNITS.items() if any(re.fullmatch(pattern, part) for part in parts)), None)
     return f"{key} ({units[kind]})" if units.get(kind) else key
 
 

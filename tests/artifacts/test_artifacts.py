@@ -149,7 +149,7 @@ def test_a_folder_that_holds_a_card_is_a_path(working_folder, fitted):
     pds.store(model, samples, LAW, working_folder, "mine", "1", "in the working folder")
     assert load_surrogate("mine").name == "mine@1"
     shutil.copytree("mine/1", "neo-hookean")
-    with pytest.raises(ArtifactError, match=r"is the artefact .*artifacts/neo-hookean/2 by its name, and the folder neo-hookean holds"):
+    with pytest.raises(ArtifactError, match=r"artifacts/neo-hookean/2 .* the folder neo-hookean holds"):
         load_surrogate("neo-hookean")
     assert load_surrogate("./neo-hookean").name == "neo-hookean (mine@1 by its card)"
     assert load_surrogate("neo-hookean@2").name == surrogate_for(LAW).name == "neo-hookean@2"
@@ -165,7 +165,7 @@ def test_what_cannot_be_read_is_never_another_model(working_folder, damage):
     else:
         (folder / ("card.json" if damage == "no card" else "surrogate.npz")).unlink()
     for load in (lambda: surrogate_for(LAW), lambda: load_surrogate("neo-hookean"), lambda: pds.simulate("uniaxial")):
-        with pytest.raises(ArtifactError, match=r"neo-hookean/3: cannot read the card|not valid JSON|surrogate\.npz: cannot be read"):
+        with pytest.raises(ArtifactError, match=r"neo-hookean/3: .*card|not valid JSON|surrogate\.npz: "):
             load()
     assert load_surrogate("neo-hookean@1").name == "neo-hookean@1"
 
@@ -179,7 +179,7 @@ def test_a_missing_folder_of_artefacts_is_named(working_folder, monkeypatch):
 def test_materials_that_an_artefact_does_not_describe_are_told_apart_in_full_digits():
     with pytest.raises(ValueError, match=r"with chain_limit = 120\.0, not 120\.00001; fit"):
         load_surrogate("gent").check_material(pds.materials.Gent(chain_limit=120.00001))
-    with pytest.raises(ValueError, match=r"describes ogden with exponent_1, .*modulus_3, not with exponent_1, modulus_1; fit"):
+    with pytest.raises(ValueError, match=r"ogden with exponent_1, .*modulus_3, not .* modulus_1; fit"):
         load_surrogate("ogden").check_material(pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,)))
 
 
@@ -452,15 +452,15 @@ def test_an_artefact_binds_no_law_that_has_changed_since(tmp_path):
     model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(model, samples, law, tmp_path, "expo", "1", "a user's own law")
     load_surrogate(path).check_material(law)
-    with pytest.raises(ValueError, match=r"expo@1 differs from the forces of expo by .* its card states .*: the law has changed since"):
+    with pytest.raises(ValueError, match=r"expo@1 differs .*: the law has changed since"):
         load_surrogate(path).check_material(law_with(0.5))
     unsaved = dataclasses.replace(load_surrogate(path), stated=None)
     unsaved.check_material(law)
     with pytest.raises(ValueError, match="of the greatest force, more than 5 %: the law has changed since"):
         unsaved.check_material(law_with(0.5))
-    with pytest.warns(UserWarning, match=r"expo@1 differs from the forces of expo, which the scene asks for, by [1-5]"):
+    with pytest.warns(UserWarning, match=r"expo@1 differs .* the scene asks for, by [1-5]"):
         unsaved.check_material(law_with(0.062))
-    with pytest.warns(UserWarning, match=r"expo@3 is off by .* % RMS from expo, the law that it was compared with and is stored as"):
+    with pytest.warns(UserWarning, match=r"expo@3 is off by .* % RMS from expo,"):
         pds.store(model, samples, law_with(0.06), tmp_path, "expo", "3", "samples of a law nearby")
     with pytest.raises(ValueError, match=r"expo@2 is off by .* more than 10 %, and is not written: fit it"):
         pds.store(model, samples, law_with(0.5), tmp_path, "expo", "2", "samples of another law")
@@ -471,7 +471,7 @@ def test_what_is_far_off_at_small_strains_alone_is_said():
     """Beside enormous forces at the end of its range all errors look small."""
     bins = [{"strain": [0.01, 0.02], "rms": 0.4}, {"strain": [1, 3], "rms": 1e-3}]
     errors = {"on_surface": {"rms": 1e-3}, "by_strain": bins, "stretch_range": [0.4, 4.0]}
-    with pytest.warns(UserWarning, match="x is off by 40 % of the force at strains from 0.01 to 0.02, though by little of the greatest"):
+    with pytest.warns(UserWarning, match="x is off by 40 % .* at strains from 0.01 to 0.02"):
         check_worth_storing(errors, "x", LAW)
 
 

@@ -15,16 +15,16 @@ import numpy as np
 import pytest
 from bodies import build_body
 from conftest import SHIPPED
+from runs import started
 from typer.testing import CliRunner
 
 from pdsurrogate.artifacts import ArtifactError, load_card, load_surrogate
 from pdsurrogate.artifacts.store import payload_of
 from pdsurrogate.cli import app
 from pdsurrogate.results.checkpoint import Checkpoint, CheckpointError
-from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import Scene, SceneError, load_scene, scene_names
-from pdsurrogate.scenes.reading import _text_of
+from pdsurrogate.scenes.reading import _place_of
 
 SLOWEST = 2.0
 """Seconds that any one file may take: reading a good one takes milliseconds."""
@@ -289,7 +289,7 @@ def rewritten(checkpoint: bytes, random) -> bytes:
 def test_300_corrupted_checkpoints(checkpointed, tmp_path):
     """A clean error, or a run that goes on from numbers that are numbers; nothing else, and nothing of the checkpoint runs."""
     scene, good = checkpointed
-    run = Run(scene, load_surrogate("analytic"), Silent(), tmp_path)
+    run = started(scene, "analytic", tmp_path)
     random, refused = np.random.default_rng(11), 0
     shapes = {"positions": (run.positions.shape, np.float64)}
     for k in range(300):
@@ -330,7 +330,7 @@ def test_resuming_from_corrupted_checkpoints_ends_cleanly(checkpointed, tmp_path
 def test_a_checkpoint_cannot_fill_the_memory(checkpointed, tmp_path):
     """Thirty megabytes of nothing, squeezed into thirty kilobytes, and an array that claims to be larger than any memory."""
     scene, good = checkpointed
-    run = Run(scene, load_surrogate("analytic"), Silent(), tmp_path)
+    run = started(scene, "analytic", tmp_path)
     file = io.BytesIO()
     np.savez_compressed(file, positions=np.zeros(4_000_000), description=np.zeros(3, dtype=np.uint8))
     claims = good.replace(b"'shape': (75, 2)", b"'shape': (9" + b"9" * 9 + b")")
@@ -389,7 +389,7 @@ def damaged_scene(text: str, random) -> bytes:
 def check_scenes(folder, number: int) -> int:
     """Try corrupted scene files; returns how many were refused."""
     random, refused = np.random.default_rng(7), 0
-    texts = [_text_of(name)[0] for name in scene_names()]
+    texts = [_place_of(name)[0].read_text("utf-8") for name in scene_names()]
     path = folder / "scene.toml"
     for k in range(number):
         path.write_bytes(damaged_scene(texts[k % len(texts)], random))

@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import with_material
-from pdsurrogate.cli.application import app
+from pdsurrogate.cli import app
 from pdsurrogate.scenes import SceneError
 
 CHAIN_LIMIT = 62.82566463708167
@@ -85,7 +85,5 @@ def test_an_artefact_that_is_off_is_said_at_every_run(tmp_path):
     model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(5), features="isochoric").fit(samples.X, samples.y)
     with pytest.warns(UserWarning, match=r"off by [\d.]+ % RMS from neo-hookean"):
         path = pds.store(model, samples, law, tmp_path, "off", "1", "x")
-    with pytest.warns(
-        UserWarning, match=r"off@1 is off by [\d.]+ % RMS from neo-hookean, the law that it was stored as: what it gives is off"
-    ):
+    with pytest.warns(UserWarning, match=r"off@1 is off by [\d.]+ % RMS from neo-hookean"):
         with_material(pds.load_scene("uniaxial"), path)

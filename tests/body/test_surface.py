@@ -270,7 +270,7 @@ def test_ligaments_of_one_row_tell_no_deformation():
     assert (surface.nodes[lost, 1] > 0.85).all()
     assert surface.followed()[surface.nodes[:, 1] < 0.75].all()
     assert np.array_equal(empty_rows(surface.interpolation.rows[0]), lost)
-    with pytest.raises(ValueError, match=r"\(0, 0\.95\): .* are fewer than three or in one row; take a smaller spacing"):
+    with pytest.raises(ValueError, match=r"\(0, 0\.95\): .*; take a smaller spacing"):
         interpolation(body, np.array([[0.5, 0.5], [0.0, 0.95]]))
     assert scene.spacing == 0.1
 
@@ -286,7 +286,7 @@ def test_two_rows_follow_linear_motions():
 
 def test_places_outside_are_refused_with_what_is_near():
     _, (body, _, _), _ = bodied(SQUARE, [circle(0.5, 0.0, 0.0)])
-    with pytest.raises(ValueError, match=r"^\(3, 0\.25\) lies outside the body; its nearest point is \d+ at \(0\.95, 0\.25\), 2\.05 away$"):
+    with pytest.raises(ValueError, match=r"^\(3, 0\.25\) lies outside .* \(0\.95, 0\.25\), 2\.05 away$"):
         interpolation(body, np.array([[0.9, 0.9], [3.0, 0.25]]))
     with pytest.raises(ValueError, match=r"^\(0, 0\) lies outside the body"):
         interpolation(body, np.array([[0.0, 0.0]]))

@@ -14,13 +14,12 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.cli import app, terminal
-from pdsurrogate.cli.application import COMMANDS
+from pdsurrogate.cli import COMMANDS, app, terminal
 from pdsurrogate.cli.command import warnings_as_lines
 from pdsurrogate.engine.threads import at_most, most_threads, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.materials import LAWS
-from pdsurrogate.run.sharing import Oversubscribed
+from pdsurrogate.run.run import Oversubscribed
 
 
 @pytest.mark.parametrize(
@@ -156,8 +155,8 @@ def test_progress_is_drawn_on_terminals_alone(monkeypatch, drawn):
     file = io.StringIO()
     monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=drawn, width=100))
     monkeypatch.setattr(terminal.settings, "quiet", False)
-    with terminal.progress_bar("drawing") as told, terminal.status("busy"):
-        told(0.5, "residual 1e-3")
+    with terminal.Bar("drawing") as bar, terminal.status("busy"):
+        bar.show(0.5, "residual 1e-3")
     assert ("drawing" in file.getvalue()) == drawn
     assert drawn or file.getvalue() == ""
 

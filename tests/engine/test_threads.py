@@ -16,7 +16,7 @@ from pdsurrogate.engine.threads import SPIN_COUNT, Chunks, thread_count, threads
 USE = """
 import os, sys
 import pdsurrogate as pds
-from pdsurrogate.reports.calibration import arithmetic
+from pdsurrogate.reports.speed import arithmetic
 from pdsurrogate.engine.block_arrays import aligned_rows
 {first}
 before = dict(os.environ)

@@ -10,7 +10,8 @@ from pdsurrogate.forces import FORCES, ForceSettings, OutsideDomain, OutsideDoma
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.forces.material_points import MaterialPoints
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
-from pdsurrogate.solvers import DynamicRelaxation, NotConverged
+from pdsurrogate.solvers.equilibrium import NotConverged
+from pdsurrogate.solvers.methods import DynamicRelaxation
 from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)

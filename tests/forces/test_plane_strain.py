@@ -108,12 +108,12 @@ def test_beyond_its_domain_a_learnt_force_is_the_exact_one_of_plane_strain():
 
 @pytest.mark.parametrize("name", ["neo-hookean-energy", "neo-hookean-paper"])
 def test_what_was_learnt_of_a_sheet_alone_is_refused(name):
-    with pytest.raises(ValueError, match=r"does not take plane=strain; it takes plane=stress; .*bond-energy take both"):
+    with pytest.raises(ValueError, match=r"plane=strain; it takes plane=stress; .*bond-energy take both"):
         bound(load_surrogate(SHIPPED / name), sheet(0.2), NeoHookean())
 
 
 def test_what_the_selective_energy_cannot_do_is_refused():
-    with pytest.raises(ValueError, match="bond-energy does not take precision=float32 in plane strain; it takes precision=float64"):
+    with pytest.raises(ValueError, match=r"bond-energy .* precision=float32 .*; it takes precision=float64"):
         bound(EXACT["bond-energy"], sheet(0.2), precision="float32")
 
 

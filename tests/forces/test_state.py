@@ -1,12 +1,11 @@
 """A term that keeps a number for every bond: its state goes through checkpoints and into results, with no change outside the term."""
 
 import numpy as np
-import pytest
+from stopping import killed_with_levels
 
 import pdsurrogate as pds
 from pdsurrogate.forces.nosb import PointStress
 from pdsurrogate.forces.term import Kept, Term
-from pdsurrogate.run.checkpoints import Checkpoints
 from pdsurrogate.run.simulate import simulate
 
 STIFFNESS = 0.05
@@ -54,24 +53,15 @@ class SofteningForce(pds.forces.NOSBForce):
         return (PointStress, SofteningSprings)
 
 
-def test_state_of_bonds_is_resumed_and_shown(tmp_path, monkeypatch):
+def test_state_of_bonds_is_resumed_and_shown(tmp_path):
     scene = pds.load_scene("uniaxial", {"spacing": 0.25, "stretches": [1.2, 1.1], "solver.method": "relaxation"})
     whole = simulate(scene, SofteningForce())
     stretched, released = (fields["greatest_stretch"] for _, fields in whole.states)
     # The greatest stretch stays when the sheet is let back; an output of 1.2 has bonds along the pull that are stretched by as much.
     assert (released >= stretched).all()
     assert stretched.max() > 1.1
-    write = Checkpoints.write
-
-    def stopping(checkpoints, *rest):
-        write(checkpoints, *rest)
-        if len(checkpoints.run.state.levels) == 1:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(Checkpoints, "write", stopping)
-    with pytest.raises(KeyboardInterrupt):
+    with killed_with_levels(1):
         simulate(scene, SofteningForce(), folder=tmp_path)
-    monkeypatch.setattr(Checkpoints, "write", write)
     resumed = simulate(scene, SofteningForce(), folder=tmp_path, resume=True)
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
     np.testing.assert_array_equal(resumed.field("greatest_stretch"), np.float32(whole.field("greatest_stretch")))

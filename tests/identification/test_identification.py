@@ -300,5 +300,5 @@ def test_tables_are_read_by_the_names_of_their_columns(regressor):
     assert members[0] == members[1]
     other = table.rename(columns={"lateral_stretch": "across"})
     for refused in (lambda: clone(regressor).fit(other, data.nominal_stress), lambda: found.predict(other)):
-        with pytest.raises(ValueError, match="X must have the columns stretch, lateral_stretch, in any order, not stretch, across"):
+        with pytest.raises(ValueError, match=r"X .* columns stretch, lateral_stretch, .* not stretch, across"):
             refused()

@@ -211,7 +211,7 @@ def test_a_force_of_python_is_resampled(samples):
 def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path):
     """Fitted to the five bond quantities and nothing of the package; by itself it does not say where it holds."""
     model = make_pipeline(StandardScaler(), PolynomialFeatures(5), Ridge(1e-6)).fit(samples.X, samples.y)
-    with pytest.raises(ValueError, match="does not say which stretches it was fitted to: fit it within a surrogate_pipeline"):
+    with pytest.raises(ValueError, match=r"which stretches .*: fit it within a surrogate_pipeline"):
         pds.simulate("uniaxial", model)
     card = pds.load_card(pds.store(model, samples, LAW, tmp_path, "plain", "1", "plain"))
     assert card.training["resampling"]["rms"] < 0.1
@@ -268,7 +268,7 @@ def test_what_cannot_work_says_so_before_the_training(regressor, message):
 
 def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
     for columns in (3, 4):
-        with pytest.raises(ValueError, match=f"was fitted to {columns} features; taken are regressors of the five bond quantities"):
+        with pytest.raises(ValueError, match=f"was fitted to {columns} features; taken are "):
             pds.store(LinearRegression().fit(samples.X[:, :columns], samples.y), samples, LAW, tmp_path, "x", "1", "x")
     with pytest.raises(ValueError, match="not fitted"):
         surrogate_of(pds.surrogate_pipeline(), LAW, samples)
@@ -277,7 +277,7 @@ def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
         def bond_force(self, stretch, rotation, length, C33, J):
             return np.full((len(stretch), 2), np.nan)
 
-    with pytest.raises(ValueError, match=r"Holed: bond_force gives \(nan, nan\), which is not finite, at stretch = "):
+    with pytest.raises(ValueError, match=r"Holed: bond_force gives \(nan, nan\), .* at stretch = "):
         pds.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
     assert list(tmp_path.iterdir()) == []
 
@@ -368,7 +368,7 @@ def test_frames_of_pandas_go_through_with_their_names(samples):
     for model in (plain.fit(X, y), framed.fit(X, y)):
         assert model.feature_names_in_.tolist() == list(COLUMNS)
         np.testing.assert_allclose(model.predict(X), right, rtol=1e-12, atol=1e-12)
-        with pytest.raises(ValueError, match=r"X must have the columns stretch, .*, J, in any order, not stretch, .*, j"):
+        with pytest.raises(ValueError, match=r"X .* columns stretch, .*, J, .* not stretch, .*, j"):
             model.predict(X.rename(columns={"J": "j"}))
     assert framed.regressor_[:-1].transform(X).columns.tolist() == names
     assert framed.regressor_[-1].regressor_.feature_names_in_.tolist() == names
@@ -405,7 +405,7 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
     alone = make_pipeline(PolynomialFeatures(2), LinearRegression())
     model = clone(alone).fit(X[SHUFFLED], samples.y)
     np.testing.assert_allclose(force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12)
-    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; taken are regressors of the five bond quantities stretch"):
+    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; taken are .* stretch"):
         force_of(clone(alone).fit(X.rename(columns={"J": "detF"}), samples.y))
 
 

@@ -91,7 +91,7 @@ def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
 
 def test_pipelines_of_other_energies_are_refused(fitted):
     model, _ = fitted
-    with pytest.raises(ValueError, match="the pipeline predicts the target isochoric-energy, and the samples are of sheet-energy"):
+    with pytest.raises(ValueError, match=r"target isochoric-energy, .* of sheet-energy"):
         pds.learning.surrogate_of(model, LAW, pds.training_samples(LAW, 10, target="sheet-energy"))
     with pytest.raises(ValueError, match="I2bar must be positive"):
         model.predict([[3.0, -1.0]])
@@ -245,7 +245,7 @@ def test_policies_outside_the_domain(ogden, plane):
 
 
 def test_what_it_does_not_serve_it_says(ogden):
-    with pytest.raises(ValueError, match=r"ogden-isochoric@1 does not take plane=stress; it takes plane=strain\|space; force=analytic"):
+    with pytest.raises(ValueError, match=r"ogden-isochoric@1 .* plane=stress; it takes plane=strain\|space; force=analytic"):
         ogden.bind(sheet(), LAW, ForceSettings())
     with pytest.raises(ValueError, match="describes the law ogden, not gent"):
         ogden.bind(block("space"), pds.materials.Gent(), ForceSettings(plane="space"))

@@ -23,9 +23,10 @@ from pdsurrogate.forces import AnalyticBondForce
 from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.kernels.activations import ACTIVATIONS
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
-from pdsurrogate.learning import surrogate_of, targets
+from pdsurrogate.learning import surrogate_of
 from pdsurrogate.learning.pipeline import feature_transformer, outputs_of_force
 from pdsurrogate.learning.sampling import force_factor, states_of_strain, stretches_of_strain
+from pdsurrogate.learning.target import relative_errors
 from pdsurrogate.materials import plane_stress
 
 LAW = pds.materials.NeoHookean()
@@ -183,7 +184,7 @@ def test_bonds_without_shear_do_not_stop_a_training(features, rotation):
     if features == "paper":
         model.fit(X, y)
     else:
-        with pytest.warns(UserWarning, match="2 of 302 samples do not determine the transformed target, such as sample 300, "):
+        with pytest.warns(UserWarning, match="2 of 302 samples .* such as sample 300, "):
             model.fit(X, y)
         np.testing.assert_array_equal(model.predict(X), sheared.predict(X))
         with pytest.raises(ValueError, match=r"1 of 1 samples do not determine .*, and nothing is left to train on"):
@@ -274,7 +275,7 @@ def test_the_repr_of_a_pipeline_is_the_same_in_every_process():
 def test_a_polynomial_of_too_many_terms_is_refused():
     """230,230 terms of 20 features took all memory, without a word."""
     X = np.random.default_rng(0).random((40, 20))
-    with pytest.raises(ValueError, match="degree 6 makes more than 10000 terms of 20 features: take a degree of at most 3"):
+    with pytest.raises(ValueError, match=r"degree 6 .*: take a degree of at most 3"):
         pds.learning.ChebyshevRegressor().fit(X, X[:, 0])
     assert len(pds.learning.ChebyshevRegressor(3).fit(X, X[:, 0]).powers_) == 1771
 
@@ -392,8 +393,8 @@ def test_shipped_surrogate_on_states_of_any_seed(path, seed):
     force = load_surrogate(path).bond_force
     on = pds.training_samples(LAW, 1000, off_surface=0, random_state=seed)
     off = pds.training_samples(LAW, 1000, near_rest=0, off_surface=1, random_state=seed)
-    assert targets.relative_errors(force(*on.X.T), on.y)["rms"] < 2e-4
-    assert targets.relative_errors(force(*off.X.T), off.y)["rms"] < 5e-4
+    assert relative_errors(force(*on.X.T), on.y)["rms"] < 2e-4
+    assert relative_errors(force(*off.X.T), off.y)["rms"] < 5e-4
 
 
 def test_shipped_symmetric_surrogate_meets_its_promise():
@@ -545,7 +546,7 @@ def test_errors_are_reported_for_ranges_that_are_mostly_compression():
 def test_a_law_that_ends_within_the_range_says_so():
     """Training stopped at "Input y contains NaN"."""
     law = pds.materials.Gent(chain_limit=20)
-    with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0.6 to 4; it has those from 0.67\d* to 2.8\d*"):
+    with pytest.raises(ValueError, match=r"gent ends before .* from 0.67\d* to 2.8\d*"):
         pds.training_samples(law, 300, (0.6, 4.0))
     assert len(pds.training_samples(law, 300, pds.learning.reachable_stretches(law, (0.6, 4.0)))) == 300
 

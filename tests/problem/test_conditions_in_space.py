@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from runs import started
 from scipy.optimize import brentq
 
 import pdsurrogate as pds
 from pdsurrogate.run.levels import solver_of
-from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.scenes import Box
-from pdsurrogate.solvers.extension import Samples, affine_extension
+from pdsurrogate.solvers.course import affine_extension
 
 AXIS = (1.0, 2.0, 0.5)
 TURN = {"rotation": 90.0, "about": (0.3, 0.2, 0.1), "axis": AXIS}
@@ -21,7 +21,7 @@ def scene_of(prescribed=CLAMPS, count=5, **changes):
 
 
 def run_of(force="bond-energy", **changes):
-    return Run(scene_of(**changes), pds.load_surrogate(force), Silent())
+    return started(scene_of(**changes), force)
 
 
 def rotation(axis, degrees):
@@ -97,7 +97,7 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
     body, axis = (Box(size=(1.0, 1.0, 1.0)), {"axis": AXIS}) if dimension == 3 else (pds.shapes.Rectangle(size=(1.0, 1.0)), {})
     about_nothing = {"plane": plane} if dimension == 2 else {}
     prescribed = (turned | axis, turned | axis | {"region": "left"})
-    run = Run(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing), pds.load_surrogate("bond-energy"), Silent())
+    run = started(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing))
     loading, Q = run.loading, rotation(AXIS, 20.0) if dimension == 3 else rotation((0, 0, 1), 20.0)[:2, :2]
     centre = np.array(turned["about"])
     start = centre + (run.body.points - centre) @ Q.T + 0.01 * np.sin(3 * run.body.points[:, ::-1])
@@ -172,8 +172,8 @@ def test_what_one_face_does_turns_the_body():
     face = np.array([[0.0, a, b] for a in (0.0, 0.5, 1.0) for b in (0.0, 1.0)])
     body = np.array([[a, b, c] for a in (0.0, 2.0) for b in (0.0, 1.0) for c in (0.0, 1.0)])
     Q = rotation(AXIS, 40.0)
-    samples = Samples(np.vstack([face] * 3), np.repeat([0, 1, 2], 6), (face @ Q.T + [0.1, 0.2, 0.3]).T.ravel())
-    gradient, shift = affine_extension(samples, lambda direction: (body @ direction).std())
+    samples = np.vstack([face] * 3), np.repeat([0, 1, 2], 6), (face @ Q.T + [0.1, 0.2, 0.3]).T.ravel()
+    gradient, shift = affine_extension(*samples, lambda direction: (body @ direction).std())
     np.testing.assert_allclose(gradient, Q, atol=1e-14)
     np.testing.assert_allclose(shift, [0.1, 0.2, 0.3], atol=1e-14)
 
@@ -183,7 +183,7 @@ def test_what_one_face_does_turns_the_body():
     [
         (
             ({"region": "left", "rotation": 10.0, "about": (0, 0, 0)},),
-            "prescribed.0.axis: a rotation in space needs",
+            "prescribed.0.axis: a rotation of a solid needs",
         ),
         (({"region": "left", "x1": 0.0, "axis": (1, 0, 0)},), "axis is the direction of the axis of a rotation"),
         (({"region": "left", "x1": 0.0},), "nothing keeps the body from moving along x2 or moving along x3 or turning; hold x1, x2 or x3"),

@@ -11,9 +11,9 @@ from pdsurrogate.body import Body, ReflectionPlane, grid
 from pdsurrogate.body.surface import Following, Surface
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
-from pdsurrogate.problem.loads import loads_of
-from pdsurrogate.solvers import EnergyMinimiser
+from pdsurrogate.problem.conditions import loads_of
 from pdsurrogate.solvers.loads import LoadedForce
+from pdsurrogate.solvers.methods import EnergyMinimiser
 from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)

@@ -8,7 +8,7 @@ from pdsurrogate.body import ReflectionPlane, divided
 from pdsurrogate.engine.compile import compilation_clock
 from pdsurrogate.forces import ForceSettings
 from pdsurrogate.ranks import communicator
-from pdsurrogate.solvers import ExplicitDynamics
+from pdsurrogate.solvers.dynamics import ExplicitDynamics
 from pdsurrogate.stress_test.bodies import notched
 from pdsurrogate.stress_test.case import Subject
 from pdsurrogate.stress_test.conformance import TABLE, Deformation

@@ -12,8 +12,8 @@ from pdsurrogate.body import CellMesh
 from pdsurrogate.cli import app
 from pdsurrogate.materials import plane_strain, plane_stress, solid
 from pdsurrogate.results import measures, vtk
+from pdsurrogate.results.figures import section
 from pdsurrogate.results.states import deformed_cells
-from pdsurrogate.results.views import section
 
 LAW = pds.materials.NeoHookean(2.0, 200.0)
 F2 = np.array([[1.25, 0.2], [-0.1, 0.9]])

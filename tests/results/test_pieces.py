@@ -7,6 +7,7 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.body import Body
+from pdsurrogate.ranks import Communicator
 from pdsurrogate.results import vtk
 from pdsurrogate.results.contents import Contents
 from pdsurrogate.results.folder import make_room
@@ -14,8 +15,14 @@ from pdsurrogate.results.states import Moment, StatesInFiles, deformed_cells
 
 
 class Rank:
+    together = Communicator.together
+
     def __init__(self, rank, size):
         self.rank, self.size = rank, size
+
+    def agree(self, error):
+        if error is not None:
+            raise error
 
 
 class SomePoints:
@@ -24,10 +31,6 @@ class SomePoints:
     def __init__(self, rank, size, numbers, own):
         self.ranks, self.numbers, self.own = Rank(rank, size), numbers, own
         self.divided, self.leads = True, rank == 0
-
-    def agree(self, error):
-        if error is not None:
-            raise error
 
 
 def parts_of(body, bounds, reach):

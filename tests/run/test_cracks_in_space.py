@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from stopping import Killed, KilledWhileBondsBreak
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem.fracture import critical_stretch_in
 from pdsurrogate.run import checkpoints, transient
-from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Scene, SceneError, load_scene
 
@@ -75,17 +75,9 @@ def test_the_account_of_a_strip_has_no_error_of_the_time_step(monkeypatch):
 def test_a_crack_in_space_resumes_to_the_same_bits(torn, tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
 
-    class Stop(Exception):
-        """A kill."""
-
-    class Killing(Silent):
-        def dynamics(self, done, parameter, broken_bonds):
-            if broken_bonds > 20:
-                raise Stop
-
     scene = Scene.model_validate(STRIP)
-    with pytest.raises(Stop):
-        simulate(scene, folder=tmp_path, progress=Killing())
+    with pytest.raises(Killed):
+        simulate(scene, folder=tmp_path, progress=KilledWhileBondsBreak())
     resumed = simulate(scene, folder=tmp_path, resume=True)
     assert resumed.history == torn.history
     assert resumed.summary["crack"] == torn.summary["crack"]

@@ -18,7 +18,7 @@ import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.results.files import TEMPORARY
 from pdsurrogate.results.folder import FolderTaken
-from pdsurrogate.run import levels, record
+from pdsurrogate.run import checkpoints, levels
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 from pdsurrogate.stress_test.case import Subject
@@ -43,7 +43,7 @@ main()
 
 HELD_UP = """
 import hashlib, sys, time
-from pdsurrogate.solvers import quasi_newton
+from pdsurrogate.solvers import methods
 from pdsurrogate.cli import main
 
 how, *arguments = sys.argv[1:]
@@ -52,7 +52,7 @@ def never(*rest):
     while True:
         # In a call of C that hears of no signal, and in Python.
         hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1) if how == "C" else time.sleep(600)
-quasi_newton.QuasiNewton.preconditioner = never
+methods.QuasiNewton.preconditioner = never
 sys.argv = ["pdsurrogate", *arguments]
 main()
 """
@@ -150,8 +150,8 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_pat
 @pytest.mark.parametrize(("share", "outputs"), [(1e9, 0), (1e9, 1), (0.0, 2)])
 def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outputs, tmp_path, monkeypatch):
     """The summary was written once a second at most, and `show` denied a state whose file lay there."""
-    monkeypatch.setattr(record, "SECONDS", 1e9)
-    monkeypatch.setattr(record, "SHARE", share)
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_TABLES", 1e9)
+    monkeypatch.setattr(checkpoints, "TABLES_SHARE", share)
     begun = []
 
     class Killed(Silent):

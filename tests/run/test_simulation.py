@@ -11,16 +11,18 @@ import numpy as np
 import pytest
 from bodies import build_body
 from conftest import SHIPPED
+from runs import started
 from sklearn.linear_model import LinearRegression
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.learning import force_model_of
-from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import SceneError
-from pdsurrogate.solvers import SOLVERS, Diverging, Increments, QuasiNewton
+from pdsurrogate.solvers.equilibrium import Diverging
+from pdsurrogate.solvers.increments import Increments
+from pdsurrogate.solvers.methods import SOLVERS, QuasiNewton
 
 VERTICAL = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
 
@@ -69,7 +71,7 @@ def test_forces_of_grips_balance_and_are_those_on_held_points(force, support):
     internal forces leave on them.  To the rounding of single precision, in which one of the models sums.
     """
     scene = pds.load_scene("pure-shear", {"spacing": 0.1, "body": {"shape": "polygon", "vertices": LETTER_L}, "support": support})
-    run = Run(scene, pds.load_surrogate(force), Silent())
+    run = started(scene, force)
     positions = run.loading.course.guesses(run.body.points, 1.0, 1.2, None)[0] + 0.01 * np.sin(3 * run.body.points[:, ::-1] + [0.3, 0.7])
     internal = np.empty_like(positions)
     run.loading.apply(1.2, run.force, positions)
@@ -181,9 +183,7 @@ def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
     """`run uniaxial --set stretches=0.5 --set spacing=0.2` gave 15 % of the stress and `converged: true`.  A cut starts the buckle here."""
     described = {"spacing": 0.2, "stretches": [0.5]}
     cut = pds.load_scene("uniaxial", {**described, "precuts": [{"start": [1.5, 0.9], "end": [1.5, 1.0]}]})
-    with pytest.raises(
-        SimulationFailed, match=r"the body buckles between the stretches 0\.8.*; equilibrium was followed to stretch 0\.8"
-    ) as caught:
+    with pytest.raises(SimulationFailed, match=r"buckles between the stretches 0\.8.* stretch 0\.8") as caught:
         simulate(cut, "neo-hookean")
     result = caught.value.result
     assert not result.summary["converged"]
@@ -239,7 +239,7 @@ def test_the_sheet_that_buckled_through_its_own_grips():
 def test_points_beyond_a_grip_are_no_equilibrium():
     """NOSB folds a compressed sheet through its grips; every force is zero there, and the run said `converged: true`."""
     scene = pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.method": "relaxation"})
-    with pytest.raises(SimulationFailed, match=r"point \d+ at \(.*\): it lies .* beyond the (left|right) grip") as caught:
+    with pytest.raises(SimulationFailed, match=r"point \d+ at \(.*\): .* beyond the (left|right) grip") as caught:
         simulate(scene, "nosb")
     assert [level["stretch"] for level in caught.value.result.levels] == [0.8]
 
@@ -512,7 +512,7 @@ def test_what_is_no_force_says_what_is_taken():
     pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric")
     with pytest.raises(ValueError, match="not fitted"):
         pds.simulate(scene, pipeline)
-    with pytest.raises(ValueError, match="a LinearRegression by itself does not say which stretches it was fitted to"):
+    with pytest.raises(ValueError, match=r"LinearRegression .* which stretches it was fitted to"):
         pds.simulate(scene, LinearRegression().fit(samples.X, samples.y))
     with pytest.raises(ValueError, match="a pipeline read from a file does not say which stretches"):
         pds.simulate(scene, pickle.loads(pickle.dumps(pipeline.fit(samples.X, samples.y))))

@@ -277,9 +277,9 @@ def test_groups_of_a_mesh(meshed):
     assert len(regions.points(Region(group="seam"))) == 8
     half = Region(**{"and": [{"group": "cavity"}, {"group": "soft"}]})
     np.testing.assert_allclose(middles[regions.facets(half), 0].max(), 0.55)
-    with pytest.raises(ValueError, match=r"^region: no part of the boundary lies in it$"):  # the seam is inside the material
+    with pytest.raises(ValueError, match=r"^region: no part of the boundary"):  # the seam is inside the material
         regions.facets(Region(group="seam"))
-    with pytest.raises(ValueError, match=r"^prescribed.0.region: the mesh has no group 'pul'; did you mean pull\?$"):
+    with pytest.raises(ValueError, match=r"^prescribed.0.region: .*'pul'; did you mean pull\?$"):
         regions.points(scene.prescribed[0].region, "prescribed.0.region")
     with pytest.raises(ValueError, match=r"the mesh has no group 'xyz'; it has soft, stiff, pull, cavity, seam$"):
         regions.points(Region(group="xyz"))

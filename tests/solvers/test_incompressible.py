@@ -7,10 +7,11 @@ from scipy import sparse
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
-from pdsurrogate.solvers import Automatic, stability
+from pdsurrogate.solvers import stability
+from pdsurrogate.solvers.methods import Automatic
 from pdsurrogate.solvers.multigrid import Multigrid
-from pdsurrogate.solvers.nearest_bonds import NearestBondLaplacian
-from pdsurrogate.solvers.preconditioner import Extension, IncompressibleStiffness
+from pdsurrogate.solvers.nearest_bonds import inverse_of_laplacian
+from pdsurrogate.solvers.preconditioner import extension_of, incompressible_inverse
 
 PLANE = {2: "strain", 3: "space"}
 
@@ -60,8 +61,8 @@ def test_the_preconditioner_solves_what_it_says():
     free = np.ones_like(force.body.points)
     free[:3] = 0
     stiffness, laplacian = (
-        IncompressibleStiffness(force, NearestBondLaplacian(force.body, 2.0, free)),
-        NearestBondLaplacian(force.body, 2.0, free),
+        incompressible_inverse(force, inverse_of_laplacian(force.body, 2.0, free)),
+        inverse_of_laplacian(force.body, 2.0, free),
     )
     stiffness.update()
     dilatation = force.linearised_dilatation()
@@ -135,7 +136,7 @@ def test_a_displaced_plane_is_followed_evenly(across):
     """A plane that moves by a vector takes the body along in proportion to the distance from the other, factorised or by cycles."""
     body = block(across, 3, 100.0).body
     held, moved = np.zeros_like(body.points), np.array([0.01, 0.0, 0.03])
-    found = Extension(body, 2.0, np.ones_like(held)).response(held, np.array([np.zeros(3), moved]))
+    found = extension_of(body, 2.0, np.ones_like(held))(held, np.array([np.zeros(3), moved]))
     np.testing.assert_allclose(found, body.points[:, 2:] * moved, atol=1e-3 * 0.03)
 
 
@@ -145,7 +146,7 @@ def test_the_least_curvature_of_a_stable_body_is_soon_known(monkeypatch):
     body, free = force.body, np.ones_like(force.body.points)
     positions, counts, values = body.points.copy(), [], []
     force(positions, np.empty_like(positions))
-    stiffness = IncompressibleStiffness(force, NearestBondLaplacian(force.body, 2.0, free))
+    stiffness = incompressible_inverse(force, inverse_of_laplacian(force.body, 2.0, free))
     stiffness.update()
     for known in (stability.KNOWN, 0.0):
         monkeypatch.setattr(stability, "KNOWN", known)

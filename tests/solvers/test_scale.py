@@ -224,7 +224,7 @@ def test_a_level_out_of_balance_is_not_converged(monkeypatch):
     """Were the forces left not held against the load, the clamp would carry two thirds of it, and the run say so."""
     monkeypatch.setattr(equilibrium, "UNBALANCED", np.inf)
     monkeypatch.setattr(equilibrium, "PER_TOLERANCE", np.inf)
-    with pytest.raises(pds.SimulationFailed, match=r"sum of all loads and reactions is .* % of what drives the body") as caught:
+    with pytest.raises(pds.SimulationFailed, match="sum of all loads and reactions") as caught:
         simulate(cantilever(1e-6), "bond-energy")
     assert not caught.value.result.summary["converged"]
 

@@ -10,8 +10,8 @@ from pdsurrogate.cli import app
 from pdsurrogate.stress_test import report as report_module
 from pdsurrogate.stress_test.bodies import of_simplices, regular
 from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, STOPS, WEAK, Outcome, Subject, spring_stiffness
-from pdsurrogate.stress_test.equilibria import sheared_layer
 from pdsurrogate.stress_test.report import CASES, all_models, cell, planes_of, stress_test, table
+from pdsurrogate.stress_test.runs import sheared_layer
 from pdsurrogate.stress_test.tangents import tangent
 
 BOND_FORCES = {"symmetry", "undamped_steps", "angular_momentum", "slender"}
@@ -130,7 +130,7 @@ def test_command(tmp_path, monkeypatch):
         (["--force", "wizardry"], "unknown force"),
         (["--out", "/dev/null/x"], "a folder is needed, and this is a file"),
         (["--force", "ogden-isochoric", "--plane", "stress"], "takes plane=strain and space"),
-        (["--force", "analytic", "--plane", "space"], "bodies in space"),
+        (["--force", "analytic", "--plane", "space"], "solids"),
         (["--plane", "strain"], "--plane: must be stress or space"),
     ):
         refused = CliRunner().invoke(app, ["stress-test", *arguments])

@@ -20,11 +20,9 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.results.folder import FolderTaken
-from pdsurrogate.studies.description import load_study
-from pdsurrogate.studies.designs import parameters_of_runs
-from pdsurrogate.studies.parallel import Workers
+from pdsurrogate.studies.description import load_study, parameters_of_runs
+from pdsurrogate.studies.runs import Workers, tasks_of
 from pdsurrogate.studies.table import KEYS_OF_CRACKS, KEYS_OF_FITS, KEYS_OF_LEVELS, KEYS_OF_RUNS, label_of, quantities_in, study_figure
-from pdsurrogate.studies.tasks import tasks_of
 
 TINY = {"scene": "uniaxial", "force": "analytic", "set": {"stretches": 1.2, "spacing": 0.5}}
 """Two rows of six points: a run takes some hundredths of a second."""

@@ -1,23 +1,56 @@
-"""Runs of small held bodies: loads, moduli and lengths of every scale, the balance of forces, the account of energy, and stiff contrasts.
+"""Runs of small bodies in equilibrium and in motion.
 
-The other properties are those of forces alone; these are properties of whole runs, in which the solver, the precision, the loads and the
-integrator take part as well.
+Loads, moduli and lengths have every scale; forces must balance, the energy is accounted for, and parts may be much stiffer than others.
+Explicit steps that are too long must be detected, and very many must not heat up a body. Unlike the properties of forces alone, these
+involve the solver, the precision, the loads and the integrator as well.
 """
 
-from __future__ import annotations
-
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 
+from ..forces import InternalForce, InvalidState
 from ..forces.settings import WHERE
+from ..kernels.steps import central_difference_step
 from ..materials import PLANES, Law
 from ..scenes import MaterialSpec, Scene
-from .case import Outcome, Subject, case, required
+from ..solvers.stability import FrequencyEstimate
+from .bodies import SPACING
+from .case import PASS, WEAK, Ended, Outcome, Subject, case, cases_of, forces_at, off, required
 from .deformations import force_densities
-from .dynamics import Motion
+
+STEPS = 100_000
+
+
+class Motion:
+    """Motion of a body of unit density by central differences, with damping proportional to mass; by default from rest, all points free."""
+
+    def __init__(self, force: InternalForce, share_of_critical=0.5, positions=None, free=None, damping=0.0) -> None:
+        self.force, self.mass, self.damping = force, force.body.volumes, damping
+        self.positions = force.body.points.copy() if positions is None else positions
+        self.free = np.ones_like(self.positions) if free is None else free
+        self.step = share_of_critical * 2 / np.sqrt(FrequencyEstimate(self.mass, self.free)(force, self.positions))
+        self.load = np.zeros_like(self.positions)
+        self.shake()
+
+    def shake(self) -> None:
+        """Set random velocities of a thousandth of the speed of shear waves, which cause waves of small strain."""
+        random = np.random.default_rng(0)
+        self.velocities = 1e-3 * np.sqrt(self.force.law.shear_modulus) * random.standard_normal(self.positions.shape) * self.free
+
+    @property
+    def kinetic_energy(self) -> float:
+        return float((self.mass[:, None] * self.velocities**2).sum() / 2)
+
+    def advance(self, steps: int) -> None:
+        for _ in range(steps):
+            forces = forces_at(self.force, self.positions) + self.load
+            scheme = self.free, self.mass, self.damping, self.step, self.step
+            central_difference_step[self.positions.shape[1]](self.positions, self.velocities, forces, *scheme)
+
 
 SIDES = (1.2, 0.8), (1.0, 0.8, 0.8)
 """Sides of the held body, in the plane and in three dimensions; its points are a fifth apart."""
@@ -51,10 +84,8 @@ POWERS = (-9, 9)
 def in_units_of(law: Law, stress: float) -> Law:
     """Return the material with every modulus multiplied by a factor."""
     described = law.describe()
-    for key in described:
-        if "modul" in key:
-            described[key] = (np.asarray(described[key]) * stress).tolist()
-    return MaterialSpec.model_validate(described).build()
+    moduli = {key: np.multiply(value, stress).tolist() for key, value in described.items() if "modul" in key}
+    return MaterialSpec.model_validate(described | moduli).build()
 
 
 def _why_no_equilibrium(subject: Subject) -> str:
@@ -79,12 +110,6 @@ def _moved(level: dict) -> np.ndarray:
     return np.array(level["displacements"]["right"])
 
 
-def _off_balance(level: dict) -> float:
-    """Return the sum of load and reaction over the load, by the sums of their components' sizes."""
-    load, reaction = (np.array(level["forces"][face]) for face in ("right", "left"))
-    return float(np.abs(load + reaction).sum() / np.abs(load).sum())
-
-
 @case("loads of 1e-9 to 1e-5 mu", "displacements in proportion, 0.2 %")
 def small_loads(subject: Subject) -> Outcome:
     """Test loads of 1e-9 to 1e-5 shear moduli by their displacements, which must be in proportion to them.
@@ -92,8 +117,7 @@ def small_loads(subject: Subject) -> Outcome:
     The figure is the greatest difference of displacement over load from that under the greatest of these loads.
     """
     over = np.array([_moved(_level(subject, load)) / load for load in LOADS if load <= LINEAR])
-    off = np.abs(over - over[-1]).max() / np.abs(over[-1]).max()
-    return Outcome.below(off, OFF_PROPORTION, _why_inaccurate_at_rest(subject))
+    return Outcome.below(off(over, over[-1]), OFF_PROPORTION, _why_inaccurate_at_rest(subject))
 
 
 def _why_inaccurate_at_rest(subject: Subject) -> str:
@@ -112,14 +136,16 @@ def force_balance(subject: Subject) -> Outcome:
     errors = {}
     for load in LOADS:
         level = _level(subject, load)
-        errors[f"{load:g} mu"] = max(_off_balance(level), OFF_BALANCE / MOST_OFF * level["force_balance"])
+        right, left = (np.array(level["forces"][face]) for face in ("right", "left"))
+        unbalanced = float(np.abs(right + left).sum() / np.abs(right).sum())
+        errors[f"{load:g} mu"] = max(unbalanced, OFF_BALANCE / MOST_OFF * level["force_balance"])
     balance = Outcome.below(errors, OFF_BALANCE, _why_inaccurate_at_rest(subject))
     if balance.weakness:
         return balance
     motion = Motion(subject.bind(subject.body(6, 4)))
-    before = motion.momenta.sum(axis=0)
+    before = motion.mass @ motion.velocities
     motion.advance(100)
-    lost = np.abs(motion.momenta.sum(axis=0) - before).max() / np.abs(motion.momenta).sum()
+    lost = np.abs(motion.mass @ motion.velocities - before).max() / (motion.mass @ np.abs(motion.velocities)).sum()
     return Outcome.of_all(Outcome.below(lost, 1e-12, "accuracy", "momentum off by {:.1e}"), balance)
 
 
@@ -129,10 +155,9 @@ def scale_of_units(subject: Subject) -> Outcome:
     expected, errors = _level(subject, 1e-2), {}
     for stress, length in product(POWERS, POWERS):
         level = _level(subject, 1e-2, 10.0**stress, 10.0**length)
-        moved = np.abs(_moved(level) / 10.0**length - _moved(expected)).max() / np.abs(_moved(expected)).max()
         unit = 10.0**stress * (10.0**length) ** (subject.dimension - 1)
-        left, before = np.array(level["forces"]["left"]), np.array(expected["forces"]["left"])
-        errors[f"stress 1e{stress}, length 1e{length}"] = max(moved, np.abs(left / unit - before).max() / np.abs(before).max())
+        left = off(np.array(level["forces"]["left"]) / unit, np.array(expected["forces"]["left"]))
+        errors[f"stress 1e{stress}, length 1e{length}"] = max(left, off(_moved(level) / 10.0**length, _moved(expected)))
     return Outcome.below(errors, OFF_PROPORTION, _why_no_equilibrium(subject))
 
 
@@ -175,14 +200,9 @@ def _off_series(subject: Subject, stiff: Law, held: list[dict], direction: int, 
     d, width = subject.dimension, 0.4
     low, high = np.tile([[-1.0], [2.0]], (2, 1, d))
     low[1, 1], high[0, 1] = (1 - SOFT) / 2, (1 + SOFT) / 2
-    scene = subject.scene(
-        (width, 1.0, width),
-        spacing=SOFT / 4,
-        materials=[{"region": {"box": box.tolist()}, "material": stiff.describe()} for box in (low, high)],
-        prescribed=held,
-        steps=[1.0],
-        solver={"most_evaluations": 1500},
-    )
+    parts = [{"region": {"box": box.tolist()}, "material": stiff.describe()} for box in (low, high)]
+    loading = {"prescribed": held, "steps": [1.0], "solver": {"most_evaluations": 1500}}
+    scene = subject.scene((width, 1.0, width), spacing=SOFT / 4, materials=parts, **loading)
     run = subject.run(scene, where=where, weakness=_why_no_equilibrium(subject))
     compliance, change = 0.0, np.zeros((d, d))
     change[direction, 1] = 1e-6
@@ -200,11 +220,8 @@ def _judged_contrasts(subject: Subject, direction: int, held: tuple[str, ...], c
     across = f"x{2 - direction}"
     sides = [("left", across), ("right", across), ("back", "x3"), ("front", "x3")][: 2 * (subject.dimension - 1)]
     still, errors = dict.fromkeys(held, 0.0), {}
-    prescribed = [
-        {"region": "bottom", **still},
-        {"region": "top", **still, f"x{1 + direction}": MOVED},
-        *({"region": face, component: 0.0} for face, component in sides),
-    ]
+    bottom, top = {"region": "bottom", **still}, {"region": "top", **still, f"x{1 + direction}": MOVED}
+    prescribed = [bottom, top, *({"region": face, component: 0.0} for face, component in sides)]
     required(subject.plane in subject.model.several_materials, f"takes bodies of one material only{WHERE[subject.plane]}")
     for ratio in contrasts:
         errors[ratio] = _off_series(subject, _stiff(subject, ratio), prescribed, direction, f"{ratio:g} times: ")
@@ -224,4 +241,113 @@ def confined_layer(subject: Subject) -> Outcome:
     return _judged_contrasts(subject, 1, ("x2",), (CONTRASTS[0], CONTRASTS[-1]))
 
 
-CASES = (sheared_layer, confined_layer)
+@case("time step 0.5, 0.9, 1.1, 2 of critical", "bounded below 1, caught within 100 steps above")
+def time_step(subject: Subject) -> Outcome:
+    """Test a hundred steps of 0.5, 0.9, 1.1 and 2 times the critical one, for a free body at rest with small random velocities.
+
+    Above 1 a wave grows by a factor of 2.4 or more per step, its energy by 5.8, and the run must stop with a clear error. Below 1 the step
+    length causes no growth; the energy that a non-conservative force adds (see `undamped_steps`) is tolerated up to a tenth of the kinetic
+    energy per step.
+    """
+    body, notes = subject.body(10, 5), []
+    for share in (0.5, 0.9):
+        motion = Motion(subject.bind(body), share)
+        first = motion.kinetic_energy
+        motion.advance(100)
+        a_step, figure = (motion.kinetic_energy / first) ** 0.01, f"at {share} the energy grew {{:.2g}} times a step"
+        growth = Outcome.below(a_step, 1.1, "not conservative", figure)
+        if growth.weakness:
+            return growth
+    for share in (1.1, 2.0):
+        motion, steps = Motion(subject.bind(body), share), 0
+        with suppress(InvalidState):
+            while steps < 100:
+                steps += 1
+                motion.advance(1)
+            return Outcome(WEAK, f"at {share} nothing was noticed in 100 steps", 100.0, 100.0, "accuracy")
+        notes.append(f"{steps} at {share}")
+    return Outcome(PASS, f"bounded below 1; caught after {', '.join(notes)}")
+
+
+def _held(subject: Subject) -> Motion:
+    """Return the motion of a body held at both ends at stretch 1.5, with half of the critical step and the damping of `DampedExplicit`."""
+    body = subject.body(8, (6, 4, 4))
+    free = np.ones_like(body.points)
+    free[np.abs(body.points[:, 0] - body.points[:, 0].mean()) > np.ptp(body.points[:, 0]) / 2 - 1e-9] = 0
+    length = np.ptp(body.points[:, 0]) + SPACING
+    damping = 2 * np.pi / length * np.sqrt(3 * subject.law.shear_modulus)
+    return Motion(subject.bind(body), 0.5, body.points @ subject.uniaxial(1.5).T, free, damping)
+
+
+@case("10^5 damped explicit steps at stretch 1.5", "kinetic energy falls to 1e-16", failing="loses stability")
+def damped_steps(subject: Subject) -> Outcome:
+    """Test 10^5 explicit steps on a body held at stretch 1.5, damped at the rate of `DampedExplicit`: it must come to rest.
+
+    The figure is the kinetic energy at the end over that at the start. At the damping rate c the slowest mode loses exp(-c t) of it until
+    rounding is reached, 1e-13 squared of the speed of waves over 1e-3 squared; the limit is 1e-16.
+    """
+    motion = _held(subject)
+    first = motion.kinetic_energy
+    motion.advance(STEPS // 50 if subject.quick else STEPS)
+    return Outcome.below(motion.kinetic_energy / first, 1e-16, "loses stability")
+
+
+@case("10^5 undamped explicit steps at stretch 1.5", "kinetic energy grows by 1.2 at the most")
+def undamped_steps(subject: Subject) -> Outcome:
+    """Test 10^5 steps without damping on the same body, after small random velocities, by the growth of its kinetic energy.
+
+    The figure is the mean over the last tenth of the steps over that of the first tenth. Small waves share their energy evenly between
+    motion and strain, so it is 1 within the scatter of some hundred modes; the limit is 1.2.
+    """
+    motion, pieces = _held(subject), 100
+    steps = (STEPS // 50 if subject.quick else STEPS) // pieces
+    energies = []
+    motion.advance(2000)
+    motion.damping = 0.0
+    motion.shake()
+    for _ in range(pieces):
+        try:
+            motion.advance(steps)
+        except InvalidState as error:
+            within = f"within {(len(energies) + 1) * steps} steps: {error}"
+            raise Ended(Outcome(WEAK, within, weakness="not conservative")) from error
+        energies.append(motion.kinetic_energy)
+    growth = np.mean(energies[-pieces // 10 :]) / np.mean(energies[: pieces // 10])
+    return Outcome.below(growth, 1.2, "not conservative", "{:.3g}")
+
+
+@case("a load from one moment to the next", "the account of energy moves by 1 % at the most in 20,000 steps", failing="not conservative")
+def sudden_load(subject: Subject) -> Outcome:
+    """Test a bar held at one end and suddenly loaded at the other by the balance of its energy.
+
+    The load is a tenth of mu: waves run along the bar, and its end oscillates between rest and twice the static displacement. Stored and
+    kinetic energy minus the work of the load vanish but for the error of the steps, half of the critical one, which stays bounded. The
+    figure is the change of the sum between the first and the last tenth of 20,000 steps, some fifty oscillations, over the greatest work of
+    the load; the limit is a hundredth.
+    """
+    body = subject.body((16, 5), (12, 3, 3))
+    force = subject.bind(body)
+    required(force.has_energy, "has no energy")
+    along = np.rint(body.points[:, 0] / SPACING - 0.5)
+    free = np.ones_like(body.points)
+    free[along == 0] = 0
+    motion, pieces = Motion(force, free=free), 2000 // (10 if subject.quick else 1)
+    motion.velocities[:] = 0
+    loaded = along == along.max()
+    motion.load[loaded, 0] = 0.1 * subject.law.shear_modulus * body.volumes[loaded] / SPACING
+    sums, works = [], []
+    for _ in range(pieces):
+        before = motion.velocities.copy()
+        motion.advance(1)
+        # The energy belongs to the positions at which the step began, between two velocities.
+        middle = (before + motion.velocities) / 2
+        positions = motion.positions - motion.step * motion.velocities
+        works.append(float((motion.load * (positions - body.points)).sum()))
+        sums.append(float((motion.mass[:, None] * middle**2).sum() / 2) + force.energy() - works[-1])
+        motion.advance(9)
+    tenth = pieces // 10
+    moved = abs(np.mean(sums[-tenth:]) - np.mean(sums[:tenth])) / max(works)
+    return Outcome.below(moved, 0.01, "not conservative")
+
+
+CASES = cases_of(globals())

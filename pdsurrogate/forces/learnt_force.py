@@ -1,0 +1,302 @@
+"""Learnt bond forces: maps from features of a bond to its force, as networks, polynomials and splines, stored as plain arrays."""
+
+from abc import abstractmethod
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from itertools import chain, product
+from typing import ClassVar, Self
+
+import numpy as np
+
+from ..engine.block_arrays import TRACTION_ROWS
+from ..kernels import network, polynomial, spline
+from ..kernels.activations import ACTIVATIONS
+from ..kernels.bond_state import along_and_across, lateral_stretch
+from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
+from ..materials import Law
+from .agreement import bond_states
+from .bond_force import AnalyticBondForce, BondStates, ForceSurrogate, bond_arrays
+from .learnt import Learnt, check_payload, check_shape, greatest_deviations
+from .protocol import CompiledBondForce, Domain
+
+LAYER = ("weights", "biases")
+"""Parts of a layer, in this order; the keys of a payload append the number of the layer."""
+
+MOST_COEFFICIENTS = 2**20
+"""Maximum number of entries of the table of a spline: single precision represents all their indices exactly."""
+
+
+@dataclass(frozen=True, repr=False)
+class LearntBondForce(Learnt, ForceSurrogate):
+    """Learnt map from features of a bond to its dimensionless force.
+
+    Parameters
+    ----------
+    name : str
+    feature_set : str
+        One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
+    at_rest : ndarray, shape (2,)
+        Outputs at rest, which are subtracted from all outputs.
+    domain : Domain
+        States on which it was trained.
+    law : str
+        Name of the law that it describes.
+    shape : mapping
+        Dimensionless parameters of the law that its bond force depends on.
+    stated : mapping, optional
+        Relative errors on the plane-stress surface, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
+        of the training states; None without a card.
+    members : tuple of Member, optional
+        Members of its committee, in a run that reports their deviation.
+    """
+
+    name: str
+    feature_set: str
+    at_rest: np.ndarray
+    domain: Domain
+    law: str
+    shape: Mapping[str, float]
+
+    names: ClassVar[Mapping[str, Collection[str]]] = {"feature_set": FEATURE_SETS}
+    exact: ClassVar[str] = "analytic"
+    trial = staticmethod(bond_states)
+    default_precision = "float32"
+
+    @abstractmethod
+    def outputs(self, features: np.ndarray) -> np.ndarray:
+        """Return the outputs, before `at_rest` is subtracted, for features of shape (n, n_features); shape (n, 2)."""
+
+    @abstractmethod
+    def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
+        """Return the address of the block function, its sizes and weights, and the rows of working memory that it needs.
+
+        The last `N_OUTPUTS` weights are `at_rest`.
+        """
+
+    def check_arrays(self) -> None:
+        check_shape(self.at_rest, "at_rest", (N_OUTPUTS,))
+
+    def check_scale(self, *keys: str) -> None:
+        """Raise ValueError if an origin and a unit of the features, two arrays of those names, are not one each, and the unit positive."""
+        for key in keys:
+            check_shape(getattr(self, key), key, (len(self.features),))
+        if not (getattr(self, keys[1]) > 0).all():
+            raise ValueError(f"{keys[1]} must be positive")
+
+    @property
+    def features(self) -> tuple[str, ...]:  # type: ignore[override]  # read-only here
+        """Names of the features."""
+        return FEATURE_SETS[self.feature_set].names
+
+    @property
+    def gives_transverse(self) -> bool:  # type: ignore[override]
+        """Whether the model provides T_mm, by coaxiality; models of the paper's features do not."""
+        return FEATURE_SETS[self.feature_set].gives_transverse
+
+    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
+        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        U_mm = lateral_stretch(a, b, J)
+        features = FEATURE_SETS[self.feature_set]
+        with np.errstate(invalid="ignore"):  # a bond turned past a right angle has no stretch tensor: NaN
+            shared = features.shared(a, b, J, C33)
+            outputs = self.outputs(np.stack(features.inputs(shared, a, b, U_mm, J, C33, length), axis=1)) - self.at_rest
+            T_nn, T_nm, _ = features.traction(shared, outputs[:, 0], outputs[:, 1], a, b, U_mm, J, C33)
+        return along_and_across(T_nn, T_nm, a, b, stretch)
+
+    def answer(self, *states: np.ndarray) -> np.ndarray:
+        return self.bond_force(*states)
+
+    def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
+        def force_of(model: LearntBondForce, law: Law, some: slice) -> np.ndarray:
+            of = states.chosen(some)
+            inside = of.has_stretch_tensor & (model.domain.beyond_bounds(of.stretches, of.J**2 * of.C33) <= 0)
+            force = np.empty((len(inside), N_OUTPUTS))
+            for which, source in ((inside, model), (~inside, AnalyticBondForce(law))):
+                if which.any():
+                    force[which] = source.bond_force(*of.chosen(which).quantities())
+            return force
+
+        return greatest_deviations(self, law, force_of, len(states.a))
+
+    def compiled(self, dtype) -> CompiledBondForce:
+        """Return the block function and packed weights in the given precision."""
+        features, found = FEATURE_SETS[self.feature_set], CompiledBondForce(*self.packed(dtype))
+        if features.anchored is not None and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9:
+            # The force at rest is exactly zero in the kernel's precision: the kernel's own rest value is subtracted as well.
+            rest = found.evaluate(np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T, TRACTION_ROWS)[0, 0]
+            found.weights[features.anchored - N_OUTPUTS] += found.weights.dtype.type(rest / features.rest_factor)
+        return replace(found, needs_length=features.needs_length)
+
+
+@dataclass(frozen=True, repr=False)
+class NetworkForce(LearntBondForce):
+    """Network that maps features of a bond to its dimensionless force.
+
+    Parameters
+    ----------
+    activation : str
+        One of `pdsurrogate.kernels.activations.ACTIVATIONS`.
+    layers : tuple of (ndarray, ndarray)
+        Weights of shape (n_in, n_out) and biases of every layer, the output layer last, on unscaled features and outputs.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean-paper@1")
+    >>> model.size
+    '20 units'
+    """
+
+    activation: str
+    layers: tuple[tuple[np.ndarray, np.ndarray], ...]
+
+    kind: ClassVar[str] = "bond-force-network"
+    names: ClassVar[Mapping[str, Collection[str]]] = {"feature_set": FEATURE_SETS, "activation": ACTIVATIONS}
+
+    @property
+    def size(self) -> str:
+        return f"{' + '.join(str(biases.size) for _, biases in self.layers[:-1])} units"
+
+    def outputs(self, features: np.ndarray) -> np.ndarray:
+        return network.network_outputs(features, self.layers, ACTIVATIONS[self.activation])
+
+    def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
+        sizes, weights = network.pack(self.layers, self.at_rest, dtype)
+        block = network.network_block(FEATURE_SETS[self.feature_set], ACTIVATIONS[self.activation], dtype)
+        return block.address, sizes, weights, int(sizes[network.N_WORK_ROWS])
+
+    def payload(self) -> dict[str, np.ndarray | str]:
+        layers = {f"{key}_{n}": array for n, layer in enumerate(self.layers) for key, array in zip(LAYER, layer, strict=True)}
+        return {"feature_set": self.feature_set, "activation": self.activation, **layers, "at_rest": self.at_rest}
+
+    @classmethod
+    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
+        n_layers = sum(key.startswith(LAYER[0]) for key in payload)
+        keys = [[f"{key}_{n}" for key in LAYER] for n in range(n_layers)]
+        check_payload(cls.kind, payload, cls.names, [*chain(*keys), "at_rest"])
+        layers = tuple(tuple(payload[key] for key in pair) for pair in keys)
+        found = cls(name, payload["feature_set"], payload["at_rest"], domain, law, dict(shape), payload["activation"], layers)
+        found.check_arrays()
+        return found
+
+    def check_arrays(self) -> None:
+        if not 2 <= len(self.layers) <= network.MOST_HIDDEN + 1:
+            raise ValueError(f"a network has one to {network.MOST_HIDDEN} hidden layers and an output layer")
+        width = len(self.features)
+        for number, (weights, biases) in enumerate(self.layers):
+            if weights.ndim != 2 or biases.shape != weights.shape[1:] or weights.shape[0] != width or biases.size == 0:
+                raise ValueError(f"layer {number} has weights {weights.shape} and biases {biases.shape} after a layer of {width}")
+            width = biases.size
+        if width != N_OUTPUTS:
+            raise ValueError(f"a bond-force network has {N_OUTPUTS} outputs, this one {width}")
+        super().check_arrays()
+
+
+@dataclass(frozen=True, repr=False)
+class PolynomialForce(LearntBondForce):
+    """Sum of products of Chebyshev polynomials in two features.
+
+    Parameters
+    ----------
+    centre, half_width : ndarray, shape (2,)
+        Features are mapped to (x - centre)/half_width, which is in [-1, 1] for the training states.
+    coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
+        Coefficients of T_i(x1) T_j(x2), by output.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> pds.load_surrogate("gent@1")
+    <PolynomialForce gent@1 of gent>
+    """
+
+    centre: np.ndarray
+    half_width: np.ndarray
+    coefficients: np.ndarray
+
+    kind: ClassVar[str] = "bond-force-polynomial"
+    arrays: ClassVar[tuple[str, ...]] = ("centre", "half_width", "coefficients", "at_rest")
+
+    @property
+    def size(self) -> str:
+        first, second = (length - 1 for length in self.coefficients.shape[1:])
+        return f"degree {first}" if first == second else f"degrees {first} and {second}"
+
+    def outputs(self, features: np.ndarray) -> np.ndarray:
+        x, y = ((features - self.centre) / self.half_width).T
+        return np.stack([np.polynomial.chebyshev.chebval2d(x, y, coefficients) for coefficients in self.coefficients], axis=1)
+
+    def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
+        counts, weights = polynomial.pack(self.centre, self.half_width, self.coefficients, self.at_rest, dtype)
+        block = polynomial.polynomial_block(FEATURE_SETS[self.feature_set], counts, dtype)
+        return block.address, np.zeros(1, dtype=np.int64), weights, 0
+
+    def check_arrays(self) -> None:
+        super().check_arrays()
+        count = len(self.features)
+        if count != 2:
+            raise ValueError(f"a polynomial takes two features, {self.feature_set} are {count}")
+        self.check_scale("centre", "half_width")
+        shape = self.coefficients.shape
+        if len(shape) != 3 or shape[0] != N_OUTPUTS:
+            raise ValueError(f"coefficients have shape {shape}, not ({N_OUTPUTS}, degree + 1, degree + 1)")
+        if not all(1 <= length <= polynomial.MOST_DEGREE + 1 for length in shape[1:]):
+            raise ValueError(f"the degrees must be 0 to {polynomial.MOST_DEGREE}")
+
+
+@dataclass(frozen=True, repr=False)
+class SplineForce(LearntBondForce):
+    """Cubic spline of two or three features, with two continuous derivatives; beyond its box it has the value at the box's edge.
+
+    Parameters
+    ----------
+    low, step : ndarray, shape (n,)
+        Lower end of the box by feature, and the width of a cell.
+    coefficients : ndarray, shape (2, cells_1 + 3, …, cells_n + 3)
+        Coefficients of the B-splines, by output.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> pds.forces.SplineForce.kind, issubclass(pds.forces.SplineForce, pds.forces.ForceModel)
+    ('bond-force-spline', True)
+    """
+
+    low: np.ndarray
+    step: np.ndarray
+    coefficients: np.ndarray
+
+    kind: ClassVar[str] = "bond-force-spline"
+    arrays: ClassVar[tuple[str, ...]] = ("low", "step", "coefficients", "at_rest")
+
+    @property
+    def size(self) -> str:
+        return f"{' x '.join(str(count - spline.SUPPORT + 1) for count in self.coefficients.shape[1:])} cells"
+
+    def outputs(self, features: np.ndarray) -> np.ndarray:
+        cells = np.array(self.coefficients.shape[1:]) - (spline.SUPPORT - 1)
+        place = (features - self.low) / self.step
+        place = np.minimum(np.where(place > 0, place, 0), cells)
+        first = np.minimum(np.floor(place), cells - 1).astype(int)
+        weights = [spline.cubic_weights(within) for within in (place - first).T]
+        found = np.zeros((len(features), N_OUTPUTS))
+        for offsets in product(range(spline.SUPPORT), repeat=len(cells)):
+            share = np.prod([weight[offset] for weight, offset in zip(weights, offsets, strict=True)], axis=0)
+            found += share[:, None] * self.coefficients[:, *(first + offsets).T].T
+        return found
+
+    def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
+        sizes, weights = spline.pack(self.low, self.step, self.coefficients, self.at_rest, dtype)
+        return spline.spline_block(FEATURE_SETS[self.feature_set], dtype).address, sizes, weights, spline.WORK_ROWS
+
+    def check_arrays(self) -> None:
+        super().check_arrays()
+        count, shape = len(self.features), self.coefficients.shape
+        if count not in spline.FEATURES:
+            raise ValueError(f"a spline takes two or three features, {self.feature_set} are {count}")
+        self.check_scale("low", "step")
+        if len(shape) != 1 + count or shape[0] != N_OUTPUTS or min(shape[1:]) < spline.SUPPORT:
+            raise ValueError(f"coefficients have shape {shape}, not {N_OUTPUTS} and at least {spline.SUPPORT} by each of {count} features")
+        if self.coefficients.size > MOST_COEFFICIENTS:
+            raise ValueError(f"there are {self.coefficients.size} coefficients, at most {MOST_COEFFICIENTS} are taken")

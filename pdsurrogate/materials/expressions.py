@@ -1,0 +1,242 @@
+"""Stresses and energies from the derivatives of W and U, as elementwise expressions of the numbers that describe a state.
+
+A sheet with F = R U in the plane has a first Piola-Kirchhoff stress that is coaxial with U,
+
+    R^T P = p U + q U^-1.
+
+The coefficients (p, q) are functions of the trace of C in the plane, of J = det F in the plane, and of the three-dimensional volume ratio
+J3 = J sqrt(C33). Under plane stress P33 = 0 eliminates the pressure; plane strain has the same expressions at J3 = J, with the stress
+across the plane that holds C33 = 1. A solid has three coefficients of tr C, tr cof C and J = det F,
+
+    P = p F + q cof F + r F C.
+
+All results are dimensionless, in units of the law's shear modulus.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ..engine.compile import inlined
+from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
+from ..kernels.feature_sets import like
+from .response import Response
+
+LEAST_SEPARATION = 3e-6
+"""Difference of the logarithms to which two equal in-plane stretches are separated.
+
+All results are even in the difference, so they change by some 1e-11, which is the size of rounding there.
+"""
+
+
+@inlined
+def sheet_invariants(state):
+    """Return I1bar and I2bar from tr C in the plane, J in the plane and J3, with C33 = (J3/J)**2."""
+    trace, J, J3 = state
+    c = inverse_cube_root(J3 * J3)
+    C33 = (J3 / J) * (J3 / J)
+    return c * (trace + C33), c * c * (J * J + C33 * trace)
+
+
+@inlined
+def of_sheet_invariants(state, isochoric, volumetric):
+    """Return the response of a sheet from the derivatives of W(I1bar, I2bar) + U(J3); theory (7) with U^3 reduced by Cayley-Hamilton.
+
+    ``d1`` and ``d2`` are J3/2 times the derivatives of the two invariants by J3 at fixed F in the plane, which makes the residual J3
+    dPsi/dJ3, the plane-stress condition (paper, Eq. (9), with the exponent of its first term corrected to +2/3).
+    """
+    trace, J, J3 = state
+    W, W1, W2, W11, W12, W22 = isochoric
+    U, dU, ddU = volumetric
+    c = inverse_cube_root(J3 * J3)
+    C33 = (J3 / J) * (J3 / J)
+    c33 = c * C33
+    p = 2 * c * (W1 + c33 * W2)
+    q = -2 * c * (C33 * W1 + c * (C33 * trace - J * J) * W2)
+
+    I1, I2 = sheet_invariants(state)
+    mixed = c * c33 * trace
+    d1 = c33 - I1 / 3
+    d2 = mixed - 2 * I2 / 3
+    residual = 2 * (W1 * d1 + W2 * d2) + J3 * dU
+    # Derivatives by J3: I1bar' = 2 d1/J3, I2bar' = 2 d2/J3, (c C33)' = 4/3 c C33/J3, (c^2 C33 tr)' = 2/3 c^2 C33 tr/J3.
+    d1_slope = (4 * c33 - 2 * d1) / 3
+    d2_slope = (2 * mixed - 4 * d2) / 3
+    curvature = W11 * d1 * d1 + 2 * W12 * d1 * d2 + W22 * d2 * d2
+    slope = (2 * (W1 * d1_slope + W2 * d2_slope) + 4 * curvature) / J3 + dU + J3 * ddU
+    return p, q, residual, slope, W + U
+
+
+@inlined
+def sheet_stretches(state):
+    """Return logarithms and squares of the isochoric principal stretches, those in the plane first, from tr C, J in the plane and J3."""
+    trace, J, J3 = state
+    half = trace / 2
+    # cosh and sinh of the difference of the logarithms; a trace below 2 J can only be a rounding error.
+    excess = (half - J) * (half + J) / (J * J)
+    least = LEAST_SEPARATION * LEAST_SEPARATION
+    excess = select(excess < least, least, excess)
+    x1 = logarithm(half / J + np.sqrt(excess)) / 2
+    middle = logarithm(J) / 2 - logarithm(J3) / 3
+    x2 = middle - x1
+    x1 = middle + x1
+    x3 = -(x1 + x2)
+    return x1, x2, x3, exponential(2 * x1), exponential(2 * x2), exponential(2 * x3)
+
+
+@inlined
+def of_sheet_stretches(state, stretches, sums, volumetric):
+    """Return the response of a sheet from the derivatives of W(x1, x2, x3) + U(J3).
+
+    The principal stresses are P_a = (g_a - g_3)/lambda_a, the pressure eliminated by P33 = 0; p lambda_a^2 + q = g_a - g_3 for both.
+    """
+    trace, _, J3 = state
+    _, _, _, s1, s2, _ = stretches
+    W, g1, g2, g3, h = sums
+    U, dU, ddU = volumetric
+    unit = inverse_cube_root(J3 * J3)
+    p = unit * (g1 - g2) / (s1 - s2)
+    q = (g1 + g2) / 2 - g3 - p * trace / 2
+    residual = (2 * g3 - g1 - g2) / 3 + J3 * dU
+    slope = h / J3 + dU + J3 * ddU
+    return p, q, residual, slope, W + U
+
+
+@inlined
+def _held(state):
+    """Return the state with C33 = 1."""
+    return state[0], state[1], state[1]
+
+
+@inlined
+def _stress_rows(state, found):
+    """Return the rows of `PLANE_STRAIN` from those of plane stress at C33 = 1: q gains J3 dPsi/dJ3, which is zero in plane stress."""
+    p, q, across, _, energy = found
+    return p, q + across, state[2] / state[1] - 1, 1 / state[1], energy
+
+
+@inlined
+def _isochoric_rows(state, found):
+    """Return the rows of `ISOCHORIC_PLANE_STRAIN` from those of plane stress at C33 = 1."""
+    p, q, across, _, energy = found
+    return p, q + across, across, energy
+
+
+def _of_held_sheet(rows: int, result: Callable, isochoric: bool) -> Response:
+    """Return the response with the rows ``result(state, found)``, `found` being those of plane stress at C33 = 1."""
+
+    @inlined
+    def invariants(state):
+        return sheet_invariants(_held(state))
+
+    @inlined
+    def of_invariants(state, isochoric, volumetric):
+        return result(state, of_sheet_invariants(_held(state), isochoric, volumetric))
+
+    @inlined
+    def stretches(state):
+        return sheet_stretches(_held(state))
+
+    @inlined
+    def of_stretches(state, stretches, sums, volumetric):
+        return result(state, of_sheet_stretches(_held(state), stretches, sums, volumetric))
+
+    return Response(rows, 1, invariants, of_invariants, stretches, of_stretches, isochoric=isochoric)
+
+
+@inlined
+def _solid_invariants(state):
+    """Return I1bar and I2bar from tr C, tr cof C and J."""
+    trace, cofactor_trace, J = state
+    c = inverse_cube_root(J * J)
+    return c * trace, c * c * cofactor_trace
+
+
+@inlined
+def _of_solid_invariants(state, isochoric, volumetric):
+    """Return (p, q, r, energy) from the derivatives of W(I1bar, I2bar) + U(J)."""
+    trace, cofactor_trace, J = state
+    W, W1, W2, _, _, _ = isochoric
+    U, dU, _ = volumetric
+    c = inverse_cube_root(J * J)
+    two = like(J, 2.0)
+    # dI1 = 2 F, dI2 = 2 (I1 F - F C), dJ = cof F.
+    p = two * c * (W1 + c * trace * W2)
+    q = dU - two * c * (W1 * trace + two * W2 * c * cofactor_trace) / (like(J, 3.0) * J)
+    return p, q, -two * c * c * W2, W + U
+
+
+@inlined
+def _solid_stretches(state):
+    """Return logarithms and squares of the isochoric principal stretches, the one farthest from the others last.
+
+    The eigenvalues of C are mean + 2 sqrt(spread) cos(phi + 2 pi k/3) with cos(3 phi) = c. The greatest, for c > 0, or else the least is
+    given by the root y = cos(arccos(abs(c))/3) of 4 y^3 - 3 y = abs(c): between sqrt(3)/2 and 1, where Newton's method reaches rounding in
+    three steps. The other two follow from the invariants without cancellation, as the principal stretches of a plane.
+
+    Nearly equal stretches, as roots of a cubic, are only known to some 6e-6 and are separated by as much. But they belong to invariants
+    within 1e-11 of the given ones, of which energy and stress are smooth functions: these are accurate to 2e-11, and to rounding at
+    distinct stretches (``tests/materials/test_responses.py``). The single coefficients are less accurate: at three equal stretches r is off
+    by some 1e-5, which p and q compensate.
+    """
+    trace, cofactor_trace, J = state
+    mean = trace / 3
+    spread = mean * mean - cofactor_trace / 3
+    # Three equal stretches are separated by the same difference of logarithms as two in a plane.
+    least = LEAST_SEPARATION * mean
+    spread = select(spread < least * least, least * least, spread)
+    root = np.sqrt(spread)
+    skew = mean * (mean * mean - cofactor_trace / 2) + J * J / 2
+    c = abs(skew) / (spread * root)
+    c = select(c < 1, c, 1.0)
+    y = np.sqrt(0.75) + c * (1 / 6 - 0.0327 * c)
+    for _ in range(3):
+        y = y - (y * (4 * y * y - 3) - c) / (12 * y * y - 3)
+    apart = mean + 2 * root * y * select(skew < 0, -1.0, 1.0)
+    # Sum and product of the other two: for a greatest one the product is computed first, for a least one the sum.
+    rest = trace - apart
+    product = select(skew < 0, cofactor_trace - apart * rest, J * J / apart)
+    rest = select(skew < 0, rest, (cofactor_trace - product) / apart)
+    return sheet_stretches((rest, np.sqrt(product), J))
+
+
+@inlined
+def _of_solid_stretches(state, stretches, sums, volumetric):
+    """Return (p, q, r, energy) from the derivatives of W(x1, x2, x3) + U(J).
+
+    The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U'; the polynomial in the squared stretches through them, by divided
+    differences, has p, q J and r as coefficients.
+    """
+    J = state[2]
+    _, _, _, s1, s2, s3 = stretches
+    W, g1, g2, g3, _ = sums
+    U, dU, _ = volumetric
+    first = (g1 - g2) / (s1 - s2)
+    second = (first - (g1 - g3) / (s1 - s3)) / (s2 - s3)
+    constant = (2 * g1 - g2 - g3) / 3 - s1 * (first - second * s2)
+    unit = inverse_cube_root(J * J)
+    return unit * (first - second * (s1 + s2)), constant / J + dU, unit * unit * second, W + U
+
+
+PLANE_STRESS = Response(5, 2, sheet_invariants, of_sheet_invariants, sheet_stretches, of_sheet_stretches, curvature=True)
+"""Response of (trace, J, J3): p, q, the residual J3 dPsi/dJ3 of P33 = 0 at fixed F in the plane, its derivative by J3, and Psi."""
+
+PLANE_STRAIN = _of_held_sheet(5, _stress_rows, isochoric=False)
+"""Response of (trace, J, J3) with the rows of the plane-stress one, so that kernels can use either.
+
+p, q and the energy are those at J3 = J, whatever J3 is passed; the condition P33 = 0 is replaced by J3/J - 1 = 0, with its derivative by
+J3.
+"""
+
+ISOCHORIC_PLANE_STRAIN = _of_held_sheet(4, _isochoric_rows, isochoric=True)
+"""Response of (trace, J, J3): p, q, the Kirchhoff stress across the plane, and the energy, all from W alone.
+
+U adds J U' to q and to the stress across the plane, since its stress is U' times the cofactor of F.
+"""
+
+SOLID = Response(4, 2, _solid_invariants, _of_solid_invariants, _solid_stretches, _of_solid_stretches)
+"""Response of (tr C, tr cof C, J): p, q, r and the energy."""
+
+ISOCHORIC_SOLID = replace(SOLID, isochoric=True)
+"""Response of (tr C, tr cof C, J): p, q, r and the energy, all from W alone; U adds U' to q."""

@@ -1,0 +1,273 @@
+"""States of a body: a sheet in plane stress or plane strain, or a solid; their stresses and energies by any law, in NumPy.
+
+Tensors of a sheet have shape (..., 2, 2), those of a solid (..., 3, 3). Stresses and energies have the unit of the law's shear modulus;
+responses, `energy_at` and `bond_traction` are dimensionless.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..kernels.bond_state import lateral_stretch
+from ..kernels.node_state import SWELLING
+from . import expressions
+from .consistency import check_consistency
+from .law import InvariantLaw, Law
+
+INVARIANTS = ((1, 0, -2 / 3), (0, -2, 4 / 3)), ((0, 2, -4 / 3), (1, -2, 2 / 3))
+"""Exponents of tr C, J and J3 in the two terms of which I1bar and I2bar are the sums, with C33 = (J3/J)**2."""
+
+
+def principal_stretches(F: np.ndarray) -> np.ndarray:
+    """Return the principal stretches, the square roots of the eigenvalues of F^T F, the greatest first.
+
+    Parameters
+    ----------
+    F : ndarray, shape (n, 2, 2) or (n, 3, 3)
+
+    Returns
+    -------
+    ndarray, shape (n, 2) or (n, 3)
+
+    Examples
+    --------
+    >>> principal_stretches(np.array([[[2.0, 0.0], [0.0, 0.5]]])).tolist()
+    [[2.0, 0.5]]
+    """
+    if F.shape[-1] == 3:
+        return np.linalg.svd(F, compute_uv=False)
+    # A plane F is the sum of a turned stretch and a reflected one, of sizes p and q: p + q and |p - q| are its stretches.
+    p = np.hypot(F[:, 0, 0] + F[:, 1, 1], F[:, 1, 0] - F[:, 0, 1]) / 2
+    q = np.hypot(F[:, 0, 0] - F[:, 1, 1], F[:, 1, 0] + F[:, 0, 1]) / 2
+    return np.stack([p + q, np.abs(p - q)], axis=1)
+
+
+def cofactor(F: np.ndarray) -> np.ndarray:
+    """Return det F times F^-T."""
+    if F.shape[-1] == 2:
+        return np.flip(F, (-2, -1)) * [[1, -1], [-1, 1]]
+    # The columns are cross products of those of F.
+    return np.stack([np.cross(F[..., (k + 1) % 3], F[..., (k + 2) % 3]) for k in range(3)], axis=-1)
+
+
+def invariants(F) -> tuple:
+    """Return tr C and det F of a sheet, or tr C, tr cof C and det F of a solid, each of shape (...)."""
+    F = np.asarray(F, dtype=float)
+    cof = cofactor(F)
+    traces = [(tensor * tensor).sum(axis=(-2, -1)) for tensor in (F, cof)[: F.shape[-1] - 1]]
+    return *traces, (F[..., 0] * cof[..., 0]).sum(axis=-1)
+
+
+def stretch_squares(trace: float, area_ratio: float) -> np.ndarray:
+    """Return the squares of the principal stretches at tr C and det F in the plane and constant volume, shape (3,)."""
+    half = trace / 2
+    root = np.sqrt(max(half**2 - area_ratio**2, 0.0))
+    return np.array([half - root, half + root, area_ratio**-2])
+
+
+class Solid:
+    """State of a body in three dimensions, from which those of sheets derive.
+
+    `response` and `isochoric_response` are the expressions of the state. Kernels use them compiled; the methods evaluate them in NumPy.
+    """
+
+    response, isochoric_response = expressions.SOLID, expressions.ISOCHORIC_SOLID
+    invariants = staticmethod(invariants)
+
+    def isochoric_state(self, F) -> tuple:
+        """Return the arguments of `isochoric_response` from F."""
+        return invariants(F)
+
+    def volume_ratio(self, law: Law, *invariants):
+        """Return J3, which is the last one of the `invariants` of F, shape (...)."""
+        return np.broadcast_arrays(*(np.asarray(value, float) for value in invariants))[-1]
+
+    def first_piola_stress(self, law: Law, F):
+        """Return the first Piola-Kirchhoff stress P in the shape of F, in the same unit as the shear modulus."""
+        d = np.shape(F)[-1]
+        return self.exact(law, F)[1][..., :d, :d]
+
+    def energy_density(self, law: Law, F):
+        """Return the strain energy per undeformed volume, shape (...), in the same unit as the shear modulus."""
+        return self.exact(law, F)[2]
+
+    def exact(self, law: Law, F) -> tuple:
+        """Return J3 (...), the first Piola-Kirchhoff stress (..., 3, 3) and the energy density (...) of a law, from F alone."""
+        J3 = self.volume_ratio(law, *invariants(F))
+        return J3, *self.stress_and_energy(law, F, J3, law.volumetric(J3, law.parameters)[1])
+
+    def energy_at(self, law: Law, F, volume_ratio):
+        """Return the energy density in units of mu, shape (n,): W at F plus U at the given volume ratio, which may differ from det F."""
+        return self.isochoric_response(law, *self.isochoric_state(F))[3] + law.volumetric(volume_ratio, law.parameters)[0]
+
+    def stress_and_energy(self, law: Law, F, volume_ratio, bulk_stress, isochoric=None):
+        """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points, in the same unit as the shear modulus.
+
+        U is evaluated at `volume_ratio` (n,): det F, or the smoothed ratio of a selective energy. `bulk_stress` (n,) is U' in units of mu
+        at that ratio, or as the bonds use it (theory (51)); it is unused under plane stress, where J3 determines the stress. `isochoric`
+        replaces the law's own `isochoric_response`.
+        """
+        check_consistency(law)
+        F = np.asarray(F, dtype=float)
+        *rows, energy = self.isochoric_response(law, *self.isochoric_state(F)) if isochoric is None else isochoric
+        stress = self._stress(F, rows, bulk_stress)
+        return law.shear_modulus * stress, law.shear_modulus * (energy + law.volumetric(volume_ratio, law.parameters)[0])
+
+    def _stress(self, F, rows, bulk_stress):
+        """Return the dimensionless stress (..., 3, 3) from the rows of `isochoric_response` before the energy."""
+        p, q, r = (value[..., None, None] for value in (rows[0], rows[1] + bulk_stress, rows[2]))
+        return p * F + q * cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F))
+
+    def why_no_energy(self, law: Law, F) -> str | None:
+        """Explain why a law has no energy at one deformation gradient (3 by 3, or 2 by 2 in plane strain); return None where it has one."""
+        full, d = np.eye(3), len(F)
+        full[:d, :d] = F
+        with np.errstate(all="ignore"):  # non-finite values are tested below
+            found = self.isochoric_response(law, *invariants(full))[3]
+        squares = np.linalg.svd(full, compute_uv=False) ** 2 / np.abs(np.linalg.det(full)) ** (2 / 3)
+        return None if np.isfinite(found) else law.limit(squares)
+
+
+class PlaneStrain(Solid):
+    """State of a sheet that is held in its thickness: C33 = 1."""
+
+    response = expressions.PLANE_STRAIN
+    isochoric_response = expressions.ISOCHORIC_PLANE_STRAIN
+
+    def isochoric_state(self, F):
+        trace, J = invariants(F)
+        return trace, J, J
+
+    def in_plane_stress(self, F, p, q):
+        """Return P = p F + q F^-T in the plane, shape (..., 2, 2)."""
+        F = np.asarray(F, dtype=float)
+        return p[..., None, None] * F + (q / invariants(F)[1])[..., None, None] * cofactor(F)
+
+    def _stress(self, F, rows, bulk_stress):
+        p, q, across = rows
+        pressure = invariants(F)[1] * bulk_stress
+        stress = np.zeros((*F.shape[:-2], 3, 3))
+        stress[..., :2, :2] = self.in_plane_stress(F, p, q + pressure)
+        stress[..., 2, 2] = across + pressure
+        return stress
+
+
+class PlaneStress(PlaneStrain):
+    """State of a sheet whose thickness is free: P33 = 0."""
+
+    response = expressions.PLANE_STRESS
+
+    def volume_ratio(self, law: Law, trace, area_ratio):
+        """Return the J3 that makes P33 = 0 (paper, Eq. (9)), shape (...), by Newton's method from 1; then C33 = (J3/J)**2.
+
+        Raise ValueError where J = det F is not positive or the law has no such state (beyond its limit), and if the law's derivatives are
+        not those of its energy.
+        """
+        check_consistency(law)
+        trace, J = np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))
+        if np.any(~(J > 0)):
+            raise ValueError(f"det F must be positive; the least given is {np.nanmin(J):g}")
+        J3 = newton(lambda J3: self.response(law, trace, J, J3)[2:4], np.ones_like(J), 1e-15)
+        with np.errstate(all="ignore"):
+            residual = self.response(law, trace, J, J3)[2]
+        # NaN, and a residual that does not vanish, both mean that the state is beyond the law's limit.
+        scale = law.bulk_modulus / law.shear_modulus
+        failed = ~(np.abs(residual) <= 1e-9 * scale)
+        if np.any(failed):
+            first = np.flatnonzero(failed.ravel())[0]
+            state = float(trace.ravel()[first]), float(J.ravel()[first])
+            raise ValueError(
+                f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {law.limit(stretch_squares(*state))}"
+            )
+        return J3
+
+    def thickness_stretch_squared(self, law: Law, trace, area_ratio):
+        """Return C33 = (J3/J)**2 of the state."""
+        return (self.volume_ratio(law, trace, area_ratio) / area_ratio) ** 2
+
+    def energy_at(self, law: Law, F, volume_ratio):
+        return self.response(law, *invariants(F), volume_ratio)[4]
+
+    def stress_and_energy(self, law: Law, F, volume_ratio, bulk_stress=None, isochoric=None):
+        p, q, _, _, energy = self.response(law, *invariants(F), volume_ratio)
+        return law.shear_modulus * self._stress(np.asarray(F, dtype=float), (p, q, 0.0), 0.0), law.shear_modulus * energy
+
+    def energy_derivatives(self, law: Law, trace, area_ratio):
+        """Return psi, psi_I, psi_J, psi_II, psi_IJ, psi_JJ of the energy as a function of I = tr C and J, dimensionless.
+
+        At fixed J3 the energy has the derivatives of the law; J3 follows from dPsi/dJ3 = 0, so the first derivatives are those at fixed J3,
+        and the second ones are psi_ab = Psi_ab - Psi_ax Psi_bx/Psi_xx, x = J3. For a law that is no `InvariantLaw` the second derivatives
+        are fourth-order differences of the first, accurate to some ten digits. All arrays have shape (n,). Raise ValueError where J is not
+        positive or the law has no plane-stress state.
+        """
+        trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
+        x = self.volume_ratio(law, trace, J)
+        p, q, _, slope, energy = self.response(law, trace, J, x)
+        if not isinstance(law, InvariantLaw):
+            return energy, p / 2, q / J, *self._differences(law, trace, J)
+        state = np.stack([trace, J, x])
+        _, W1, W2, W11, W12, W22 = law.isochoric(*self.response.invariants(state), law.parameters)
+        (a, A), (b, B) = (_power_derivatives(np.array(terms), state) for terms in INVARIANTS)
+        second = W1 * A + W2 * B + W11 * a * a[:, None] + W12 * (a * b[:, None] + b * a[:, None]) + W22 * b * b[:, None]
+        condensed = second - second[2] * second[:, 2:] / (slope / x)
+        return energy, p / 2, q / J, condensed[0, 0], condensed[0, 1], condensed[1, 1]
+
+    def _differences(self, law: Law, trace, J):
+        """Return psi_II, psi_IJ and psi_JJ by differences towards larger tr C and smaller J, since no states exist below tr C = 2 J."""
+        steps, weights = 2e-3 * np.arange(5)[:, None], np.array([-25, 48, -36, 16, -3]) / (12 * 2e-3)
+
+        def slopes(trace, J):
+            p, q, *_ = self.response(law, trace, J, self.volume_ratio(law, trace, J))
+            return weights @ (p / 2), weights @ (q / J)
+
+        (by_trace, mixed), (_, by_J) = slopes((1 + steps) * trace, J), slopes(trace, (1 - steps) * J)
+        return by_trace / trace, mixed / trace, -by_J / J
+
+    def bond_traction(self, law: Law, normal_stretch, shear_stretch, area_ratio, C33):
+        """Return (T_nn, T_nm, T_mm) of the exact bond force in the corotated frame, R^T P / mu (theory (7), (11)).
+
+        The bond is given by a = U_nn = lambda_b cos(dtheta), b = U_nm = lambda_b sin(dtheta), J and C33; these need not satisfy plane
+        stress.
+        """
+        a, b, J, C33 = (np.asarray(value, dtype=float) for value in (normal_stretch, shear_stretch, area_ratio, C33))
+        U_mm = lateral_stretch(a, b, J)
+        p, q, *_ = self.response(law, a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33))
+        return p * a + q * U_mm / J, (p - q / J) * b, p * U_mm + q * a / J
+
+
+def _power_derivatives(exponents: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first and second derivatives, (3, n) and (3, 3, n), of a sum of products of powers of three numbers."""
+    terms = np.prod(state ** exponents[:, :, None], axis=1)
+    twice = exponents[:, :, None] * (exponents[:, None] - np.eye(3))
+    return exponents.T @ terms / state, np.einsum("kij,kn->ijn", twice, terms) / (state * state[:, None])
+
+
+def newton(function: Callable[[np.ndarray], tuple], start: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return the zeros of increasing functions of positive numbers, up to a last relative step of `tolerance`.
+
+    ``function(x)`` returns values and slopes. A number at most halves or doubles in one step, so it stays positive from any start. Beyond
+    a law's limit the value is NaN, and the number grows: a state with a larger volume may lie within the limit.
+    """
+    found = start
+    with np.errstate(all="ignore"):
+        for _ in range(60):
+            value, slope = function(found)
+            step = np.where(slope > 0, value / slope, np.sign(value) * found)
+            found = found - np.where(np.isnan(value + slope), -SWELLING * found, np.clip(step, -found, 0.5 * found))
+            if np.all(np.abs(step) <= tolerance * found):
+                break
+    return found
+
+
+plane_stress, plane_strain, solid = PlaneStress(), PlaneStrain(), Solid()
+
+PLANES = {"stress": plane_stress, "strain": plane_strain, "space": solid}
+"""States by the names that scenes and settings use."""
+
+SHEETS = ("stress", "strain")
+"""Names of the states of two-dimensional bodies."""
+
+
+def dimension_of(plane: str) -> int:
+    """Return the dimension, 2 or 3, of bodies in the named state."""
+    return 2 if plane in SHEETS else 3

@@ -1,0 +1,312 @@
+"""Laws of the isochoric principal stretches: sums of powers, and a network of chains in all directions."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from scipy.integrate import lebedev_rule
+
+from ..kernels.elementary import exponential, select
+from ..kernels.langevin import chain_energy, inverse_langevin
+from .law import PrincipalStretchLaw, check_number
+
+MOST_TERMS = 8
+
+NOT_GIVEN: Any = None
+"""Default of a modulus that follows from others; after the construction it is a number."""
+
+SECOND_AT_REST = 3 * 3**0.5
+"""I2bar^1.5 of the undeformed state."""
+
+GREATEST_POWER = 3
+"""Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3."""
+
+DEGREE = 29
+"""Degree of the polynomials that the quadrature integrates exactly."""
+
+
+@dataclass(frozen=True)
+class Ogden(PrincipalStretchLaw):
+    """Ogden's law, Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + U(J3), with the isochoric principal stretches l.
+
+    Parameters
+    ----------
+    shear_modulus : float, optional
+        mu = sum_k mu_k alpha_k / 2; it follows from the terms, and if given must be the same.
+    bulk_modulus : float, optional
+        K, same unit; 100 mu by default.
+    moduli : tuple of float
+        mu_k, any unit of stress; each has the sign of its exponent, without which large strains are unstable.
+    exponents : tuple of float
+        alpha_k, as many; none is 0.
+
+    References
+    ----------
+    Ogden, Proc. R. Soc. A 326 (1972) 565: moduli 0.63, 0.0012, -0.01 MPa and exponents 1.3, 5, -2 for Treloar's rubber, which are the
+    default in units of their shear modulus, 0.4225 MPa.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pds.materials.Ogden(moduli=(0.63, 0.0012), exponents=(1.3, 5.0))
+    >>> print(round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4))
+    0.3927
+    """
+
+    name: ClassVar[str] = "ogden"
+    reference: ClassVar[str] = "Ogden 1972"
+    costly: ClassVar[bool] = True
+    lists: ClassVar[tuple[str, ...]] = ("moduli", "exponents")
+    """Parameters that are several numbers."""
+
+    shear_modulus: float = NOT_GIVEN
+    bulk_modulus: float = NOT_GIVEN
+    moduli: tuple[float, ...] = (0.63 / 0.4225, 0.0012 / 0.4225, -0.01 / 0.4225)
+    exponents: tuple[float, ...] = (1.3, 5.0, -2.0)
+
+    def __post_init__(self) -> None:
+        for key in self.lists:
+            values = np.atleast_1d(getattr(self, key))
+            if values.ndim != 1 or values.dtype.kind not in "iuf":
+                raise TypeError(f"{self.name}: {key} must be numbers, not {getattr(self, key)!r}")
+            object.__setattr__(self, key, tuple(float(value) for value in values))
+        self._check_terms()
+        modulus = self._stiffness()
+        given = modulus if self.shear_modulus is None else self.shear_modulus
+        check_number(given, f"{self.name}: shear_modulus")
+        if not (np.isfinite(given) and abs(given - modulus) <= 1e-6 * modulus):
+            raise ValueError(
+                f"{self.name}: {' and '.join(self.lists)} make the shear_modulus {modulus:g}, not {given:g}; leave it out, or scale them"
+            )
+        object.__setattr__(self, "shear_modulus", float(given))
+        if self.bulk_modulus is None:
+            object.__setattr__(self, "bulk_modulus", 100 * self.shear_modulus)
+        super().__post_init__()
+
+    def _check_terms(self) -> None:
+        if len(self.moduli) != len(self.exponents) or not 1 <= len(self.moduli) <= MOST_TERMS:
+            raise ValueError(f"{self.name}: moduli and exponents must be lists of equal length, from 1 to {MOST_TERMS}")
+        if not np.isfinite([*self.moduli, *self.exponents]).all():
+            raise ValueError(f"{self.name}: moduli and exponents must be finite")
+        for number, (modulus, exponent) in enumerate(zip(self.moduli, self.exponents, strict=True), start=1):
+            if modulus * exponent <= 0:
+                raise ValueError(
+                    f"{self.name}: modulus times exponent of term {number} must be positive, not {modulus * exponent:g}: "
+                    "moduli have the signs of their exponents"
+                )
+
+    def _stiffness(self) -> float:
+        """Shear modulus at rest."""
+        return sum(modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)) / 2
+
+    def scaled(self, factor: float) -> Self:
+        scaled = {key: tuple(value * factor for value in getattr(self, key)) for key in self.lists if key != "exponents"}
+        return replace(self, shear_modulus=NOT_GIVEN, bulk_modulus=self.bulk_modulus * factor, **scaled)
+
+    @property
+    def terms(self) -> np.ndarray:
+        return np.column_stack([np.array(self.moduli) / self.shear_modulus, self.exponents])
+
+    @property
+    def shape(self) -> dict[str, float]:
+        found: dict[str, float] = {}
+        for number, (modulus, exponent) in enumerate(zip(self.moduli, self.exponents, strict=True), start=1):
+            found |= {f"modulus_{number}": modulus / self.shear_modulus, f"exponent_{number}": exponent}
+        return found
+
+    @staticmethod
+    def coefficients(parameters, k):
+        return parameters[2 + 2 * k], parameters[3 + 2 * k]
+
+    @staticmethod
+    def term(x1, x2, x3, s1, s2, s3, coefficients):
+        modulus, exponent = coefficients
+        g1 = modulus * exponential(exponent * x1)
+        g2 = modulus * exponential(exponent * x2)
+        g3 = modulus * exponential(exponent * x3)
+        return (g1 + g2 + g3 - 3 * modulus) / exponent, g1, g2, g3, exponent * (g1 + g2 + 4 * g3) / 9
+
+
+@dataclass(frozen=True)
+class Polyconvex(Ogden):
+    """Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + sum_k a_k x^k + sum_k b_k y^k + U(J3).
+
+    Here l are the isochoric principal stretches, x = I1bar - 3 and y = I2bar^1.5 - 3 sqrt 3.  With a_k and b_k that are not negative,
+    moduli that have the signs of their exponents, and exponents of size 1 or more, every term is polyconvex: the invariants among all
+    deformations, the powers among those that keep the volume.
+
+    Parameters
+    ----------
+    shear_modulus : float, optional
+        mu = sum_k mu_k alpha_k / 2 + 2 a_1 + 3 sqrt 3 b_1; it follows from the terms, and if given must be the same.
+    bulk_modulus : float, optional
+        K, same unit; 100 mu by default.
+    moduli, exponents : tuple of float
+        mu_k, any unit of stress, and alpha_k, as many; none by default.
+    first, second : tuple of float
+        a_k and b_k of k = 1, 2, 3, same unit; fewer are followed by zeros.
+
+    References
+    ----------
+    Hartmann, Neff, Int. J. Solids Struct. 40 (2003) 2767, for the powers of the invariants; Ogden, Proc. R. Soc. A 326 (1972) 565.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pds.materials.Polyconvex(first=(0.4, 0.01))
+    >>> law.shear_modulus, round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4)
+    (0.8, 0.8637)
+    """
+
+    name: ClassVar[str] = "polyconvex"
+    reference: ClassVar[str] = "Hartmann, Neff 2003"
+    lists: ClassVar[tuple[str, ...]] = ("moduli", "exponents", "first", "second")
+
+    moduli: tuple[float, ...] = ()
+    exponents: tuple[float, ...] = ()
+    first: tuple[float, ...] = (0.5, 0.0, 0.0)
+    second: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    def _check_terms(self) -> None:
+        for key in ("first", "second"):
+            values = getattr(self, key)
+            if len(values) > GREATEST_POWER or not (np.isfinite(values).all() and min(values, default=0) >= 0):
+                raise ValueError(f"{self.name}: {key} must be at most {GREATEST_POWER} finite numbers, none negative, not {list(values)}")
+            object.__setattr__(self, key, (*values, *[0.0] * (GREATEST_POWER - len(values))))
+        if self.moduli or self.exponents:
+            super()._check_terms()
+        if min(map(abs, self.exponents), default=1) < 1:
+            raise ValueError(f"{self.name}: exponents must be of size 1 or more, for the sum to be polyconvex, not {list(self.exponents)}")
+        if not self._stiffness() > 0:
+            raise ValueError(f"{self.name}: nothing is stiff at rest: give moduli, or first or second a first number above 0")
+
+    def _stiffness(self) -> float:
+        return super()._stiffness() + 2 * self.first[0] + SECOND_AT_REST * self.second[0]
+
+    @property
+    def terms(self) -> np.ndarray:
+        # A term is c1 z + c2 z^2 + c3 z^3 of z = S^root - 3^root with S = l1^exponent + l2^exponent + l3^exponent.
+        powers = [(exponent, 1.0, modulus / exponent, 0.0, 0.0) for modulus, exponent in zip(self.moduli, self.exponents, strict=True)]
+        terms = np.array([*powers, (2.0, 1.0, *self.first), (-2.0, 1.5, *self.second)])
+        terms[:, 2:] /= self.shear_modulus
+        return terms
+
+    @property
+    def shape(self) -> dict[str, float]:
+        found = super().shape
+        for key in ("first", "second"):
+            found |= {f"{key}_{power}": value / self.shear_modulus for power, value in enumerate(getattr(self, key), start=1)}
+        return found
+
+    @staticmethod
+    def coefficients(parameters, k):
+        at = 2 + 5 * k
+        return parameters[at], parameters[at + 1], parameters[at + 2], parameters[at + 3], parameters[at + 4]
+
+    @staticmethod
+    def term(x1, x2, x3, s1, s2, s3, coefficients):
+        exponent, power, c1, c2, c3 = coefficients
+        e1, e2, e3 = exponential(exponent * x1), exponential(exponent * x2), exponential(exponent * x3)
+        S = e1 + e2 + e3
+        root = np.sqrt(S)
+        plain = power == 1.0
+        z = select(plain, S - 3, S * root - 3 * np.sqrt(3.0))
+        # Derivatives of z by S, and of the energy by z.
+        z1, z2 = select(plain, 1.0, 1.5 * root), select(plain, 0.0, 0.75 / root)
+        W1, W2 = c1 + z * (2 * c2 + 3 * c3 * z), 2 * c2 + 6 * c3 * z
+        slope = exponent * W1 * z1
+        along = exponent * (2 * e3 - e1 - e2) / 3
+        h = exponent * slope * (e1 + e2 + 4 * e3) / 9 + (W2 * z1 * z1 + W1 * z2) * along * along
+        return z * (c1 + z * (c2 + z * c3)), slope * e1, slope * e2, slope * e3, h
+
+
+@cache
+def directions() -> np.ndarray:
+    """Return Lebedev's quadrature in the frame of the principal stretches: rows (weight, r1^2, r2^2, r3^2), weights summing to 1.
+
+    The stretch of a chain depends on squares only, so directions that differ by signs are merged; the rest is symmetric in the three axes,
+    which makes the law isotropic.
+    """
+    points, weights = lebedev_rule(DEGREE)
+    squares, place = np.unique(np.round(points.T**2, 14), axis=0, return_inverse=True)
+    total = np.bincount(place.ravel(), weights)
+    return np.column_stack([total / total.sum(), squares / squares.sum(axis=1, keepdims=True)])
+
+
+@dataclass(frozen=True)
+class FullNetwork(PrincipalStretchLaw):
+    """Full-network law, Psi = n kT N <y beta + log(beta/sinh(beta))> + U(J3), averaged over all directions r of a chain.
+
+    Here y = l(r)/sqrt(N) and beta = L^-1(y), with l(r)^2 = r . Cbar r the squared stretch in the direction of the chain. The law ends where
+    the most stretched chain is straight, at a greatest isochoric stretch of sqrt(N): there and beyond every response is NaN.
+
+    Parameters
+    ----------
+    shear_modulus : float
+        mu in the undeformed state, any unit of stress; n kT follows from it.
+    bulk_modulus : float
+        K, same unit.
+    chain_links : float
+        N, links of a chain; above 1.
+
+    References
+    ----------
+    Treloar, Riding, Proc. R. Soc. A 369 (1979) 261.  Wu, van der Giessen, J. Mech. Phys. Solids 41 (1993) 427.  Quadrature: Lebedev,
+    Laikov, Dokl. Math. 59 (1999) 477, as in scipy.integrate.lebedev_rule.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pds.materials.FullNetwork(chain_links=20.0)
+    >>> state = homogeneous.uniaxial(law, 1.5)
+    >>> print(round(state.nominal_stress, 4))
+    1.0667
+    """
+
+    name: ClassVar[str] = "full-network"
+    reference: ClassVar[str] = "Treloar, Riding 1979; Wu, van der Giessen 1993"
+    costly: ClassVar[bool] = True
+    bounds: ClassVar[dict] = {"chain_links": (1.01, 1e4)}
+    above: ClassVar[dict] = {"chain_links": 1}
+
+    chain_links: float = 60.0
+
+    @property
+    def terms(self) -> np.ndarray:
+        at_rest = self.chain_links**-0.5
+        beta, stiffness = (float(value) for value in inverse_langevin(at_rest))
+        # The modulus at rest is that of chains whose 3 r3^2 - 1 has the mean square 4/5, as it has over all directions.
+        density = 15 / (stiffness + 4 * beta / at_rest)
+        weights, *squares = directions().T
+        constants = density * self.chain_links * weights, self.chain_links, chain_energy(at_rest, beta), *squares
+        return np.stack(np.broadcast_arrays(*constants), axis=1)
+
+    def limit(self, squares: np.ndarray) -> str:
+        greatest = squares.max()
+        return f"the square of the greatest stretch is {greatest:.4g} there, and chains are straight at chain_links = {self.chain_links:g}"
+
+    @staticmethod
+    def coefficients(parameters, k):
+        at = 2 + 6 * k
+        return parameters[at], parameters[at + 1], parameters[at + 2], parameters[at + 3], parameters[at + 4], parameters[at + 5]
+
+    @staticmethod
+    def term(x1, x2, x3, s1, s2, s3, coefficients):
+        density, N, at_rest, r1, r2, r3 = coefficients
+        e1 = s1 * r1
+        e2 = s2 * r2
+        e3 = s3 * r3
+        square = (e1 + e2 + e3) / N
+        y = np.sqrt(square)
+        beta, stiffness = inverse_langevin(y)
+        # f(y) as a function of y^2: f' = beta/(2 y), f'' = (stiffness y - beta)/(4 y^3).
+        first = density * beta / (2 * y)
+        second = density * (stiffness * y - beta) / (4 * square * y)
+        d = (2 / 3) * (2 * e3 - e1 - e2) / N
+        dd = (4 / 9) * (4 * e3 + e1 + e2) / N
+        energy = density * (chain_energy(y, beta) - at_rest)
+        return energy, 2 / N * first * e1, 2 / N * first * e2, 2 / N * first * e3, second * d * d + first * dd

@@ -1,0 +1,324 @@
+"""Methods for equilibrium: quasi-Newton on the residual or on the energy, dynamic relaxation, damped explicit stepping; and a choice.
+
+The paper's method is the explicit one.
+"""
+
+import math
+from abc import abstractmethod
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from ..forces import InternalForce, InvalidState
+from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, no_report
+from .nearest_bonds import strain_of_step
+from .stability import FrequencyEstimate
+
+
+class QuasiNewton(EquilibriumSolver):
+    """L-BFGS on the residual force, with the preconditioner of that force.
+
+    The force map is not the gradient of an energy, so that no line search on one is possible: steps are bounded by the stretch that they
+    cause and shortened if the residual grows. If the tangent is far from symmetric, or has modes that the stiffness of the nearest bonds
+    lacks (NOSB), the method fails with an error within a bounded number of evaluations.
+
+    References
+    ----------
+    Nocedal, Math. Comput. 35 (1980) 773-782.
+    """
+
+    name = "quasi-newton"
+    NO_STEP = "no step along the quasi-Newton direction brings the residual down"
+
+    MEMORY = 6
+    # Greatest change of a bond's stretch in one step: beyond it the tangent differs too much from the next one.
+    LARGEST_STRAIN = 0.25
+    # Accepted growth of the residual's norm: from a rough start it need not fall in every step.
+    MOST_GROWTH = 2.0
+    LEAST_STEP = 1e-4
+    # Evaluations after which a method that suits has converged, as it does in 20 to 60, or comes on, as on slender bodies that bend: the
+    # least residual of the last `WINDOW` steps is a tenth of that of as many before.
+    PATIENCE, WINDOW = 250, 100
+
+    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+        tolerance, began = tolerance or self.tolerance, force.evaluations
+        preconditioner = self.preconditioner(force)
+        forces, trial = np.empty_like(positions), np.empty_like(positions)
+        self.begin(force, least_drive)
+        self.evaluate(force, positions, forces)
+        residual, settled = self.judge(force, forces, tolerance)
+        history: deque = deque(maxlen=self.MEMORY)
+        residuals = [residual]
+        while not settled:
+            preconditioner.update()
+            step = self._direction(preconditioner, forces, history)
+            self._bound(force, step)
+            try:
+                following = self._advance(force, positions, step, forces, trial)
+            except Diverging:
+                if self.least_left == np.inf:  # the forces left are more than rounding errors
+                    raise
+                self.evaluate(force, positions, forces)
+                break
+            residual, settled = self.judge(force, following, tolerance)
+            evaluations = force.evaluations - began
+            change = forces - following
+            curvature = self.share.dot(step, change)
+            if curvature > 1e-10 * np.sqrt(self.share.dot(step, step) * self.share.dot(change, change)):
+                history.append((step, change, 1 / curvature))
+            forces = following
+            report(evaluations, residual)
+            residuals.append(residual)
+            before, now = residuals[-2 * self.WINDOW : -self.WINDOW], residuals[-self.WINDOW :]
+            lost = evaluations >= self.PATIENCE and not min(now) < 0.1 * min(before, default=0.0)
+            if not settled and (lost or evaluations >= self.most_evaluations):
+                raise self.not_converged(force, residual, evaluations, tolerance)
+        return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
+
+    def _bound(self, force, step) -> None:
+        """Shorten a step that strains a bond more than `LARGEST_STRAIN`."""
+        step *= min(1.0, self.LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
+
+    def _advance(self, force, positions, step, forces, trial):
+        """Move by the longest accepted part of a step, scale `step` to it, and return the forces there."""
+        accepts, following, share = self._criterion(force, step, forces), np.empty_like(forces), 1.0
+        while share >= self.LEAST_STEP:
+            np.multiply(step, share, out=trial)
+            trial += positions
+            shorter = 0.5
+            try:
+                self.evaluate(force, trial, following)
+                accepted, shorter = accepts(following, share)
+                if accepted:
+                    step *= share
+                    positions[:] = trial
+                    return following
+            except InvalidState:
+                pass
+            share *= shorter
+        raise Diverging(self.NO_STEP)
+
+    def _criterion(self, force, step, forces) -> Callable[[np.ndarray, float], tuple[bool, float]]:
+        """Return the rule that accepts forces after a share of a step, or returns the factor by which to shorten it."""
+        square = self.share.dot(forces, forces)
+        return lambda following, share: (self.share.dot(following, following) <= self.MOST_GROWTH**2 * square, 0.5)
+
+    def _direction(self, preconditioner, forces, history):
+        """Return the direction of the two-loop recursion, with the preconditioner between the loops."""
+        q = forces.copy()
+        factors = []
+        for step, change, rho in reversed(history):
+            factor = rho * self.share.dot(step, q)
+            q -= factor * change
+            factors.append(factor)
+        q = preconditioner.solve(q) * self.free
+        for (step, change, rho), factor in zip(history, reversed(factors), strict=True):
+            q += (factor - rho * self.share.dot(change, q)) * step
+        return q
+
+
+class EnergyMinimiser(QuasiNewton):
+    """L-BFGS from the preconditioner that suits the force, each step along a direction in which the energy falls.
+
+    A step is accepted if the energy falls enough or, if its change is lost in rounding, by a condition on the slope along the step.
+
+    References
+    ----------
+    Nocedal, Math. Comput. 35 (1980) 773-782; Hager and Zhang, SIAM J. Optim. 16 (2005) 170-192 (the second condition).
+    """
+
+    name = "minimiser"
+    NO_STEP = "no step along the direction of descent brings the energy down"
+    needs_energy = True
+
+    # Each step lowers the energy, so the method need not give up early.
+    PATIENCE = 2_000
+    SUFFICIENT = 1e-4
+    # Rounding of the energy by precision of the pass, in units of shear modulus times volume.
+    ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
+
+    def _criterion(self, force, step, forces):
+        slope, before = -self.share.dot(forces, step), self._energy(force)
+        if slope >= 0:
+            # Rounding has spoilt the curvature that was gathered: the preconditioned force itself is downhill.
+            step[:] = self.preconditioner(force).solve(forces) * self.free
+            self._bound(force, step)
+            slope = -self.share.dot(forces, step)
+        noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.share.sum(self.volumes)
+
+        def accepts(following: np.ndarray, share: float) -> tuple[bool, float]:
+            change, slope_there = self._energy(force) - before, -self.share.dot(following, step)
+            falls = change <= self.SUFFICIENT * share * slope and -share * slope > noise
+            accepted = falls or (change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope)
+            # The slope vanishes at this share of the step if it changes evenly.
+            return accepted, float(np.clip(slope / (slope - slope_there), 0.1, 0.5)) if slope_there > slope else 0.5
+
+        return accepts
+
+    def _energy(self, force) -> float:
+        return self.share.total(force.energy())
+
+
+class SteppingSolver(EquilibriumSolver):
+    """Base class of solvers that step towards equilibrium, with one force evaluation per step."""
+
+    # The iteration diverges if the residual exceeds this multiple of its first value (or of shear modulus / spacing).
+    MOST_GROWTH = 1e3
+    MOST_RESTARTS = 6
+    # In single precision a residual that has not fallen by a tenth for so many evaluations has reached its rounding error.
+    # While it falls, the residual oscillates with the slowest mode, whose period is some hundreds of evaluations.
+    PATIENCE = 3_000
+
+    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+        start, began = positions.copy(), force.evaluations
+        # The state is new in every call, so that a resumed run repeats an uninterrupted one.
+        self.frequency = FrequencyEstimate(self.volumes, self.free, self.share)
+        search = force, positions, tolerance or self.tolerance, began, report, least_drive
+        for restart in range(self.MOST_RESTARTS - 1):
+            # The tangent may stiffen beyond the stability limit of the step: restart with a larger fictitious mass.
+            with suppress(InvalidState, Diverging):
+                return self._iterate(*search, caution=2.0**restart)
+            positions[:] = start
+        return self._iterate(*search, caution=2.0 ** (self.MOST_RESTARTS - 1))
+
+    @abstractmethod
+    def prepare(self, force: InternalForce, positions: np.ndarray, caution: float) -> Callable[[np.ndarray], None]:
+        """Prepare a search, and return a function that steps `positions`, given the forces there.
+
+        `caution` multiplies the squared frequency for which the step must be stable.
+        """
+
+    def _iterate(self, force, positions, tolerance, began, report, least_drive, caution) -> Equilibrium:
+        step, forces = self.prepare(force, positions, caution), np.empty_like(positions)
+        first, least, found = None, np.inf, 0
+        self.begin(force, least_drive)
+        while True:
+            self.evaluate(force, positions, forces)
+            residual, settled = self.judge(force, forces, tolerance)
+            evaluations, first = force.evaluations - began, first or residual
+            if not residual < self.MOST_GROWTH * max(first, 1.0):
+                raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
+            if residual < 0.9 * least:
+                least, found = residual, evaluations
+            if settled or evaluations % 10 == 0:
+                report(evaluations, residual)
+            if settled:
+                return Equilibrium(residual, evaluations, self.name, self._drive)
+            if force.precision == "float32" and evaluations - found >= self.PATIENCE:
+                if residual <= tolerance:
+                    raise TooSmall("the forces that drive the body are too small for single precision")
+                raise self.not_converged(force, least, evaluations, tolerance)
+            if evaluations >= self.most_evaluations:
+                raise self.not_converged(force, residual, evaluations, tolerance)
+            step(forces)
+
+
+class DynamicRelaxation(SteppingSolver):
+    """Adaptive dynamic relaxation: fictitious masses for a unit time step, and critical damping of the dominant mode.
+
+    The frequency of that mode is the Rayleigh quotient of the velocity.
+
+    References
+    ----------
+    Underwood, "Dynamic relaxation", in Computational Methods for Transient Analysis (1983) 245-265; Kilic and Madenci, Theor. Appl. Fract.
+    Mech. 53 (2010) 194-204.
+    """
+
+    name = "relaxation"
+
+    # Ratio of the fictitious mass to the least stable one, with a margin for a tangent that stiffens on the way.
+    MARGIN = 2.0
+
+    def prepare(self, force, positions, caution):
+        mass = caution * self.MARGIN / 4 * self.frequency(force, positions) * self.volumes
+        velocities, last_forces = np.zeros_like(positions), np.zeros_like(positions)
+
+        quotient, take = rayleigh_parts[positions.shape[1]], relaxation_step[positions.shape[1]]
+
+        def step(forces):
+            stiffness, inertia = self.share.total(quotient(velocities, forces, last_forces, mass))
+            # Beyond 2 the step would be unstable for the fastest mode.
+            damping = min(2 * math.sqrt(stiffness / inertia), 1.9) if stiffness > 0 and inertia > 0 else 0.0
+            take(positions, velocities, forces, last_forces, self.free, mass, damping)
+
+        return step
+
+
+class DampedExplicit(SteppingSolver):
+    """Damped explicit stepping of the paper, with one fixed time step and one fixed damping rate.
+
+    Time is in units in which the density is one, which does not affect the equilibrium.
+    """
+
+    name = "explicit"
+
+    # Squared time step relative to the critical one at the start, where the tangent may be half as stiff as later.
+    SAFETY = 0.4
+
+    def prepare(self, force, positions, caution):
+        step_length = 2 * np.sqrt(self.SAFETY / caution / self.frequency(force, positions))
+        # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both ends, with E = 3 mu.
+        extent = force.body.extent
+        damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)
+        velocities, take = np.zeros_like(positions), central_difference_step[positions.shape[1]]
+        constants = self.free, self.volumes, damping, step_length, step_length
+        return lambda forces: take(positions, velocities, forces, *constants)
+
+
+class Automatic(EquilibriumSolver):
+    """Choose energy minimisation for nearly incompressible bodies, else the quasi-Newton method, and dynamic relaxation if that fails.
+
+    The preconditioner of the minimisation contains the bulk modulus, and its steps are long compared with the shear that corrects a change
+    of volume: the energy, if the force has one, limits them. Bodies whose factor would exceed memory are relaxed from the outset. A faster
+    method that has failed on a body is not tried there again, see `gave_up`.
+    """
+
+    name = "automatic"
+
+    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor needs some 3 kB per point.
+    MOST_POINTS = 1_000_000
+
+    # Most evaluations of relaxation, over the spacings in the body's extent, and at least.  It takes some tens for each of them where the
+    # body is as thick as it is long, more where it is slender.
+    RELAXED, LEAST_RELAXED = 100, 2_000
+
+    _quick: EquilibriumSolver | None = None
+
+    def __init__(self, *settings) -> None:
+        super().__init__(*settings)
+        self._settings, self._sure = settings, DynamicRelaxation(*settings)
+
+    def preconditioner(self, force):
+        return self._method(force).preconditioner(force)
+
+    def _method(self, force) -> EquilibriumSolver:
+        """Return the quicker method that suits the force."""
+        if self._quick is None:
+            self._quick = (EnergyMinimiser if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
+            self.gave_up |= not force.nearly_incompressible and self.share.total(len(self.volumes)) > self.MOST_POINTS
+        return self._quick
+
+    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+        quick = self._method(force)
+        start, began = positions.copy(), force.evaluations
+        if not self.gave_up:
+            try:
+                return quick.solve(force, positions, tolerance, report, least_drive)
+            except (Diverging, InvalidState, NotConverged):
+                if force.evaluations - began >= self.most_evaluations:
+                    raise
+                self.gave_up = True
+                positions[:] = start
+        most = max(self.LEAST_RELAXED, int(self.RELAXED * force.body.extent / force.body.spacing))
+        self._sure.most_evaluations = min(self.most_evaluations, most)
+        found = self._sure.solve(force, positions, tolerance, report, least_drive)
+        return replace(found, evaluations=force.evaluations - began)
+
+
+SOLVERS = {solver.name: solver for solver in (Automatic, EnergyMinimiser, QuasiNewton, DynamicRelaxation, DampedExplicit)}
+"""Methods for equilibrium by their names in a scene."""

@@ -1,0 +1,356 @@
+"""Runs of a study: what each of them simulates or fits, and their execution on the cores of this machine or on the workers of Dask."""
+
+import importlib.util
+import json
+import os
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import joblib
+import numba
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+from pydantic import ValidationError
+
+from .. import artifacts
+from ..arguments import check_whole_number
+from ..discretisation import check_size
+from ..forces import FORCES, ForceModel
+from ..forces.identity import digest_of, identity_of
+from ..problem.materials import checked_models
+from ..results import Result, checkpoint
+from ..results.contents import digest_of_mesh
+from ..results.files import write_json
+from ..results.folder import LOCK, SUMMARY, FolderTaken, occupied
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
+from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
+from ..scenes.problems import explain
+from ..scenes.reading import apply_change
+from .description import FORCE, Fit, Study, scene_of
+
+SURROGATE = ("fitted", "1")
+"""Name and version of the artefact that a fit leaves in its folder."""
+
+OUTCOME = "outcome.json"
+"""File that is written last in the folder of a run and marks it as done."""
+
+SECONDS_TO_LEAVE = 10.0
+"""Seconds to wait for another process that still holds the folder of a run; a process whose study was killed ends within a second."""
+
+NOT_DONE = "not done yet"
+"""Failure of a run that has not been carried out to its end."""
+
+MOST_ENDS = 2
+"""Number of times that a run may lose its process before it counts as failed."""
+
+
+@dataclass(frozen=True)
+class SceneTask:
+    """Run of a scene, which can be carried out in any process.
+
+    Attributes
+    ----------
+    scene : Scene
+    force : str or None
+        Reference that other machines resolve alike, or None for the default.
+    digest : str
+        Digest of everything that the result depends on.
+    """
+
+    scene: Scene
+    force: str | None
+    digest: str
+
+    def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
+        """Simulate in the run's own folder, from the checkpoint there if there is one.
+
+        Return why it failed, or None; raise SimulationInterrupted if it is stopped.
+        """
+        model = artifacts.default_force(self.scene) if self.force is None else artifacts.load_surrogate(self.force)
+        if _scene_digest(self.scene, model) != self.digest:
+            raise RuntimeError("the mesh or the force has changed since the study was started")
+        failure = None
+        try:
+            result = self._simulated(model, threads=threads, folder=folder, max_time=max_time)
+        except SimulationInterrupted:
+            raise
+        except SimulationFailed as error:
+            failure, result = str(error), error.result
+        except SceneError as error:
+            return str(error)
+        result.save(folder)
+        return failure
+
+    def _simulated(self, model: ForceModel, **options) -> Result:
+        """Return the result of the run, resumed from its checkpoint if there is a usable one."""
+        if (options["folder"] / checkpoint.NAME).is_file():
+            with suppress(checkpoint.CheckpointError):
+                return simulate(self.scene, model, **options, resume=True)
+        return simulate(self.scene, model, **options, overwrite=True)
+
+
+@dataclass(frozen=True)
+class FitTask:
+    """Fit of a surrogate: the material, the `FitSettings`, and a digest of both."""
+
+    material: MaterialSpec
+    settings: Any
+    digest: str
+
+    def carry_out(self, folder: Path, threads: int, max_time: float | None = None) -> str | None:
+        """Fit, cross-validate, and store the artefact with its scores."""
+        # Imported here, since only a fit needs scikit-learn.
+        from threadpoolctl import threadpool_limits
+
+        from ..learning.fitting import TooInexact
+
+        began = time.perf_counter()
+        law, place = self.material.build(), folder / Path(*SURROGATE)
+        with threadpool_limits(threads):
+            if not place.exists():  # it exists if an earlier attempt ended before writing its summary
+                try:
+                    self.settings.train(law)(folder, *SURROGATE)
+                except (TooInexact, ValueError) as error:
+                    return str(error)
+        card = artifacts.load_card(place)
+        folds = card.training["cross_validation"]
+        summary = {
+            "material": law.describe(),
+            "artefact": "/".join(SURROGATE),
+            **card.errors["box"],
+            "outcome": card.training["outcome"],
+            "cross_validation": folds,
+            "cross_validated_rms": (sum(row["rms"] ** 2 for row in folds) / len(folds)) ** 0.5 if folds else None,
+            "seconds_total": time.perf_counter() - began,
+        }
+        write_json(folder / SUMMARY, summary)
+        return None
+
+
+def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]], memory: float) -> list[SceneTask | FitTask]:
+    """Return all runs of a study, checked as far as possible without building a body.
+
+    `folder` is that of relative scene files, `runs` are the parameters of each run, and `memory` the bytes that a run may use. Raise
+    SceneError, which names the run and the key, if a run is invalid, and ArtifactError if a force cannot be found or read.
+    """
+    tasks: list[SceneTask | FitTask] = []
+    for number, parameters in enumerate(runs, 1):
+        try:
+            tasks.append(_fit_task(study, parameters) if study.fit is not None else _scene_task(study, folder, parameters, memory))
+        except (SceneError, artifacts.ArtifactError) as error:
+            told = ", ".join(f"{key}={value}" for key, value in parameters.items())
+            raise SceneError(f"run {number} of {len(runs)} ({told}): {error}") from None
+    return tasks
+
+
+def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: float) -> SceneTask:
+    changes = {key: value for key, value in parameters.items() if key != FORCE}
+    scene = load_scene(scene_of(study, folder), {**study.set, **changes})
+    check_size(scene, memory)
+    force = parameters.get(FORCE, study.force)
+    if force is None:
+        return SceneTask(scene, None, _scene_digest(scene, artifacts.default_force(scene)))
+    if not isinstance(force, str):
+        raise SceneError(f"force: must be the name or path of a force model, not {force!r}")
+    scene, model = artifacts.with_material(scene, force)
+    if force not in FORCES:
+        # The name with its present version; an artefact that cannot be found by name is given by its whole path.
+        named, which = artifacts.find_artifact(force), artifacts.parted(force)[1]
+        name, force = f"{named.parent.name}@{named.name}", str(named.resolve())
+        with suppress(artifacts.ArtifactError):
+            force = name if artifacts.find_artifact(name).resolve() == named.resolve() else force
+        force += "" if which is None else f"#{which}"
+    return SceneTask(scene, force, _scene_digest(scene, model))
+
+
+def _scene_digest(scene: Scene, model: ForceModel) -> str:
+    described = {"scene": scene.model_dump(mode="json"), "forces": [identity_of(own) for own in checked_models(scene, model)]}
+    if isinstance(scene.body, Mesh):
+        del described["scene"]["body"]["file"]  # the digest covers its contents, not its path
+        described["mesh"] = digest_of_mesh(scene.body)
+    return digest_of(described)
+
+
+def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
+    # Imported here, since only a fit needs scikit-learn.
+    from ..learning.settings import FitSettings
+
+    data = json.loads(json.dumps(study.fit))  # a deep copy of tables and lists
+    for key, value in parameters.items():
+        apply_change(data, key, value)
+    try:
+        fit = Fit.model_validate(data)
+        settings = FitSettings(**{key: value for key, value in fit if key != "material"})
+    except ValueError as error:
+        raise SceneError(f"fit: {explain(error, Fit) if isinstance(error, ValidationError) else error}") from None
+    return FitTask(fit.material, settings, digest_of(fit.model_dump(mode="json")))
+
+
+class Outcome(NamedTuple):
+    """Outcome of a run.
+
+    Attributes
+    ----------
+    place : str
+        Name of its folder.
+    failure : str or None
+        Why it failed, if it did; `NOT_DONE` if its time was over, after which it resumes with the study.
+    """
+
+    place: str
+    failure: str | None
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Processes or Dask workers that carry out the runs.
+
+    Attributes
+    ----------
+    jobs : int
+        Runs at the same time; with Dask, the threads of its workers.
+    threads : int
+        Threads of the kernels in each run.
+    scheduler : str or None
+        Address of the Dask scheduler.
+    """
+
+    jobs: int
+    threads: int
+    scheduler: str | None = None
+
+    @classmethod
+    def chosen(cls, runs: int, jobs: int | None, threads: int | None, scheduler: str | None) -> Self:
+        """Return workers with the given jobs and threads; values left open are chosen from the number of cores.
+
+        Raise TypeError or ValueError if a number is invalid, SceneError if jobs are given together with a scheduler, or if Dask is not
+        installed.
+        """
+        for key, value in (("jobs", jobs), ("threads", threads)):
+            if value is not None:
+                check_whole_number(value, key, 1)
+        if scheduler is not None:
+            if jobs is not None:
+                raise SceneError("jobs: with a scheduler the number of jobs is that of its workers' threads; leave jobs out")
+            if importlib.util.find_spec("distributed") is None:
+                raise SceneError('scheduler: Dask is not installed; pip install "pdsurrogate[dask]"')
+            return cls(1, threads or 1, scheduler)
+        cores = joblib.cpu_count()
+        if jobs is None:
+            jobs = max(1, min(runs, cores // (threads or 1)))
+        return cls(jobs, threads or max(1, cores // jobs))
+
+    @property
+    def caution(self) -> str | None:
+        """Warning if more threads are requested than there are cores, else None."""
+        cores = joblib.cpu_count()
+        if self.scheduler is None and self.jobs * self.threads > max(cores, self.threads):
+            return f"{self.jobs} jobs of {self.threads} threads share {cores} cores and will slow each other down"
+        return None
+
+    def carry_out(self, tasks: dict[str, SceneTask | FitTask], folder: Path, max_time: float | None = None) -> Iterator[Outcome]:
+        """Carry out the runs, each in its folder under `folder` and for at most `max_time` seconds; yield the outcome of each as it ends.
+
+        A run whose process is killed, for example when memory runs out, is tried once more.
+        """
+        if not tasks:
+            return
+        left, ends = dict(tasks), dict.fromkeys(tasks, 0)
+        with self._backend(folder) as (study, backend, lost):
+            while left:
+                # Each worker gets one run at a time: only that run is lost with the worker.
+                with joblib.parallel_config(**backend):
+                    parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1)
+                calls = [joblib.delayed(carry_out)(task, folder / place, self.threads, study, max_time) for place, task in left.items()]
+                try:
+                    for outcome in parallel(calls):
+                        del left[outcome.place]
+                        yield outcome
+                except lost:
+                    begun = [place for place in left if (folder / place / LOCK).exists()]
+                    for place in begun or list(left):
+                        ends[place] += 1
+                        if ends[place] >= MOST_ENDS:
+                            del left[place]
+                            yield Outcome(place, f"its process was killed {MOST_ENDS} times, possibly for lack of memory")
+
+    @contextmanager
+    def _backend(self, folder: Path) -> Iterator[tuple[int | None, dict[str, Any], type[Exception]]]:
+        """Yield the process id of the study, options of `joblib.parallel_config`, and the exception raised when a worker is killed.
+
+        Local workers end when the process of that id ends; it is None with Dask. Raise SceneError unless the workers of a Dask scheduler
+        see the study's folder.
+        """
+        if self.scheduler is None:
+            yield os.getpid(), {"backend": "loky", "n_jobs": self.jobs, "inner_max_num_threads": self.threads}, TerminatedWorkerError
+            return
+        from distributed import Client
+        from distributed.scheduler import KilledWorker
+
+        try:
+            client = Client(self.scheduler, timeout="10s", set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise SceneError(f"scheduler: no Dask scheduler answers at {self.scheduler}: {error}") from None
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=10)
+            except TimeoutError:
+                start = f"start them with: dask worker {self.scheduler}"
+                raise SceneError(f"scheduler: the one at {self.scheduler} has no workers; {start}") from None
+            seen = client.run(os.path.isdir, str(folder))
+            if blind := [worker for worker, found in seen.items() if not found]:
+                count = f"{len(blind)} of {len(seen)} workers, the first {blind[0]}"
+                raise SceneError(f"scheduler: {count}, do not see {folder}; put it on a shared disk")
+            yield None, {"backend": "dask", "client": client}, KilledWorker
+
+
+def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int | None, max_time: float | None = None) -> Outcome:
+    """Carry out one run in this process and return its outcome, which is also in its folder.
+
+    `threads` is limited to those that numba was started with. If `study`, the process of the study, ends, this process ends as well.
+    """
+    if study is not None and os.getpid() != study:
+        _end_without(study)
+    try:
+        with ExitStack() as held:
+            _hold(folder, held)
+            failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
+            write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
+    except SimulationInterrupted as stopped:
+        if not stopped.out_of_time:
+            raise KeyboardInterrupt from None
+        failure = NOT_DONE
+    except OSError as error:
+        failure = f"could not write {error.filename or folder}: {error.strerror or error}"
+    except Exception as error:  # a failed run must not stop the others
+        failure = f"{type(error).__name__}: {error}"
+    return Outcome(folder.name, failure)
+
+
+def _hold(folder: Path, held: ExitStack) -> None:
+    """Occupy the folder, but first wait for a process whose study was killed and that will soon end."""
+    until = time.monotonic() + SECONDS_TO_LEAVE
+    while True:
+        try:
+            return held.enter_context(occupied(folder))
+        except FolderTaken:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.2)
+
+
+@cache
+def _end_without(parent: int) -> None:
+    """End this process once its parent is gone, so that no orphan of a killed study writes to the folder."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.2)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
