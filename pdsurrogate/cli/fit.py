@@ -32,7 +32,7 @@ FOLDER_HELP = "Folder of artefacts; by default artifacts here (own-artifacts in 
 
 DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
 
-BulkModulus = Annotated[float | None, Option(help="Bulk modulus of the law, in the unit of the stresses: such tests do not tell it.")]
+BulkModulus = Annotated[float | None, Option(help="Bulk modulus of the law, in the unit of the stresses: such tests do not determine it.")]
 BulkRatio = Annotated[float | None, Option(help="Bulk modulus over shear modulus instead; 1000 by default.")]
 Terms = Annotated[int | None, Option(help=f"Terms of Ogden's law; {N_TERMS} by default.", min=1, max=4)]
 
@@ -88,13 +88,15 @@ def print_identified(report: dict) -> None:
     form, cells = report.get("form", report["law"]["law"]), []
     for name, value in report["parameters"].items():
         error = report["standard_errors"][name]
-        shown = "at its bound" if name in report["at_bound"] else "not told by the data" if error is None else f"{error:.2g}"
+        shown = "at its bound" if name in report["at_bound"] else "not determined by the data" if error is None else f"{error:.2g}"
         cells.append((name, f"{value:.5g}", shown))
     print_table(f"{form} from {report['data']}, {report['rows']} rows", ("parameter", "value", "standard error"), cells, left=1)
     out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in report["r_squared"].items()))
     out.print(f"law against tests, greatest difference by mode: {differences_in_words(report['differences'])}")
     if report["at_bound"]:
-        warn(f"{form}: {', '.join(report['at_bound'])} ended at the bound of the search: the data do not tell it, or want another law.")
+        warn(
+            f"{form}: {', '.join(report['at_bound'])} ended at the bound of the search: the data do not determine it, or want another law."
+        )
     if report["volume_ratio"] and report["volume_ratio"] > LARGE_GROWTH:
         growth = f"the volume grows by {100 * (report['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
         warn(f"{form}: with this bulk modulus {growth}: a greater one is given by --bulk-modulus.")

@@ -44,7 +44,7 @@ def compare(
 
 def stress_test(
     force: Annotated[list[str] | None, Option(metavar="REF", help="Force model; may be repeated; all by default.")] = None,
-    plane: Annotated[str | None, Option("--plane", metavar="stress|space", help="Sheets or bodies in space; both by default.")] = None,
+    plane: Annotated[str | None, Option("--plane", metavar="stress|space", help="Sheets or solids; both by default.")] = None,
     quick: Annotated[bool, Option("--quick", help="A fiftieth of the explicit steps.")] = False,
     folder: ReportFolder = None,
     overwrite: Overwrite = False,
