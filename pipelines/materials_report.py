@@ -18,7 +18,7 @@ import pdsurrogate as pds
 from pdsurrogate.identification import figure, fitted_laws, held_out_modes, report
 from pdsurrogate.learning import surrogate_of
 from pdsurrogate.materials import plane_stress
-from pdsurrogate.reports import presentation
+from pdsurrogate.reports import compare
 from pdsurrogate.reports.speed import TimedModel, bench_positions, measure_speed, sheet
 from pdsurrogate.results import figures
 from pdsurrogate.results.files import write_json
@@ -194,7 +194,7 @@ def speed(quick: bool) -> tuple[list[dict], str]:
         )
         console.print(f"{law.name}: {ratio:.2f}")
     show(f"Whole force evaluation, one thread, {processor()}", rows)
-    caution = presentation.caution(costs)
+    caution = compare.caution(costs)
     console.print(caution)
     return rows, caution
 

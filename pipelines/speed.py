@@ -18,8 +18,7 @@ from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pds
-from pdsurrogate.reports import presentation
-from pdsurrogate.reports.compare import compare
+from pdsurrogate.reports import compare
 from pdsurrogate.reports.speed import TimedModel, measure_speed
 from pdsurrogate.results import tables
 from pdsurrogate.results.figures import save
@@ -70,7 +69,7 @@ def scaling_table() -> str:
     table = markdown_table(
         ["points", "directed bonds", "ns/directed bond, one thread", "all threads", "setting up (s)", "peak memory (GiB)"], rows
     )
-    return f"{table}\n\n{presentation.caution(costs)}".strip()
+    return f"{table}\n\n{compare.caution(costs)}".strip()
 
 
 def main() -> None:
@@ -82,16 +81,16 @@ def main() -> None:
         print(json.dumps(measure_memory(*arguments.size)))
         return
     with console.status("Comparing") as status:
-        report = compare(progress=lambda stage, done, of, text: status.update(f"{stage}: {text}"))
-    comparison = markdown_table(*presentation.table(report))
+        report = compare.compare(progress=lambda stage, done, of, text: status.update(f"{stage}: {text}"))
+    comparison = markdown_table(*compare.table(report))
     console.print(comparison, soft_wrap=True)
-    save(presentation.pareto_figure(report), FIGURES / "speed.png")
+    save(compare.pareto_figure(report), FIGURES / "speed.png")
     write_text(FIGURES / "speed.csv", tables.as_csv(report["models"]))
     sizes = scaling_table()
     if arguments.docs:
         machine = report["machine"]
         where = f"Processor: {machine['processor']}, {machine['threads']} threads, numba {machine['numba']}."
-        text = f"{where} {presentation.caution(report['models'])}".strip() + "\n\n"
+        text = f"{where} {compare.caution(report['models'])}".strip() + "\n\n"
         replace_block("speed", text + comparison)
         replace_block("scaling", sizes)
 

@@ -15,7 +15,7 @@ from ..forces import Domain, EnergyNetwork, IsochoricNetwork, NetworkForce, Poly
 from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from ..scenes import MaterialSpec
-from ..scenes.problems import explain
+from ..scenes.problems import PLAIN, explain
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
 """Force models that can be stored, by the kind in their card."""
@@ -219,7 +219,7 @@ class Card(_Part):
         """Return the card of a member of the committee, numbered from 1."""
         member = self.members[number - 1]
         named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": (), "digest": None}
-        return self.model_copy(update={**named, "material": member.material, "domain": member.domain, "errors": member.errors})
+        return self.model_copy(update={**named, **dict(member)})
 
     def __repr__(self) -> str:
         return f"<Card of {self.name}@{self.version}: {self.kind} of {self.material.law}>"
@@ -391,6 +391,7 @@ def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
 
 
 WORDS = {
+    **PLAIN,
     "missing": "is missing",
     "extra_forbidden": "is unknown: take it out",
     "float_type": "must be a number",
@@ -403,8 +404,6 @@ WORDS = {
     "greater_than_equal": "must be at least {ge:g}",
     "too_short": "must have at least {min_length} entries",
     "too_long": "must have at most {max_length} entries",
-    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "must be a table"),
-    "tuple_type": "must be a list",
 }
 """Messages about a field by pydantic's types of errors."""
 

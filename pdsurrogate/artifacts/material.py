@@ -52,6 +52,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     if rms > NOTED:
         off = f"{model.name} is off by {100 * rms:.2g} % RMS from {card.material.law}, the law that it was stored as"
         warnings.warn(f"{off}: what it gives is off as well", stacklevel=3)
+    is_example = scene.name in scene_names() and scene.material == load_scene(scene.name).material
     try:
         if own is None:
             raise ValueError("none is given")
@@ -63,19 +64,14 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
             model.check_material(described)
         except ValueError:  # the model contradicts its own card
             raise SceneError(f"scene {scene.name}: {error}") from None
-        if own is not None and not _is_an_example(scene):
+        if own is not None and not is_example:
             flag = f"--set 'material={in_words(described)}'"
             raise SceneError(f"scene {scene.name}: material: {error}; {flag} takes the material of {model.name}") from None
-    if described is own and _is_an_example(scene) and not scene.materials and _has_moduli(card):
+    if described is own and is_example and not scene.materials and _has_moduli(card):
         described = material_on(card, scene)
     if described != own:
         scene = scene.model_copy(update={"material": MaterialSpec.model_validate(described.describe())})
     return scene, model
-
-
-def _is_an_example(scene: Scene) -> bool:
-    """Return whether a scene is a built-in one with its default material."""
-    return scene.name in scene_names() and scene.material == load_scene(scene.name).material
 
 
 def material_on(card: Card, scene: Scene) -> Law:

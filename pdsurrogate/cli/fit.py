@@ -1,8 +1,5 @@
 """The commands that find the parameters of laws from test data, and fit surrogates."""
 
-import itertools
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -35,7 +32,7 @@ FOLDER_HELP = "Folder of artefacts; by default artifacts here (own-artifacts in 
 
 DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
 
-BulkModulus = Annotated[float | None, Option(help="Bulk modulus of the law, in the unit of the stresses: such tests do not tell it.")]
+BulkModulus = Annotated[float | None, Option(help="Bulk modulus of the law, in the unit of the stresses: such tests do not determine it.")]
 BulkRatio = Annotated[float | None, Option(help="Bulk modulus over shear modulus instead; 1000 by default.")]
 Terms = Annotated[int | None, Option(help=f"Terms of Ogden's law; {N_TERMS} by default.", min=1, max=4)]
 
@@ -91,13 +88,15 @@ def print_identified(report: dict) -> None:
     form, cells = report.get("form", report["law"]["law"]), []
     for name, value in report["parameters"].items():
         error = report["standard_errors"][name]
-        shown = "at its bound" if name in report["at_bound"] else "not told by the data" if error is None else f"{error:.2g}"
+        shown = "at its bound" if name in report["at_bound"] else "not determined by the data" if error is None else f"{error:.2g}"
         cells.append((name, f"{value:.5g}", shown))
     print_table(f"{form} from {report['data']}, {report['rows']} rows", ("parameter", "value", "standard error"), cells, left=1)
     out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in report["r_squared"].items()))
     out.print(f"law against tests, greatest difference by mode: {differences_in_words(report['differences'])}")
     if report["at_bound"]:
-        warn(f"{form}: {', '.join(report['at_bound'])} ended at the bound of the search: the data do not tell it, or want another law.")
+        warn(
+            f"{form}: {', '.join(report['at_bound'])} ended at the bound of the search: the data do not determine it, or want another law."
+        )
     if report["volume_ratio"] and report["volume_ratio"] > LARGE_GROWTH:
         growth = f"the volume grows by {100 * (report['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
         warn(f"{form}: with this bulk modulus {growth}: a greater one is given by --bulk-modulus.")
@@ -169,8 +168,8 @@ def fit(
             warn(text)
         if refusals and not force_fit:
             raise ValueError(f"{'; '.join(refusals)}; --force-fit goes on all the same")
-    with _training_bar() as progress:
-        write = settings.train(material, members, hull, tests and tests.report, progress)
+    with _TrainingBar() as bar, listening(bar.iteration):
+        write = settings.train(material, members, hull, tests and tests.report, bar.begin)
     with writing(folder), bad_input(TooInexact, status=FAILED):
         # The next version is that of now: another fit of the same name may have ended since.
         path = write(folder, name, version)
@@ -214,24 +213,23 @@ def _simulate_tests(path: Path, tests: Identified) -> dict:
     return {"simulated": {"against_measured": against_measured, "rows_outside_domain": outside, "nominal_stress": values}}
 
 
-@contextmanager
-def _training_bar() -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a function that shows the stage, the number and the count of fits; the iterations of each show by themselves."""
-    now, iterations = ("", 0, 1), itertools.count(1)
-    with Bar() as bar:
+class _TrainingBar(Bar):
+    """Progress of fits: the stage, the number and the count of the fit that has begun, and its iterations."""
 
-        def begin(*stage_number_count) -> None:
-            nonlocal now
-            now = stage_number_count
-            show(0.0)
+    _begun, _iterations = ("", 0, 1), 0
 
-        def show(share: float, *words: str) -> None:
-            stage, number, count = now
-            fold = [f"fold {number + 1} of {count}"] if count > 1 else []
-            bar.show((number + share) / count, ", ".join([*fold, *words]), stage)
+    def begin(self, *stage_number_count) -> None:
+        """Show that a fit begins."""
+        self._begun = stage_number_count
+        self._show_fit(0.0)
 
-        def iteration(done: int, most: int, loss: float) -> None:
-            show(done / most, f"iteration {done} of at most {most}", f"loss {loss:.2e}{bar.rate('iterations', next(iterations))}")
+    def iteration(self, done: int, most: int, loss: float) -> None:
+        """Show an iteration of the fit."""
+        self._iterations += 1
+        rate = self.rate("iterations", self._iterations)
+        self._show_fit(done / most, f"iteration {done} of at most {most}", f"loss {loss:.2e}{rate}")
 
-        with listening(iteration):
-            yield begin
+    def _show_fit(self, share: float, *words: str) -> None:
+        stage, number, count = self._begun
+        fold = [f"fold {number + 1} of {count}"] if count > 1 else []
+        self.show((number + share) / count, ", ".join([*fold, *words]), stage)

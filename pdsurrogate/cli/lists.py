@@ -75,7 +75,7 @@ def scenes(
             raise ValueError(f"{'--plot' if plot else '--set'} needs the scene that is meant: pdsurrogate scenes NAME")
         known = [load_scene(one) for one in scene_names()]
         print_json([{"name": one.name, "dimension": one.dimension, "title": one.title} for one in known])
-        rows = ((one.name, "in space" if one.dimension == 3 else "in the plane", one.title) for one in known)
+        rows = ((one.name, "solid" if one.dimension == 3 else "sheet", one.title) for one in known)
         print_table("Scenes", ("scene", "body", "what it is"), rows)
         return
     scene = load_scene(name, change or [])

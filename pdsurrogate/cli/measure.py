@@ -7,7 +7,6 @@ from typer import Option
 
 from ..forces.settings import WHERE
 from ..reports import compare as comparison
-from ..reports import presentation
 from ..results import figures, tables
 from ..results.files import write_json, write_text
 from ..stress_test import report as hard_cases
@@ -30,22 +29,22 @@ def compare(
     with Bar(comparison.FITTING) as bar:
         report = comparison.compare(law, quick, lambda stage, done, of, text: bar.count("models", done, of, f"now {text}", stage), threads)
     print_json(report)
-    header, rows = presentation.table(report)
+    header, rows = comparison.table(report)
     machine = report["machine"]
     print_table(f"{law.name}, {machine['processor']}, {machine['threads']} threads", header, rows, left=1)
-    if caution := presentation.caution(report["models"]):
+    if caution := comparison.caution(report["models"]):
         err.print(caution, soft_wrap=True)
     if folder is not None:
         with writing(folder):
             write_text(folder / "compare.csv", tables.as_csv(report["models"]))
-            figures.save(presentation.pareto_figure(report), folder / "compare.png")
+            figures.save(comparison.pareto_figure(report), folder / "compare.png")
             write_json(folder / "compare.json", {"asked": asked, **report})
         note(f"Results in {folder}")
 
 
 def stress_test(
     force: Annotated[list[str] | None, Option(metavar="REF", help="Force model; may be repeated; all by default.")] = None,
-    plane: Annotated[str | None, Option("--plane", metavar="stress|space", help="Sheets or bodies in space; both by default.")] = None,
+    plane: Annotated[str | None, Option("--plane", metavar="stress|space", help="Sheets or solids; both by default.")] = None,
     quick: Annotated[bool, Option("--quick", help="A fiftieth of the explicit steps.")] = False,
     folder: ReportFolder = None,
     overwrite: Overwrite = False,

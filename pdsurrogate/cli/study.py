@@ -10,7 +10,7 @@ from typer import Argument, Option
 from .. import studies
 from ..studies.study import FIGURE, TABLE
 from .command import MaxTime
-from .terminal import FAILED, INTERRUPTED, WARNING, Bar, complain, err, note, print_json, warn, writing
+from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, err, note, print_json, warn, writing
 
 MOST_FAILURES = 5
 """Number of failures printed one by one; the table lists them all."""
@@ -46,13 +46,11 @@ def study(
     print_json(result.rows)
     note(f"{len(result.rows)} runs: {TABLE}{f' and {FIGURE}' if (result.folder / FIGURE).exists() else ''} in {folder}")
     if interrupted is not None:
-        complain(str(interrupted), WARNING)
-        raise typer.Exit(INTERRUPTED)
+        raise ended(INTERRUPTED, str(interrupted), WARNING)
     if result.failures:
         raise typer.Exit(FAILED)
     if result.not_done:
-        complain(f"the time of {len(result.not_done)} runs was over; the same command goes on with them", WARNING)
-        raise typer.Exit(INTERRUPTED)
+        raise ended(INTERRUPTED, f"the time of {len(result.not_done)} runs was over; the same command goes on with them", WARNING)
 
 
 class _Progress:

@@ -158,7 +158,7 @@ def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
     kinds = {block.type for block in read.cells if len(block.data)}
     refused = sorted(kind for kind in kinds - set(CELL_TYPES[dimension]) if not kind.startswith(BESIDE_CELLS[dimension]))
     if refused:
-        advice = "; a body in space is asked for by dimension = 3" if dimension == 2 and kinds & set(CELL_TYPES[3]) else ""
+        advice = "; give dimension = 3 for a solid" if dimension == 2 and kinds & set(CELL_TYPES[3]) else ""
         raise ValueError(
             f"body.file: {file} has cells of type {', '.join(refused)}; {' and '.join(CELL_TYPES[dimension])} are taken{advice}"
         )
@@ -167,7 +167,7 @@ def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
         raise ValueError(f"body.file: {file} is not flat: its third coordinate varies")
     if not cells:
         words, flat = ("triangles or quadrilaterals", False) if dimension == 2 else ("tetrahedra or hexahedra", kinds & set(CELL_TYPES[2]))
-        raise ValueError(f"body.file: {file} has no {words}" + ("; a body in the plane is asked for by dimension = 2" if flat else ""))
+        raise ValueError(f"body.file: {file} has no {words}" + ("; give dimension = 2 for a sheet" if flat else ""))
     if dimension == 3:
         for block in cells:
             _check_solid_cells(file, points[block])

@@ -76,13 +76,10 @@ class BondAssociatedStress(Term):
         ba_nosb.bond_references(points, volumes, weighted, (owners, targets), shared, horizon_volumes, *shapes)
         self._volume_ratios, self.bond_forces = np.ones(len(owners)), np.empty((len(owners), 2))
         self.state.append(StateArray("bond_volume_ratios", "bonds", self._volume_ratios[: len(bonds.neighbours)]))
-        memory = (
-            aligned_rows((chunks.threads, int(np.diff(self._table_pointers).max()), 4)),
-            aligned_rows((chunks.threads, BLOCK, 4), value=1),
-            aligned_rows((chunks.threads, SCRATCH_ROWS + 4, BLOCK), value=1),
-        )
+        of_table = aligned_rows((chunks.threads, int(np.diff(self._table_pointers).max()), 4))
+        of_bonds, scratch = (aligned_rows((chunks.threads, *shape), value=1) for shape in ((BLOCK, 4), (SCRATCH_ROWS + 4, BLOCK)))
         state = self._volume_ratios, material.response.address, material.parameters
-        arrays = kinematics.positions, weighted, (bond_pointers, *shared, *shapes), *state, memory, self.bond_forces
+        arrays = kinematics.positions, weighted, (bond_pointers, *shared, *shapes), *state, (of_table, of_bonds, scratch), self.bond_forces
         sums = self.bond_forces, bond_pointers, self._reverse, material.law.shear_modulus, np.empty_like(body.points)
         self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, chunks=chunks)
         self._find_forces = Chain(ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces)

@@ -134,12 +134,10 @@ class BondShares:
         own : ndarray of bool, shape (n_bonds,), optional
             Directed bonds that count.
         """
-        one, other = self._kinematics.bonds_of_pairs
-        shares = self.bond_shares if own is None else self.bond_shares * own
-        end_shares[places // BLOCK, 0, places % BLOCK] = shares[one[pairs]]
-        within = self._body.bonds.second[pairs] < len(self._body)
-        places, pairs = places[within], pairs[within]
-        end_shares[places // BLOCK, 1, places % BLOCK] = shares[other[pairs]]
+        one, other = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
+        shares, within = self.bond_shares if own is None else self.bond_shares * own, self._body.bonds.second[pairs] < len(self._body)
+        end_shares[places // BLOCK, 0, places % BLOCK] = shares[one]
+        end_shares[places // BLOCK, 1, places % BLOCK] = np.where(within, shares[other], 0.0)
 
     def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step) -> list[Step]:
         """Return the steps that add the forces of the points' moments to those on points and ghosts, and fold all onto the body's points.

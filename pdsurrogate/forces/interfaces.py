@@ -103,7 +103,7 @@ class Interfaces:
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbours[across]])])
-        rows, mirrored = [], []
+        jumps, mirrored = sparse.lil_array((n, n)), sparse.lil_array((n, n))
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
         for i in near[share.own[near]]:
             found = _interface_beside(body, everywhere, portion_of, i)
@@ -124,17 +124,16 @@ class Interfaces:
                 sizes = depth / reach, body.spacing / reach
                 jump, at_image = _mirrored((x, V, beyond), normal, sizes, around == i, volumes_held)
                 if jump is not None:
-                    mirrored.append((i, np.append(around[beyond], i), np.append(at_image, -1.0)))
+                    mirrored[i, around[beyond]], mirrored[i, i] = at_image, -1.0
             else:
                 jump = _jump_of_slopes(x, V, beyond, normal, quadratic)
             if jump is not None:
                 self.depths[i], self.normals[i] = depth, normal
-                rows.append((i, around, jump / reach))
-        self._jump, self._jump_back = self._with_transpose(rows)
+                jumps[i, around] = jump / reach
+        self._jump, self._jump_back = self._with_transpose(jumps)
         self._images: tuple[np.ndarray, sparse.csr_array, sparse.csr_array] | None = None
-        if share.any(bool(mirrored)):
-            is_image = np.zeros((n, 1))
-            is_image[[i for i, *_ in mirrored]] = 1.0
+        if share.any(mirrored.nnz > 0):
+            is_image = (mirrored.diagonal() != 0).astype(float)[:, None]
             share.fill(is_image)
             self._images = is_image, *self._with_transpose(mirrored)
         share.fill(self.depths, self.normals)
@@ -153,13 +152,9 @@ class Interfaces:
         self.jumps, self.seen_positions = np.zeros((2, total, d))
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
 
-    def _with_transpose(self, rows: list[tuple[int, np.ndarray, np.ndarray]]) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Return the matrix (n, n) of some rows (number, columns, values), and its transpose including the rows of other ranks."""
-        matrix = sparse.lil_array((len(self._body),) * 2)
-        for number, columns, values in rows:
-            matrix[number, columns] = values
-        matrix = matrix.tocsr()
-        return matrix, self._body.share.with_rows_of_others(matrix).T.tocsr()
+    def _with_transpose(self, matrix: sparse.lil_array) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Return a matrix (n, n) of rows of own points, and its transpose including the rows of other ranks."""
+        return matrix.tocsr(), self._body.share.with_rows_of_others(matrix.tocsr()).T.tocsr()
 
     def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Return the matrix (n d, n + m) from values at points and images to the columns of the points' gradients, and its transpose.

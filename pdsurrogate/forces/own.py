@@ -254,7 +254,7 @@ class OwnBondForce(ForceSurrogate):
         worst = off.argmax()
         self._judge(
             off[worst],
-            f"{self.name} tells one way of turning from the other: at stretch {stretch[worst]:g} it is ({found[worst, 0]:.4g}, "
+            f"{self.name} distinguishes one sense of rotation from the other: at stretch {stretch[worst]:g} it is ({found[worst, 0]:.4g}, "
             f"{found[worst, 1]:.4g}) for a rotation of {rotation[worst]:g}, and for {-rotation[worst]:g} not that with the second part "
             f"negated, but ({mirrored[worst, 0]:.4g}, {-mirrored[worst, 1]:.4g}); isotropic rubber does not",
         )

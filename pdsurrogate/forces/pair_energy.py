@@ -168,11 +168,9 @@ class PairEnergy(Term):
     def levers_on_planes(self) -> np.ndarray:
         kinematics, body = self.kinematics, self.body
         forces, moments = self.shares.on_ghosts(self._forces, self._moments, self._stresses, self._unit)
-        if body.share.divided:  # images count where the points that they mirror do
-            own = body.share.own[body.ghosts.source, None]
-            forces, moments = forces * own, moments * own
+        own = body.share.own[body.ghosts.source, None]  # images count where the points that they mirror do
         places = kinematics.positions, matrices(kinematics.gradients)
-        return kinematics.gradient_ghosts.levers_on_planes(*places, forces, self._unit * matrices(moments))
+        return kinematics.gradient_ghosts.levers_on_planes(*places, forces * own, self._unit * matrices(moments * own))
 
     def mean_stress(self) -> np.ndarray:
         """Return the mean of the bonds' own stresses: the derivative of the energy by a homogeneous F."""

@@ -335,7 +335,7 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         else:
             merged[same] = replace(portion, points=np.sort(np.concatenate([merged[same].points, portion.points])))
     if len(merged) > 1 and (asked := [portion.model.name for portion in merged if portion.model.members]):
-        raise ValueError(f"{asked[0]}: the deviation of members is told of bodies of one material; leave out #all")
+        raise ValueError(f"{asked[0]}: the deviation of members is given for bodies of one material; leave out #all")
     if len(merged) == 1 and not len(rigid):
         return merged[0].model.bind(body, merged[0].law, settings)
     honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}

@@ -17,11 +17,11 @@ PRECISIONS = ("float32", "float64")
 ROTATIONS = {"polar": None, "convected": convected_rotations}
 """Rotations of a horizon: that of the polar decomposition, which the pass over the points finds, or that of a further pass."""
 
-WHERE = {"stress": "", "strain": " in plane strain", "space": " in space"}
+WHERE = {"stress": "", "strain": " in plane strain", "space": " of solids"}
 OTHERS = {
     "stress": "force=analytic and force=bond-energy take every law under plane stress",
     "strain": "force=analytic and force=bond-energy take both",
-    "space": "force=bond-energy, force=nosb and artefacts of isochoric energies take bodies in space",
+    "space": "force=bond-energy, force=nosb and artefacts of isochoric energies take solids",
 }
 """Name of a plane, and the models that support it, for messages about a model that does not."""
 

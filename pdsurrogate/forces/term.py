@@ -220,8 +220,7 @@ class Term(ABC):
         It is work-conjugate to the mean deformation gradient; half of a bond with a ghost lies within the body.
         """
         bonds, points = self.body.bonds, self.body.all_points
-        share = np.where(bonds.second < len(self.body), 1.0, 0.5)
-        share = share * self.body.share.own[bonds.first]
+        share = np.where(bonds.second < len(self.body), 1.0, 0.5) * self.body.share.own[bonds.first]
         vectors = points[bonds.second] - points[bonds.first]
         return np.einsum("b,bi,bj->ij", share, self.pair_forces(slice(len(bonds.first))), vectors) / whole_volume(self.body)
 
@@ -268,8 +267,8 @@ class Term(ABC):
         stress, energy = np.zeros((n, 3, 3)), np.zeros(n)  # rigid points have no law
         for portion in self.binding.portions:
             at = portion.points
-            found = PLANES[plane].stress_and_energy(portion.law, F[at], J3[at], None if bulk is None else bulk[at])
-            stress[at], energy[at] = found
+            states = F[at], J3[at], None if bulk is None else bulk[at]
+            stress[at], energy[at] = PLANES[plane].stress_and_energy(portion.law, *states)
         return stress, energy
 
     def domain_deviation(self) -> np.ndarray | None:

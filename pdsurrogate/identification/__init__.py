@@ -1,11 +1,11 @@
 """Identification of the parameters of a law from test data."""
 
-from .data import MODES, TestData, load_test_data
+from .data import MODES, TestData, load_test_data, test_data_names
 from .energy import EnergyRegressor
-from .examination import TestDataWarning, examine, fit_to_tests
+from .examination import Examination, TestDataWarning, examine, fit_to_tests
 from .regressor import LawRegressor, fitted_laws
-from .reporting import figure, held_out_modes, report
-from .stress_regressor import committee, committee_spread, nominal_stress
+from .reporting import differences, figure, held_out_modes, report
+from .stress_regressor import committee, committee_spread, free_sides, nominal_stress
 
 __all__ = ["EnergyRegressor", "LawRegressor", "TestDataWarning", "committee", "committee_spread", "fit_to_tests", "load_test_data"]
 """Names that type checkers of users' programs accept."""

@@ -297,8 +297,8 @@ def _warn_of_few_modes(X: np.ndarray) -> None:
     states = np.unique(logs[np.abs(logs).max(axis=1) > SAME_MODE].round(3), axis=0)
     if len(states) <= 1:
         warnings.warn(
-            "the data are of one state: they tell one number, some shear modulus; how the stress rises with the stretch, and what it is "
-            "in other modes of loading, is the guess of the sum of powers",
+            "the data are of one state: they determine one number, some shear modulus; how the stress rises with the stretch, and what it "
+            "is in other modes of loading, is the guess of the sum of powers",
             stacklevel=3,
         )
     elif np.abs(logs @ line_through_rest(logs)[0]).max() < SAME_MODE:

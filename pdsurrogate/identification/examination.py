@@ -215,7 +215,7 @@ def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[
     ]
 
 
-NOT_TOLD = "if all stresses were Cauchy (true) ones it would too, and nothing would tell: nominal ones are force over the area at rest"
+NOT_TOLD = "if all stresses were Cauchy (true) ones it would too, and nothing would show it: nominal ones are force over the area at rest"
 """Ambiguity that remains where a form of energy describes the data."""
 
 CAUCHY = "the stresses look like Cauchy (true) ones: divided by the stretch, they are nominal"

@@ -68,8 +68,8 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
         if network is not None:
             return NetworkForce(*common, *network), {}
         if count in FEATURES:
-            _, feature_set, offsets, *_ = common
-            function, anchored = partial(_quietly, rest), list(model.anchored_outputs)
+            feature_set, offsets, anchored = own, common[2], list(model.anchored_outputs)
+            function = partial(_quietly, rest)
     at_rest, right = feature_values(np.array([AT_REST]), feature_set), np.asarray(force(*states.T), dtype=float)
 
     def made_of(spline: Spline) -> SplineForce:

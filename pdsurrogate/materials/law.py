@@ -8,6 +8,7 @@ Energies and stresses are dimensionless, in units of the law's shear modulus.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from numbers import Real
 from typing import ClassVar, Self
 
@@ -120,15 +121,19 @@ class InvariantLaw(Law):
 class PrincipalStretchLaw(Law):
     """A law W + U(J3) whose isochoric part W is a sum of terms of one form in the isochoric principal stretches.
 
-    Ogden's law is such a sum, and so is a quadrature over directions on the sphere. A subclass defines `n_terms`, and `coefficients` and
-    `term` as static methods that are plain elementwise expressions. Its `parameters` are K/mu, the number of terms, and the values that
-    `coefficients` reads.
+    Ogden's law is such a sum, and so is a quadrature over directions on the sphere. A subclass defines `terms`, and `coefficients` and
+    `term` as static methods that are plain elementwise expressions.
     """
 
     @property
-    @abstractmethod
-    def n_terms(self) -> int:
-        """Number of terms."""
+    def terms(self) -> np.ndarray:
+        """Dimensionless constants of the terms, one row for each, which `coefficients` reads from `parameters`."""
+        raise NotImplementedError(f"{type(self).__name__} defines no terms")
+
+    @cached_property
+    def parameters(self) -> np.ndarray:
+        """Dimensionless parameters: K/mu, the number of terms, and the rows of `terms`."""
+        return np.concatenate([[self.bulk_modulus / self.shear_modulus, len(self.terms)], *self.terms])
 
     @staticmethod
     @abstractmethod
@@ -137,7 +142,7 @@ class PrincipalStretchLaw(Law):
 
     def sums(self, stretches: tuple, parameters: np.ndarray) -> list:
         """Return the sums (W, g1, g2, g3, h) over all terms at (x1, x2, x3, s1, s2, s3), see `term`."""
-        terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(self.n_terms))
+        terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(int(parameters[1])))
         return [sum(parts) for parts in zip(*terms, strict=True)]
 
     @staticmethod

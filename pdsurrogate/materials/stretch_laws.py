@@ -1,7 +1,7 @@
 """Laws of the isochoric principal stretches: sums of powers, and a network of chains in all directions."""
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -106,12 +106,8 @@ class Ogden(PrincipalStretchLaw):
         return replace(self, shear_modulus=NOT_GIVEN, bulk_modulus=self.bulk_modulus * factor, **scaled)
 
     @property
-    def n_terms(self) -> int:
-        return len(self.moduli)
-
-    @property
-    def parameters(self) -> np.ndarray:
-        return np.array([self.bulk_modulus / self.shear_modulus, self.n_terms, *self.shape.values()])
+    def terms(self) -> np.ndarray:
+        return np.column_stack([np.array(self.moduli) / self.shear_modulus, self.exponents])
 
     @property
     def shape(self) -> dict[str, float]:
@@ -191,16 +187,12 @@ class Polyconvex(Ogden):
         return super()._stiffness() + 2 * self.first[0] + SECOND_AT_REST * self.second[0]
 
     @property
-    def n_terms(self) -> int:
-        return len(self.moduli) + 2
-
-    @property
-    def parameters(self) -> np.ndarray:
+    def terms(self) -> np.ndarray:
         # A term is c1 z + c2 z^2 + c3 z^3 of z = S^root - 3^root with S = l1^exponent + l2^exponent + l3^exponent.
         powers = [(exponent, 1.0, modulus / exponent, 0.0, 0.0) for modulus, exponent in zip(self.moduli, self.exponents, strict=True)]
         terms = np.array([*powers, (2.0, 1.0, *self.first), (-2.0, 1.5, *self.second)])
         terms[:, 2:] /= self.shear_modulus
-        return np.array([self.bulk_modulus / self.shear_modulus, self.n_terms, *terms.ravel()])
+        return terms
 
     @property
     def shape(self) -> dict[str, float]:
@@ -284,17 +276,14 @@ class FullNetwork(PrincipalStretchLaw):
     chain_links: float = 60.0
 
     @property
-    def n_terms(self) -> int:
-        return len(directions())
-
-    @cached_property
-    def parameters(self) -> np.ndarray:
+    def terms(self) -> np.ndarray:
         at_rest = self.chain_links**-0.5
         beta, stiffness = (float(value) for value in inverse_langevin(at_rest))
         # The modulus at rest is that of chains whose 3 r3^2 - 1 has the mean square 4/5, as it has over all directions.
         density = 15 / (stiffness + 4 * beta / at_rest)
-        constants = [self.bulk_modulus / self.shear_modulus, self.n_terms, self.chain_links, density, chain_energy(at_rest, beta)]
-        return np.concatenate([constants, directions().ravel()])
+        weights, *squares = directions().T
+        constants = density * self.chain_links * weights, self.chain_links, chain_energy(at_rest, beta), *squares
+        return np.stack(np.broadcast_arrays(*constants), axis=1)
 
     def limit(self, squares: np.ndarray) -> str:
         greatest = squares.max()
@@ -302,10 +291,8 @@ class FullNetwork(PrincipalStretchLaw):
 
     @staticmethod
     def coefficients(parameters, k):
-        at = 5 + 4 * k
-        N = parameters[2]
-        density = parameters[3] * N * parameters[at]
-        return density, N, parameters[4], parameters[at + 1], parameters[at + 2], parameters[at + 3]
+        at = 2 + 6 * k
+        return parameters[at], parameters[at + 1], parameters[at + 2], parameters[at + 3], parameters[at + 4], parameters[at + 5]
 
     @staticmethod
     def term(x1, x2, x3, s1, s2, s3, coefficients):

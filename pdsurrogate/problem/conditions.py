@@ -29,7 +29,6 @@ SAMPLES = 5
 LEAST_SPREAD = 1e-6
 """Singular value of the constraints below which a rigid motion is free: two points a thousandth of the body apart yield more."""
 
-
 ON_A_PLANE = 1e-6
 """Distance in spacings within which a facet counts as lying in a plane of reflection."""
 
@@ -67,8 +66,8 @@ def conditions_of(
         holding = [one for one in prescriptions if regions.edge(one.region) == edge]
         by_component = {component: one for one in holding for component in one.components}
         for one in holding:
-            components = tuple(component for component in one.components if by_component[component] is one)
-            planes.append(one.held(names, sources, feet, components, plane=number))
+            if components := tuple(component for component in one.components if by_component[component] is one):
+                planes.append(one.held(names, sources, feet, components, plane=number))
             along_planes.append(one.held(names, points, body.points[points]))
             if len(rigid_points):
                 held.append(one.held(names, rigid_points, body.points[rigid_points]))
@@ -92,8 +91,8 @@ def conditions_of(
     springs = np.full(len(body), modulus)
     springs[rigid] *= RIGID
     loading.course = Paths(loading, springs, modulus, scene.solver.largest_increment)
-    if loading.supports is not None:
-        loading.supports.response = loading.course.response
+    for support in loading.supports:
+        support.response = loading.course.response
     if any(stage.inertia is None for stage in stages):
         ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
         _check_held(loading, "prescribed", f"hold {ways} of a region by 0 against it, or let the steps be in dynamics")

@@ -69,7 +69,7 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
         _warn(scene, f'{stiff}, and {trouble}: take material = "rigid" for it, which differs by less than 0.1 %')
     if not force.has_energy and contrast > MOST_CONTRAST:
         trouble = "is off by 2 to 7 %, a soft layer of 4 cells is many times too stiff, or no equilibrium is found"
-        _warn(scene, f"{stiff}; beside it {model} {trouble}: take force=bond-energy")
+        _warn(scene, f"{stiff}; with it {model} {trouble}: take force=bond-energy")
     confined = [
         (one.shear_modulus, soft.bulk_modulus)
         for one in laws
@@ -77,7 +77,7 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
         if YIELDING * soft.shear_modulus < one.shear_modulus < soft.bulk_modulus / NOT_CONFINED
     ]
     if force.has_energy and scene.plane == "strain" and confined:
-        beside = "a material of shear modulus {:.4g} lies beside a softer one of bulk modulus {:.4g}".format(*confined[0])
+        beside = "a material of shear modulus {:.4g} lies next to a softer one of bulk modulus {:.4g}".format(*confined[0])
         trouble = "the softer one is too soft where it is confined: by 6 to 14 % in a layer 4 cells thick, by 3 % in one of 8"
         _warn(scene, f'{beside}, and {trouble}; take a smaller spacing, or material = "rigid" for the stiff part')
 

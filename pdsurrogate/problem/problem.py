@@ -216,8 +216,7 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         return body if ranks.size == 1 else divided(body, ranks, SIGHT if scene.materials else HALO)
 
     def surface() -> Surface:
-        found = surface_of(scene, whole[0], lower, upper)
-        return found.of_share(body.share) if body.share.divided else found
+        return surface_of(scene, whole[0], lower, upper).of_share(body.share)
 
     body, lower, upper = discretise(scene, share_of)
     stages = stages_of(scene)

@@ -184,7 +184,7 @@ class BodyRegions:
         surface = self.surface()
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
-            few = f"where the points beside the boundary, with which it moves, are fewer than {too_few(self.body)}"
+            few = f"where the points near the boundary, with which it moves, are fewer than {too_few(self.body)}"
             thin = f"the body is too thin at {text_of(surface.nodes[lost[0]])}, {few}"
             raise ValueError(f"{self._key(reference, key)}: {thin}; take {self.body.finer}")
         return found

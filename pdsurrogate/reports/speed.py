@@ -88,7 +88,9 @@ def measure_speed(
     """
     threads = sorted({1, most_threads()})
     yardsticks = {count: _arithmetic_on(count) for count in threads}
-    rounds = _rounds_in(PIECE, yardsticks[1])
+    trial = 1000
+    with thread_count(1):
+        rounds = max(1, int(trial * PIECE / min(yardsticks[1](trial) for _ in range(50))))
     turns = {
         (number, count): _turns_of(case, law, count, partial(yardsticks[count], rounds))
         for number, case in enumerate(cases)
@@ -182,13 +184,6 @@ def _arithmetic_on(count: int) -> Callable[[int], float]:
         return _seconds(arithmetic.bind(rounds, buffer))
 
     return seconds
-
-
-def _rounds_in(seconds: float, yardstick: Callable[[int], float]) -> int:
-    """Return the number of rounds of arithmetic that take the given seconds on an undisturbed core."""
-    trial = 1000
-    with thread_count(1):
-        return max(1, int(trial * seconds / min(yardstick(trial) for _ in range(50))))
 
 
 def _seconds(function: Callable[[], object]) -> float:

@@ -79,7 +79,7 @@ class Checkpoint:
             raise CheckpointError(f"{path} has format {found!r}, this version reads {FORMAT}; {ANEW}")
         there = Contents.read(written)
         if there is None:
-            raise CheckpointError(f"{path} is damaged: it does not tell its scene; {ANEW}")
+            raise CheckpointError(f"{path} is damaged: it does not name its scene; {ANEW}")
         if differences := there.differences(Contents.read(identity)):
             raise CheckpointError(f"{path} belongs to another run: {differences}; {ANEW}, or resume with what is there")
         for key in identity:

@@ -134,7 +134,7 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
     summary = read_summary(folder)
     found = Contents.read(summary or identity_in(folder))
     if found is None:
-        raise FolderTaken(f"{folder} holds results of {name} that do not tell their scene; {WAY_OUT}")
+        raise FolderTaken(f"{folder} holds results of {name} that do not name their scene; {WAY_OUT}")
     if differences := found.differences(contents):
         raise FolderTaken(f"{folder} holds the results of another run of {name}: {differences}; {WAY_OUT}")
     ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)

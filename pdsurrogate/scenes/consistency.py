@@ -64,7 +64,7 @@ def _dimension(scene: Scene) -> None:
             if dimension == 2 and getattr(entry, name) is not None:
                 raise ValueError(f"{key}.{name}: a body in the plane has x1 and x2, and turns about a place alone; leave it out")
         if dimension == 3 and entry.rotation is not None and entry.axis is None:
-            raise ValueError(f"{key}.axis: a rotation in space needs the direction of its axis, as axis=[1, 0, 0]")
+            raise ValueError(f"{key}.axis: a rotation of a solid needs the direction of its axis, as axis=[1, 0, 0]")
     for key, hold in _entries(scene, "holds"):
         if dimension == 2 and "x3" in (hold.components or ()):
             raise ValueError(f"{key}.components: a body in the plane has x1 and x2, and no x3")
@@ -103,7 +103,7 @@ def _rigid_regions(scene: Scene) -> None:
     rigid = next((key for key, part in _entries(scene, "materials") if part.material.rigid), None)
     moving = next((key for key, step in _entries(scene, "steps") if step.dynamics is not None), None)
     if rigid and scene.stretched:
-        raise ValueError(f"{rigid}: beside a rigid region the loading is said by prescribed, loads and steps, not by grips")
+        raise ValueError(f"{rigid}: with a rigid region, give the loading by prescribed, loads and steps, not by grips")
     if rigid and moving:
         raise ValueError(f"{moving}.dynamics: a rigid region ({rigid}) is taken in equilibrium only")
 
@@ -142,7 +142,7 @@ def _programme(scene: Scene) -> None:
 def _thickness(scene: Scene) -> None:
     for key, load in _entries(scene, "loads"):
         if scene.plane != "stress" and load.thickness is not None:
-            why = "a body in space has none" if scene.dimension == 3 else "under plane strain the thickness does not change"
+            why = "a solid has none" if scene.dimension == 3 else "under plane strain the thickness does not change"
             raise ValueError(f"{key}.thickness: {why}; leave it out")
 
 

@@ -52,7 +52,7 @@ class Prescribed(StrictModel):
 
     def model_post_init(self, _) -> None:
         if all(value is None for value in (*self.displacement, self.rotation)):
-            raise ValueError("nothing is prescribed: give x1, x2, in space x3, or a rotation; 0 holds a component")
+            raise ValueError("nothing is prescribed: give x1, x2, for a solid x3, or a rotation; 0 holds a component")
         if (self.rotation is None) != (self.about is None):
             raise ValueError("a rotation needs the place that it is about, and only a rotation has one: give both or neither")
         if self.axis is not None and self.rotation is None:

@@ -198,7 +198,7 @@ _OneOrMany = BeforeValidator(lambda value: (value,) if isinstance(value, int | f
 """Lets one entry stand for a list of one."""
 
 
-_no_weight = refused(lambda name: name not in WEIGHT_FUNCTIONS, f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
+_known_weight = refused(lambda name: name not in WEIGHT_FUNCTIONS, f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
 
 
 def _dimension_of(data: Mapping[str, Any]) -> int:
@@ -280,7 +280,7 @@ class Scene(StrictModel):
     probes: tuple[Probe, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
-    weight: Annotated[str, AfterValidator(_no_weight)] = "inverse"
+    weight: Annotated[str, AfterValidator(_known_weight)] = "inverse"
     correction: Literal["tensor", "scalar", "none"] | None = None
     rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None

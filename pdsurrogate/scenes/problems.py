@@ -70,7 +70,7 @@ def _line(problem: Any, problems: list, model: type[BaseModel] | None) -> str | 
         bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
         message = f"needs {bound} entries, not {context['actual_length']}"
         if (context.get("max_length"), context["actual_length"]) == (2, 3):
-            message += "; it belongs to the plane, and three components to what is in space"
+            message += "; it belongs to the plane, and three components to a solid"
     elif kind == "union_tag_invalid":
         shapes = context["expected_tags"].replace("'", "").split(", ")
         message = f"unknown shape {context['tag']!r}; {suggestion(context['tag'], shapes)}"

@@ -205,7 +205,7 @@ def _crossing(corners: np.ndarray) -> str | None:
         place, one, other = crossings[0]
         return f"crosses itself at ({place[0]:.4g}, {place[1]:.4g}), where the sides that begin at corners {one} and {other} meet"
     place = places[wrong[0]]
-    return f"runs around itself more than once, or crosses itself at a corner: it does so beside ({place[0]:.4g}, {place[1]:.4g})"
+    return f"runs around itself more than once, or crosses itself at a corner: it does so near ({place[0]:.4g}, {place[1]:.4g})"
 
 
 def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:

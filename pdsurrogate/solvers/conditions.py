@@ -9,7 +9,7 @@ from ..body import Body
 from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
-from .held import Held, Supports
+from .held import Held, Support
 from .loads import AT_REST, Loads
 from .rigid import displaced, moment_of
 
@@ -76,8 +76,8 @@ class Loading:
         Flags of the held components of the planes.
     turning : set of int
         Numbers of the planes that turn.
-    supports : Supports or None
-        Supports at places between points; None where there are none.
+    supports : list of Support
+        Supports at places between points.
     course : Pull or Paths
         Paths on which the body follows the held parts; set once the conditions are known.
     parameter, rest, names, planes, held, loads
@@ -88,8 +88,7 @@ class Loading:
     ) -> None:
         self.body, self.parameter, self.rest, self.names, self.loads, self._share = body, parameter, rest, names, loads, body.share
         self.planes, self.held = planes, held
-        at_places = [part for part in held if part.others is not None]
-        self.supports = Supports(body, at_places) if at_places else None
+        self.supports = [Support(body, part) for part in held if part.others is not None]
         self._of_points = [part for part in held if part.plane is None]
         self._of_planes = [part for part in held if part.plane is not None]
         self.turning = {part.plane for part in self._of_planes if part.angle is not None}
@@ -152,9 +151,9 @@ class Loading:
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter."""
         positions[self.there] = self.body.points[self.there] + self.moves(parameter)[self.at_points]
-        if self.supports is not None:
-            self.supports.set(parameter)
-            self.supports.place(positions)
+        for support in self.supports:
+            support.set(parameter)
+            support.place(positions)
         for number, motion in enumerate(self.plane_motions(parameter)):
             force.move_plane(number, motion[:, -1], motion[:, :-1] if number in self.turning else None)
 
@@ -188,7 +187,7 @@ class Loading:
                 what = f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
                 error = InvalidState(at_point(self.body, worst, what))
                 if held.sum() > 1 and self._beside_free_side(worst, plane.axis):
-                    what += "; the free side beside it bulges over what it is bonded to, and would lie against it"
+                    what += "; the free side next to it bulges over what it is bonded to, and would lie against it"
                     error = FoldedOver(at_point(self.body, worst, what))
             self.body.share.agree(error)
 
@@ -226,8 +225,8 @@ class Loading:
         forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
         if self._of_points:
             at_points = -on_points * (1 - self.free)
-            if self.supports is not None:
-                self.supports.spread(at_points)
+            for support in self.supports:
+                support.spread(at_points)
             holder, *there = self._counted
             np.add.at(forces, (holder, there[1]), at_points[tuple(there)])
             forces = self._share.total(forces)

@@ -173,11 +173,9 @@ class EquilibriumSolver(ABC):
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Return the largest force density in units of shear modulus / spacing, see `InternalForce.force_scale`."""
-        unit, volumes = force.force_scale, self.volumes
-        if isinstance(unit, np.ndarray):  # with several materials every point has its own scale
-            unit, volumes = 1.0, volumes * unit
-        greatest = self.share.greatest(greatest_force_density[forces.shape[1]](forces, self.free, volumes))
-        return greatest * force.body.spacing / unit
+        # With several materials every point has its own scale.
+        density = greatest_force_density[forces.shape[1]](forces, self.free, self.volumes * force.force_scale)
+        return self.share.greatest(density) * force.body.spacing
 
     def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:
         """Write the forces on free components to `out`, shape (n, d), 0 on held ones, whose forces are kept as driving forces."""

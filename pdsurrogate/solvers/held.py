@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -55,16 +54,15 @@ class Held:
         return self.points if self.others is None else np.concatenate([self.points, self.others])
 
 
-class Supports:
-    """The places between points that are held: they move their held points in every state, and hand the forces on these to the others.
+class Support:
+    """A held place between points: it moves its held point in every state, and hands the force on this to the others.
 
     With u_0 = count g - sum u_k the energy's derivative by u_k is f_k - f_0, as of a body that is held by forces at the place itself.
 
     Parameters
     ----------
     body : Body
-    parts : sequence of Held
-        Those between points.
+    part : Held
 
     Attributes
     ----------
@@ -72,47 +70,45 @@ class Supports:
         Displacements of the body, shape (n, d), about where held components are displaced by (n, d); set by the conditions of the body.
     """
 
-    def __init__(self, body: Body, parts: list[Held]) -> None:
-        self._body, self.share, self._parts = body, body.share, parts
-        self.response: Callable[[np.ndarray], np.ndarray]
+    response: Callable[[np.ndarray], np.ndarray]
+
+    def __init__(self, body: Body, part: Held) -> None:
+        self._body, self._part = body, part
+        self._point, self._others = part.points[:, None], part.others[:, None]  # with the components they index arrays (n, d)
         self.set(0.0)
 
     def set(self, parameter: float) -> None:
-        """Set the prescribed displacements at a value of the loading parameter."""
-        self._goals = [displaced(part.motion(parameter), part.places)[0] for part in self._parts]
+        """Set the prescribed displacement at a value of the loading parameter."""
+        self._goal = displaced(self._part.motion(parameter), self._part.places)[0]
 
     def place(self, positions: np.ndarray) -> None:
-        """Move the held points to where the others leave them."""
-        self.share.fill(positions)
-        for part, goal in zip(self._parts, self._goals, strict=True):
-            if len(part.others) == part.count - 1:  # on another rank there may be fewer, and a copy of the held point
-                moved = (positions[part.others] - self._body.points[part.others]).sum(axis=0)
-                placed = self._body.points[part.points] + part.count * goal - moved
-                positions[part.points[:, None], part.components] = placed[:, part.components]
+        """Move the held point to where the others leave it."""
+        self._body.share.fill(positions)
+        part, at_rest = self._part, self._body.points
+        if len(part.others) == part.count - 1:  # on another rank there may be fewer, and a copy of the held point
+            moved = (positions[part.others] - at_rest[part.others]).sum(axis=0)
+            placed = at_rest[part.points] + part.count * self._goal - moved
+            positions[self._point, part.components] = placed[:, part.components]
 
     def fold(self, forces: np.ndarray) -> None:
-        """Hand the forces on held points to the others."""
-        self.share.fill(forces)
-        for part in self._parts:
-            if len(part.points):
-                forces[part.others[:, None], part.components] -= forces[part.points[:, None], part.components]
+        """Hand the force on the held point to the others."""
+        self._body.share.fill(forces)
+        if len(self._point):
+            forces[self._others, self._part.components] -= forces[self._point, self._part.components]
 
     def spread(self, reactions: np.ndarray) -> None:
-        """Copy the reactions at held points to the others."""
-        self.share.fill(reactions)
-        for part in self._parts:
-            if len(part.points):
-                reactions[part.others[:, None], part.components] = reactions[part.points[:, None], part.components]
+        """Copy the reaction at the held point to the others."""
+        self._body.share.fill(reactions)
+        if len(self._point):
+            reactions[self._others, self._part.components] = reactions[self._point, self._part.components]
 
-    @cached_property
     def fields(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Weights (n, d) of the mean and response of the body to the held point, scaled to a mean of 1, by support and component."""
+        """Return weights (n, d) of the mean and response of the body to the held point, scaled to a mean of 1, by component."""
         found = []
-        for part in self._parts:
-            for component in part.components:
-                moved, weights = np.zeros((2, *self._body.points.shape))
-                moved[part.points, component] = 1.0
-                weights[part.every, component] = 1 / part.count
-                follows = self.response(moved)
-                found.append((weights, follows / self.share.dot(weights, follows)))
+        for component in self._part.components:
+            moved, weights = np.zeros((2, *self._body.points.shape))
+            moved[self._part.points, component] = 1.0
+            weights[self._part.every, component] = 1 / self._part.count
+            follows = self.response(moved)
+            found.append((weights, follows / self._body.share.dot(weights, follows)))
         return found

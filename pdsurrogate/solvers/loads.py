@@ -8,7 +8,7 @@ from ..body import Body
 from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
 from ..ranks import Share
-from .held import Supports
+from .held import Support
 from .rigid import RigidRegion, moment_of
 
 AT_REST = 1e-14
@@ -304,7 +304,7 @@ class LoadedForce:
     ----------
     internal : InternalForce
     loads : Loads or None
-    supports : Supports, optional
+    supports : sequence of Support
     rigid : sequence of RigidRegion
 
     Attributes
@@ -317,7 +317,7 @@ class LoadedForce:
     """
 
     def __init__(
-        self, internal: InternalForce, loads: Loads | None, supports: Supports | None = None, rigid: Sequence[RigidRegion] = ()
+        self, internal: InternalForce, loads: Loads | None, supports: Sequence[Support] = (), rigid: Sequence[RigidRegion] = ()
     ) -> None:
         self.internal, self.loads, self.supports, self.rigid = internal, loads, supports, rigid
         self.no_energy_because = None if loads is None else loads.no_potential_because
@@ -340,13 +340,13 @@ class LoadedForce:
         """
         for region in self.rigid:
             region.snap(positions)
-        if self.supports is not None:
-            self.supports.place(positions)
+        for support in self.supports:
+            support.place(positions)
         self.internal(positions, out)
         if self.loads is not None:
             self.loads.forces(positions, self.thickness(), out)
-        if self.supports is not None:
-            self.supports.fold(out)
+        for support in self.supports:
+            support.fold(out)
         for region in self.rigid:
             region.carry(positions, out)
 

@@ -117,7 +117,8 @@ class NearestBonds:
         stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
-        self.body = body
+        # The point at the second end of every bond, or the point of which that end is an image.
+        self.body, self._sources = body, np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[self.second]
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
         """Return the forces on the points under displacements (n, d), whose halo is filled first.
@@ -141,7 +142,7 @@ class NearestBonds:
         d = self.body.dimension
         blocks = np.einsum("b,bi,bj->bij", self._excess, self._along, self._along) + self._across[:, None, None] * np.eye(d)
         if rigid is not None:
-            blocks *= ~(rigid[self.first] & rigid[self._sources()])[:, None, None]
+            blocks *= ~(rigid[self.first] & rigid[self._sources])[:, None, None]
         rows, columns, values = self._entries(blocks, self._parity()[:, None])
         rows, columns = d * rows[:, None, None] + np.arange(d)[:, None], d * columns[:, None, None] + np.arange(d)
         places = [np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns)]
@@ -160,10 +161,6 @@ class NearestBonds:
             found.append((components, (matrix + matrix.T) / 2))
         return found
 
-    def _sources(self) -> np.ndarray:
-        """Return the point at the second end of every bond, or the point of which that end is an image, shape (k,)."""
-        return np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])[self.second]
-
     def _parity(self) -> np.ndarray:
         """Return the sign with which each component of the second end follows its source, shape (k, d)."""
         return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[self.second]
@@ -172,7 +169,7 @@ class NearestBonds:
         """Return rows, columns and values of the stiffness of springs of given values (k, ...); forces on ghosts are not included."""
         within = self.second < len(self.body)
         first, second, ends = self.first, self.second[within], self.first[within]
-        rows, columns = np.concatenate([first, first, second, second]), np.concatenate([first, self._sources(), second, ends])
+        rows, columns = np.concatenate([first, first, second, second]), np.concatenate([first, self._sources, second, ends])
         return rows, columns, np.concatenate([values, -values * parity, values[within], -values[within]])
 
 
@@ -234,9 +231,9 @@ def _factorised_springs(body: Body, shear_moduli: float | np.ndarray, free: np.n
     Its low modes agree with those of the true tangent within a factor that does not grow with the number of points, and its factorisation
     needs seconds for 10^5 points.
     """
-    balanced, held = drift_remover(body, free), free.ravel()
-    factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), held))
-    return lambda forces: balanced(factor.solve(forces.ravel() * held).reshape(forces.shape))
+    balanced, column = drift_remover(body, free), free.ravel()
+    factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), column))
+    return lambda forces: balanced(factor.solve(forces.ravel() * column).reshape(forces.shape))
 
 
 def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
@@ -244,10 +241,10 @@ def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.n
     balanced, inverses = drift_remover(body, free), []
     for components, matrix in laplacian_of(body, shear_moduli).matrices():
         for own in alike(free, components):
-            held = free[:, own[0]]
-            system = held_matrix(matrix, held)
+            column = free[:, own[0]]
+            system = held_matrix(matrix, column)
             if len(body) > MOST_FACTORISED[body.dimension]:
-                inverses.append((own, Multigrid(system.tocsr(), body.points, body.spacing, held > 0, len(own)).cycle))
+                inverses.append((own, Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(own)).cycle))
             else:
                 inverses.append((own, factor_of(system).solve))
     return lambda forces: balanced(by_components(inverses, forces * free)) * free
@@ -444,8 +441,7 @@ def strain_of_step(body: Body, step: np.ndarray) -> float:
 
 def strain_rounding(body: Body) -> float:
     """Return the strain that rounding of the positions makes in a bond as long as the spacing."""
-    farthest = body.share.greatest(np.abs(body.points))
-    return float(np.finfo(float).eps) * farthest / body.spacing
+    return float(np.finfo(float).eps) * body.share.greatest(np.abs(body.points)) / body.spacing
 
 
 def is_rigid(force: InternalForce) -> bool:

@@ -1,12 +1,13 @@
 """Preconditioners of quasi-Newton methods, chosen by the force, and extensions of held displacements into the body."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from .held import Supports
+from ..ranks import Share
+from .held import Support
 from .multigrid import conjugate_gradient_steps, conjugate_gradients
 from .nearest_bonds import EXACTLY, Preconditioner, inverse_of_laplacian, inverse_of_springs, laplacian_of, springs_of
 from .rigid import inverse_with_regions
@@ -33,8 +34,8 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
         found = incompressible_inverse(force, inverse_of_laplacian(body, moduli, free))
     else:
         found = inverse_of_springs(body, moduli, free)
-    supports = getattr(force, "supports", None)
-    return found if supports is None else supported(found, supports)
+    supports = getattr(force, "supports", ())
+    return supported(found, supports, body.share) if supports else found
 
 
 def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Callable[..., np.ndarray]:
@@ -127,12 +128,12 @@ def _inverse_polynomial(compliance: float) -> np.ndarray:
     return coefficients
 
 
-def supported(inner: Preconditioner, supports: Supports) -> Preconditioner:
+def supported(inner: Preconditioner, supports: Sequence[Support], share: Share) -> Preconditioner:
     """Return the preconditioner R M R^T of a body held at places between points, from M of the same body held at points.
 
     R u moves no such place.
     """
-    fields, dot = supports.fields, supports.share.dot
+    fields, dot = [field for support in supports for field in support.fields()], share.dot
 
     def solve(forces: np.ndarray) -> np.ndarray:
         balanced = forces.copy()

@@ -200,13 +200,13 @@ def inverse_with_regions(body: Body, shear_moduli: float | np.ndarray, free: np.
         columns.append(sparse.csr_array(motions.reshape(d * n, -1)))
         motions_free.append(np.full(own.shape[-1], float(region.free_motions(own).any())))
     by_motion = sparse.hstack([sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
-    held = np.concatenate([kept.ravel(), *motions_free])
+    column = np.concatenate([kept.ravel(), *motions_free])
     matrix = by_motion.T @ springs_of(body, shear_moduli).matrix(inside) @ by_motion
-    factor = factor_of(held_matrix(matrix.tocsc(), held))
+    factor = factor_of(held_matrix(matrix.tocsc(), column))
 
     def solve(forces: np.ndarray) -> np.ndarray:
         motions = [region.projector @ region.resultant(forces[region.points]) for region in regions]
-        found = factor.solve(np.concatenate([forces.ravel(), *motions]) * held) * held
+        found = factor.solve(np.concatenate([forces.ravel(), *motions]) * column) * column
         displacements, *of_regions = np.split(found, forces.size + np.cumsum([0, *map(len, motions)])[:-1])
         displacements = displacements.reshape(forces.shape)
         for region, motion in zip(regions, of_regions, strict=True):

@@ -66,14 +66,12 @@ class Outcome:
     weakness: str | None = None
 
     @classmethod
-    def above(cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure="{:.2g}") -> Outcome:
+    def above(cls, value: float | Mapping, limit: float, weakness: str, figure="{:.2g}") -> Outcome:
         """Return an outcome that is passed if the value, or the least of several by their names, is at least the limit."""
         return cls.below(value, limit, weakness, figure, min, operator.ge)
 
     @classmethod
-    def below(
-        cls, value: float | Mapping[Any, float], limit: float, weakness: str, figure="{:.1e}", worst=max, holds=operator.le
-    ) -> Outcome:
+    def below(cls, value: float | Mapping, limit: float, weakness: str, figure="{:.1e}", worst=max, holds=operator.le) -> Outcome:
         """Return an outcome that is passed if the value, or the greatest of several by their names, is at most the limit."""
         if isinstance(value, Mapping):
             name = worst(value, key=value.get)
@@ -88,17 +86,13 @@ class Outcome:
 
 
 class Ended(Exception):
-    """End of a case before anything is measured: its outcome."""
-
-    def __init__(self, verdict: str, figure: str, weakness: str | None = None) -> None:
-        super().__init__(figure)
-        self.outcome = Outcome(verdict, figure, weakness=weakness)
+    """End of a case before anything is measured; the argument is its outcome."""
 
 
 def required(holds: bool, otherwise: str) -> None:
     """End a case as inapplicable, for a reason, unless a condition holds."""
     if not holds:
-        raise Ended(INAPPLICABLE, otherwise)
+        raise Ended(Outcome(INAPPLICABLE, otherwise))
 
 
 @dataclass(frozen=True)
@@ -136,7 +130,7 @@ class Case:
         try:
             return self.function(subject, *given)
         except Ended as ended:
-            return ended.outcome
+            return ended.args[0]
         except (InvalidState, NotConverged, Diverging) as error:
             if self.failing is None:
                 raise
@@ -248,9 +242,7 @@ class Subject:
         """Return the prescription that holds a region in place."""
         return {"region": region, **{f"x{axis + 1}": 0.0 for axis in range(self.dimension)}}
 
-    def run(
-        self, scene: Scene, force: str | None = None, where: str = "", weakness="does not converge", unstable=WEAK, **options
-    ) -> Result:
+    def run(self, scene: Scene, force: str | None = None, where="", weakness="does not converge", unstable=WEAK, **options) -> Result:
         """Return the run of a scene with the model or another force; raise `Ended` if it fails, KeyboardInterrupt if it is interrupted.
 
         `where` precedes the reason of a failure; `unstable` is the verdict if the equilibrium is not stable.
@@ -262,7 +254,7 @@ class Subject:
             raise KeyboardInterrupt from None
         except SimulationFailed as error:
             verdict = unstable if isinstance(error.__cause__, Unstable) else WEAK
-            raise Ended(verdict, f"{where}{error}", weakness if verdict == WEAK else None) from error
+            raise Ended(Outcome(verdict, f"{where}{error}", weakness=weakness if verdict == WEAK else None)) from error
 
 
 def forces_at(force: InternalForce, positions: np.ndarray) -> np.ndarray:

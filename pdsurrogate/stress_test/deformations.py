@@ -156,7 +156,7 @@ def chain_limit(subject: Subject) -> Outcome:
     return Outcome(WEAK, "went on beyond the limit", weakness="accuracy")
 
 
-@case("K/mu = 10 to 10^4 (in space 10^3), stretch 2", "stress within 0.1 % of the exact one")
+@case("K/mu = 10 to 10^4 (of solids 10^3), stretch 2", "stress within 0.1 % of the exact one")
 def compressibility(subject: Subject) -> Outcome:
     """Test uniaxial stretch 2 at K/mu = 10, 100, 10^3 and, in the plane, 10^4, by the greatest error of the stress."""
     errors = {}
@@ -416,7 +416,7 @@ def notch_tip(subject: Subject) -> Outcome:
         try:
             _relax(force, positions, np.ones_like(positions))
         except (InvalidState, NotConverged, Diverging) as error:
-            raise Ended(WEAK, f"stretch {target:g}: {error}", "does not converge") from error
+            raise Ended(Outcome(WEAK, f"stretch {target:g}: {error}", weakness="does not converge")) from error
         reached = target
     # x1 varies fastest in the order of the points.
     moved = (positions - body.points).reshape(*counts[::-1], d)

@@ -17,7 +17,7 @@ CASES: tuple[Case, ...] = tuple(dict.fromkeys((*tangents.CASES, *conformance.PRO
 """All cases in the order of the table: the hard ones, then the properties of `conformance`."""
 
 
-BODIES = {"stress": "sheets under plane stress", "space": "bodies in space"}
+BODIES = {"stress": "sheets under plane stress", "space": "solids"}
 """Names of the states in which the hard cases are tested."""
 
 

@@ -309,7 +309,8 @@ def undamped_steps(subject: Subject) -> Outcome:
         try:
             motion.advance(steps)
         except InvalidState as error:
-            raise Ended(WEAK, f"within {(len(energies) + 1) * steps} steps: {error}", "not conservative") from error
+            within = f"within {(len(energies) + 1) * steps} steps: {error}"
+            raise Ended(Outcome(WEAK, within, weakness="not conservative")) from error
         energies.append(motion.kinetic_energy)
     growth = np.mean(energies[-pieces // 10 :]) / np.mean(energies[: pieces // 10])
     return Outcome.below(growth, 1.2, "not conservative", "{:.3g}")

@@ -165,7 +165,7 @@ def why_not_resisted(resisted: float, least: float) -> str:
     return "zero-energy modes" if resisted > -least else "loses stability"
 
 
-@case("displacements of a free body that no force answers", "the rigid ones alone: 3 in the plane, 6 in space")
+@case("displacements of a free body that no force answers", "the rigid ones alone: 3 in the plane, 6 in three dimensions")
 def rigid_motions(subject: Subject) -> Outcome:
     """Test that the displacements of a free body at rest without a force are the three or six rigid ones, and no other.
 

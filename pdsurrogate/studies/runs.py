@@ -28,7 +28,7 @@ from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import LOCK, SUMMARY, FolderTaken, occupied
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
-from ..scenes import Mesh, Scene, SceneError, load_scene
+from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
 from ..scenes.problems import explain
 from ..scenes.reading import apply_change
 from .description import FORCE, Fit, Study, scene_of
@@ -96,9 +96,10 @@ class SceneTask:
 
 @dataclass(frozen=True)
 class FitTask:
-    """Fit of a surrogate, with the `digest` of its settings."""
+    """Fit of a surrogate: the material, the `FitSettings`, and a digest of both."""
 
-    fit: Fit
+    material: MaterialSpec
+    settings: Any
     digest: str
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None = None) -> str | None:
@@ -109,12 +110,11 @@ class FitTask:
         from ..learning.fitting import TooInexact
 
         began = time.perf_counter()
-        law, settings = self.fit.material.build(), settings_of(self.fit)
-        place = folder / Path(*SURROGATE)
+        law, place = self.material.build(), folder / Path(*SURROGATE)
         with threadpool_limits(threads):
             if not place.exists():  # it exists if an earlier attempt ended before writing its summary
                 try:
-                    settings.train(law)(folder, *SURROGATE)
+                    self.settings.train(law)(folder, *SURROGATE)
                 except (TooInexact, ValueError) as error:
                     return str(error)
         card = artifacts.load_card(place)
@@ -130,13 +130,6 @@ class FitTask:
         }
         write_json(folder / SUMMARY, summary)
         return None
-
-
-def settings_of(fit: Fit):
-    """Return the settings of a fit in the form used by `pdsurrogate.learning`."""
-    from ..learning.settings import FitSettings
-
-    return FitSettings(**{key: value for key, value in fit if key != "material"})
 
 
 def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]], memory: float) -> list[SceneTask | FitTask]:
@@ -168,16 +161,11 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     if force not in FORCES:
         # The name with its present version; an artefact that cannot be found by name is given by its whole path.
         named, which = artifacts.find_artifact(force), artifacts.parted(force)[1]
-        force = f"{named.parent.name}@{named.name}" if _found_by_name(named) else str(named.resolve())
+        name, force = f"{named.parent.name}@{named.name}", str(named.resolve())
+        with suppress(artifacts.ArtifactError):
+            force = name if artifacts.find_artifact(name).resolve() == named.resolve() else force
         force += "" if which is None else f"#{which}"
     return SceneTask(scene, force, _scene_digest(scene, model))
-
-
-def _found_by_name(place: Path) -> bool:
-    try:
-        return artifacts.find_artifact(f"{place.parent.name}@{place.name}").resolve() == place.resolve()
-    except artifacts.ArtifactError:
-        return False
 
 
 def _scene_digest(scene: Scene, model: ForceModel) -> str:
@@ -189,15 +177,18 @@ def _scene_digest(scene: Scene, model: ForceModel) -> str:
 
 
 def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
+    # Imported here, since only a fit needs scikit-learn.
+    from ..learning.settings import FitSettings
+
     data = json.loads(json.dumps(study.fit))  # a deep copy of tables and lists
     for key, value in parameters.items():
         apply_change(data, key, value)
     try:
         fit = Fit.model_validate(data)
-        settings_of(fit)
+        settings = FitSettings(**{key: value for key, value in fit if key != "material"})
     except ValueError as error:
         raise SceneError(f"fit: {explain(error, Fit) if isinstance(error, ValidationError) else error}") from None
-    return FitTask(fit, digest_of(fit.model_dump(mode="json")))
+    return FitTask(fit.material, settings, digest_of(fit.model_dump(mode="json")))
 
 
 class Outcome(NamedTuple):

@@ -240,11 +240,10 @@ def study(
 
 def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool) -> None:
     """Raise FolderTaken if the folder holds a table that this study neither continues nor extends."""
-    if not (folder / DESCRIPTION).exists():
-        if (folder / TABLE).exists():
-            raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
-        return
-    if overwrite:
+    described = (folder / DESCRIPTION).exists()
+    if not described and (folder / TABLE).exists():
+        raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
+    if overwrite or not described:
         return
     try:
         written = json.loads((folder / DESCRIPTION).read_text("utf-8"))

@@ -139,7 +139,7 @@ def test_what_has_no_committee_says_so():
 
 
 def test_bodies_that_it_is_not_told_of_are_refused(folder):
-    with pytest.raises(ValueError, match="tells the deviation of its members under plane stress"):
+    with pytest.raises(ValueError, match="gives the deviation of its members under plane stress"):
         bound(f"{folder}#all", plane="strain")
     part = {"region": {"box": [[-9, -9], [0.6, 9]]}, "material": {**MAIN.describe(), "shear_modulus": 4.0}}
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.2, material=MAIN.describe(), materials=[part])

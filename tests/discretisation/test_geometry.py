@@ -255,7 +255,7 @@ def test_a_corner_that_folds_over_the_plate_is_told():
         pds.simulate(gasket())
     told = str(caught.value)
     assert "beyond the bottom edge" in told
-    assert "the free side beside it bulges over what it is bonded to" in told
+    assert "the free side next to it bulges over what it is bonded to" in told
     assert "contact is not followed, and a finer spacing shows the fold sooner" in told
     assert "take a finer spacing" not in told
 

@@ -113,7 +113,10 @@ class Off(MyRubber):
     [
         (lambda force, rotation: np.add(force, [0.05, 0]), r"Off is not zero at rest: bond_force\(stretch=1, .*\) is \(0\.05, 0\)"),
         (lambda force, rotation: force * [1, 0], "Off is not isotropic: the stress by the bond of stretch .* has not the axes"),
-        (lambda force, rotation: force * (1 + 0.2 * rotation)[:, None], "Off tells one way of turning from the other: at stretch 1.3"),
+        (
+            lambda force, rotation: force * (1 + 0.2 * rotation)[:, None],
+            "Off distinguishes one sense of rotation from the other: at stretch 1.3",
+        ),
     ],
 )
 def test_a_force_of_no_rubber_is_refused_before_the_run(mistake, message):

@@ -232,7 +232,7 @@ def test_one_mode_or_state_is_told():
             model = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
         beyond = dict(zip(("uniaxial", "pure-shear", "equibiaxial"), model.beyond([[2, 2**-0.5], [2, 1], [2, 2]]), strict=True))
         assert [name for name, distance in beyond.items() if distance <= 0] == [mode]
-    with pytest.warns(UserWarning, match="the data are of one state: they tell one number"):
+    with pytest.warns(UserWarning, match="the data are of one state: they determine one number"):
         pds.identification.EnergyRegressor().fit([[2.0, 1.0]], [1.0])
 
 

@@ -65,7 +65,7 @@ def principal(law, stretches):
     s = np.exp(2 * x)
     U, slope, _ = law.volumetric(J, law.parameters)
     if isinstance(law, PrincipalStretchLaw):
-        terms = [law.term(*x.T, *s.T, law.coefficients(law.parameters, k)) for k in range(law.n_terms)]
+        terms = [law.term(*x.T, *s.T, law.coefficients(law.parameters, k)) for k in range(len(law.terms))]
         W, *g = [sum(parts) for parts in zip(*terms, strict=True)][:4]
         g = np.stack(g, axis=1)
     else:

@@ -183,7 +183,7 @@ def test_what_one_face_does_turns_the_body():
     [
         (
             ({"region": "left", "rotation": 10.0, "about": (0, 0, 0)},),
-            "prescribed.0.axis: a rotation in space needs",
+            "prescribed.0.axis: a rotation of a solid needs",
         ),
         (({"region": "left", "x1": 0.0, "axis": (1, 0, 0)},), "axis is the direction of the axis of a rotation"),
         (({"region": "left", "x1": 0.0},), "nothing keeps the body from moving along x2 or moving along x3 or turning; hold x1, x2 or x3"),

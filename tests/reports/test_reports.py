@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
-from pdsurrogate.reports import presentation, speed
+from pdsurrogate.reports import compare, speed
 
 LAW = pds.materials.NeoHookean()
 
@@ -61,7 +61,7 @@ def test_those_timings_count_beside_which_arithmetic_was_fastest(monkeypatch):
 
 @pytest.mark.parametrize(("disturbance", "words"), [(1.05, ""), (1.4, "1.40 times")])
 def test_a_busy_machine_is_told_of(disturbance, words):
-    told = presentation.caution([{"disturbance_1": 1.0, "disturbance_all": disturbance}])
+    told = compare.caution([{"disturbance_1": 1.0, "disturbance_all": disturbance}])
     assert words in told
     assert bool(told) == bool(words)
 

@@ -161,12 +161,11 @@ def test_a_full_disk_is_reported_by_identify(tmp_path, monkeypatch):
 
 
 def test_a_full_disk_is_reported_by_compare(tmp_path, monkeypatch):
-    from pdsurrogate.reports import compare, presentation
+    from pdsurrogate.reports import compare
 
     monkeypatch.setattr(compare, "compare", lambda *arguments: {"machine": {"processor": "any", "threads": 1}, "models": []})
-    monkeypatch.setattr(presentation, "table", lambda report: (["model"], [["none"]]))
-    monkeypatch.setattr(presentation, "caution", lambda models: None)
-    monkeypatch.setattr(presentation, "as_csv", lambda report: "model\n")
+    monkeypatch.setattr(compare, "table", lambda report: (["model"], [["none"]]))
+    monkeypatch.setattr(compare, "caution", lambda models: None)
     full_disk(monkeypatch)
     done = CliRunner().invoke(app, ["compare", "--out", str(tmp_path / "out")])
     assert_one_clear_line(done, "could not write", "No space left")

@@ -135,7 +135,7 @@ def test_results_of_another_scene_are_not_replaced_unasked(saved, tmp_path):
     with pytest.raises(FolderTaken):
         found.save(tmp_path)
     assert names_in(tmp_path) == [name for name in before if name != "summary.json"]
-    with pytest.raises(FolderTaken, match="results of uniaxial that do not tell their scene"):
+    with pytest.raises(FolderTaken, match="results of uniaxial that do not name their scene"):
         result.save(tmp_path)
     found.save(tmp_path, overwrite=True)
     assert names_in(tmp_path) == ["convergence.csv", "history.csv", "mine-000.vtu", "mine.png", "mine.pvd", "summary.json"]

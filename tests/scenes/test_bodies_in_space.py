@@ -510,8 +510,8 @@ def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
         ([("hexahedron", [[0, 1, 2, 3, 4, 6, 5, 7]])], 3, "bad.vtu has 1 broken cells; hexahedron 0, from 0 on, is flat, or folded at a"),
         ([("hexahedron", [[4, 5, 6, 7, 0, 1, 2, 3]])], 3, "bad.vtu has 1 broken cells; hexahedron 0, from 0 on, is inverted"),
         ([("wedge", [[0, 1, 2, 4, 5, 6]])], 3, "bad.vtu has cells of type wedge; tetra and hexahedron are taken"),
-        ([("quad", [[0, 1, 2, 3]])], 3, "bad.vtu has no tetrahedra or hexahedra; a body in the plane is asked for by dimension = 2"),
-        ([("tetra", [[0, 1, 2, 4]])], 2, "cells of type tetra; triangle and quad are taken; a body in space is asked for by dimension = 3"),
+        ([("quad", [[0, 1, 2, 3]])], 3, "bad.vtu has no tetrahedra or hexahedra; give dimension = 2 for a sheet"),
+        ([("tetra", [[0, 1, 2, 4]])], 2, "cells of type tetra; triangle and quad are taken; give dimension = 3 for a solid"),
     ],
 )
 def test_meshes_that_make_no_body_in_space(tmp_path, cells, dimension, message):

@@ -130,7 +130,7 @@ def test_command(tmp_path, monkeypatch):
         (["--force", "wizardry"], "unknown force"),
         (["--out", "/dev/null/x"], "a folder is needed, and this is a file"),
         (["--force", "ogden-isochoric", "--plane", "stress"], "takes plane=strain and space"),
-        (["--force", "analytic", "--plane", "space"], "bodies in space"),
+        (["--force", "analytic", "--plane", "space"], "solids"),
         (["--plane", "strain"], "--plane: must be stress or space"),
     ):
         refused = CliRunner().invoke(app, ["stress-test", *arguments])
