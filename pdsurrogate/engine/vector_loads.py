@@ -210,49 +210,63 @@ def _sum_of_both(first, second):
 _ONE = np.uint64(1)
 
 
-def total_of(term):
-    """Return the function ``total(bonds, zero, of)`` that adds the records ``term(b, of)`` for b from ``bonds[0]`` to ``bonds[1]``.
+def sums_of(of_two, of_one):
+    """Return the function ``sums(bonds, zero, of)`` of two sums over b from ``bonds[0]`` to ``bonds[1]``.
 
-    Two sums run at the same time, so that one addition need not wait for the one before.
+    They run at the same time, so that one addition need not wait for the one before. ``of_two(b, of)`` returns what b and b + 1 add to
+    either, and ``of_one(b, of, zero)`` what the last b adds if it has no partner.
     """
-    term = inlined(term)
+    of_two, of_one = inlined(of_two), inlined(of_one)
 
     @inlined
-    def total(bonds, zero, of):
+    def sums(bonds, zero, of):
         start, stop = np.uint64(bonds[0]), np.uint64(bonds[1])
         first, second = zero, zero
         pairs = (stop - start) >> _ONE
         for pair in range(pairs):
-            b = start + pair + pair
-            first, second = plus(first, term(b, of)), plus(second, term(b + _ONE, of))
+            terms = of_two(start + pair + pair, of)
+            first, second = plus(first, terms[0]), plus(second, terms[1])
         for b in range(start + pairs + pairs, stop):
-            first = plus(first, term(b, of))
+            terms = of_one(b, of, zero)
+            first, second = plus(first, terms[0]), plus(second, terms[1])
+        return first, second
+
+    return sums
+
+
+def total_of(term):
+    """Return the function ``total(bonds, zero, of)`` that adds the records ``term(b, of)`` for b from ``bonds[0]`` to ``bonds[1]``."""
+    term = inlined(term)
+    sums = sums_of(lambda b, of: (term(b, of), term(b + _ONE, of)), lambda b, of, zero: (term(b, of), zero))
+
+    @inlined
+    def total(bonds, zero, of):
+        first, second = sums(bonds, zero, of)
         return plus(first, second)
 
     return total
 
 
-def _for_four_pairs(combine, length):
-    """Return the function that writes ``combine(second, first)`` of the records of both ends of four pairs as columns of a block."""
+def _for_four_pairs(of_ends, length):
+    """Return the function that writes the records ``of_ends(array, first, second)`` of four pairs as columns of a block."""
+
+    @inlined
+    def of_pair(array, ends, pair):
+        return of_ends(load(array, ends[0][pair], length), load(array, ends[1][pair], length))
 
     @inlined
     def write(array, ends, at, out, column):
-        first, second = ends
         # Numbers without sign need no test for places counted from the end.
         a, b, c, d = np.uint64(at), np.uint64(at + 1), np.uint64(at + 2), np.uint64(at + 3)
-        p = combine(load(array, second[a], length), load(array, first[a], length))
-        q = combine(load(array, second[b], length), load(array, first[b], length))
-        r = combine(load(array, second[c], length), load(array, first[c], length))
-        s = combine(load(array, second[d], length), load(array, first[d], length))
-        store_columns(out, column, (p, q, r, s))
+        store_columns(out, column, (of_pair(array, ends, a), of_pair(array, ends, b), of_pair(array, ends, c), of_pair(array, ends, d)))
 
     return write
 
 
 @cache
 def subtract_positions(dimension):
-    """Return the function that writes the differences of positions as `gather_pairs` does; a plain loop takes 1.8 times as long."""
-    return _for_four_pairs(minus, dimension)
+    """Return the function that writes the differences of positions as `gather_pairs` does; a plain loop takes 2.0 times as long."""
+    return _for_four_pairs(inlined(lambda first, second: minus(second, first)), dimension)
 
 
 @cache
@@ -261,7 +275,7 @@ def gather_pairs(dimension):
 
     ``sums[r, column + k] = matrices[first[at + k], r] + matrices[second[at + k], r]`` and ``differences[r, column + k] =
     positions[second[at + k], r] - positions[first[at + k], r]``, each for k in 0 … 3, where ``ends = first, second``. A plain loop takes
-    2.6 (float32) or 2.3 (float64) times as long in the plane, 2.2 or 1.9 times in three dimensions.
+    2.9 (float32) or 2.4 (float64) times as long in the plane, 2.1 or 2.0 times in three dimensions.
     """
     add, subtract = _for_four_pairs(plus, dimension**2), subtract_positions(dimension)
 
@@ -280,7 +294,7 @@ _by_row, _by_column = components(0, 1, 0, 1), components(0, 0, 1, 1)
 def outer_products(positions, neighbours, weights, bonds, point, out):
     """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in bonds, by columns, in the plane.
 
-    A plain loop takes 1.9 times as long.
+    A plain loop takes 2.0 times as long.
     """
     own = _by_row(load(positions, point, 2))
     for b in range(bonds[0], bonds[1]):
@@ -292,25 +306,35 @@ _of_first, _of_second, _half, _to_column = components(0, 0, 2, 2), components(1,
 
 
 @inlined
+def _columns(ends, own, weights):
+    """Return two bonds' differences, each times the first and times the second component of its weight."""
+    differences, across = minus(ends, own), doubles(weights)
+    return times(differences, _of_first(across)), times(differences, _of_second(across))
+
+
+def _of_two(b, of):
+    own, positions, neighbours, weights = of
+    ends = joined(load(positions, neighbours[b], 2), load(positions, neighbours[b + _ONE], 2))
+    return _columns(ends, own, joined(load(weights, b, 2), load(weights, b + _ONE, 2)))
+
+
+def _of_one(b, of, zero):
+    own, positions, neighbours, weights = of
+    weight = load(weights, b, 2)
+    return _columns(joined(load(positions, neighbours[b], 2), _half(own)), own, joined(weight, weight))
+
+
+_sums_of_columns = sums_of(_of_two, _of_one)
+
+
+@inlined
 def sum_outer_products(positions, neighbours, weights, bonds, point, out):
     """Write ``out[point] = sum over b in bonds of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns.
 
-    `bonds` are start and stop. This one is for the plane, where two bonds are one record. A plain loop takes 2.2 (float32) or
-    2.0 (float64) times as long; in three dimensions it is as fast.
+    `bonds` are start and stop. This one is for the plane. A plain loop takes 2.2 times as long; in three dimensions it is as fast.
     """
-    first = second = record_of((0.0,), 4)
-    own, start, stop = _by_row(load(positions, point, 2)), np.uint64(bonds[0]), np.uint64(bonds[1])
-    pairs = (stop - start) >> _ONE
-    for pair in range(pairs):
-        b = start + pair + pair
-        differences = minus(joined(load(positions, neighbours[b], 2), load(positions, neighbours[b + _ONE], 2)), own)
-        across = doubles(joined(load(weights, b, 2), load(weights, b + _ONE, 2)))
-        first, second = plus(first, times(differences, _of_first(across))), plus(second, times(differences, _of_second(across)))
-    for b in range(start + pairs + pairs, stop):
-        # The last bond of an odd number is joined with one of length zero.
-        differences, across = minus(joined(load(positions, neighbours[b], 2), _half(own)), own), doubles(load(weights, b, 2))
-        across = joined(across, across)
-        first, second = plus(first, times(differences, _of_first(across))), plus(second, times(differences, _of_second(across)))
+    of = _by_row(load(positions, point, 2)), positions, neighbours, weights
+    first, second = _sums_of_columns(bonds, record_of((0.0,), 4), of)
     store(out, point, joined(_to_column(first), _to_column(second)))
 
 
@@ -318,8 +342,8 @@ def sum_outer_products(positions, neighbours, weights, bonds, point, out):
 def sum_matrix_products(dimension):
     """Return the function that sums products of matrices by columns: ``out[point] = sum of (matrices[point] + matrices[j]) vectors[b]``.
 
-    The sum is over b in bonds, and j is ``neighbours[b]``. A plain loop takes 2.7 (float32) or 2.9 (float64) times as long in the plane,
-    2.4 times in three dimensions.
+    The sum is over b in bonds, and j is ``neighbours[b]``. A plain loop takes 2.7 (float32) or 3.1 (float64) times as long in the plane,
+    2.5 times in three dimensions.
     """
     places, length = range(dimension), dimension**2
     by_column, sum_columns = components(*[c for c in places for _ in places]), folded(dimension, length)
@@ -342,8 +366,8 @@ def sum_matrix_products(dimension):
 def sum_records(length, sign):
     """Return the function for ``out[point] = factor * (sum of records[own] + sign * sum of records[indices[others]])``.
 
-    `own` and `others` are start and stop, the sums are in double precision, and `sign` is 1 or -1. A plain loop takes 2.7 (float32) or 2.0
-    (float64) times as long for records of two reals, 1.5 or 1.7 times for three, 4.1 or 2.7 times for four, 3.4 or 2.3 times for nine.
+    `own` and `others` are start and stop, the sums are in double precision, and `sign` is 1 or -1. A plain loop takes 2.4 (float32) or 1.8
+    (float64) times as long for records of two reals, 1.8 times for three, 3.8 or 2.5 times for four, 3.1 or 2.4 times for nine.
     """
     own_total = total_of(lambda b, of: doubles(load(of[0], b, length)))
     listed_total = total_of(lambda b, of: doubles(load(of[0], of[1][b], length)))
@@ -365,7 +389,7 @@ _total_of_four = total_of(lambda b, of: load(of[0], of[1][b], 4))
 def sum_listed_records(records, listed, bonds, out, at):
     """Write ``out[at] = sum of records[listed[b]] for b in bonds``, records of four doubles.
 
-    A plain loop takes 4.5 times as long.
+    A plain loop takes 4.1 times as long.
     """
     store(out, at, _total_of_four(bonds, record_of((0.0,), 4), (records, listed)))
 
@@ -375,7 +399,7 @@ def multiply_pairs(dimension):
     """Return the function that multiplies the records of pairs with those of their ends, all of d + d d reals in single precision.
 
     ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in bonds, where s is -1 for the first d reals and 1 for the
-    others. A plain loop takes 1.9 times as long in the plane and 4.2 times in three dimensions.
+    others. A plain loop takes 2.6 times as long in the plane and 4.4 times in three dimensions.
     """
     length = dimension + dimension**2
     signs = (np.float32(-1.0),) * dimension + (np.float32(1.0),) * dimension**2
@@ -395,8 +419,8 @@ def sum_scaled_records(dimension):
     """Return the function that sums records of pairs, of d + d d reals in single precision, each times a factor.
 
     The sums run over the pairs in `own` and, at ``indices[others]``, over pairs of which the point is the other end: ``vectors[point]`` is
-    the difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others. A plain loop takes 6.0 times as
-    long in the plane and 7.0 times in three dimensions.
+    the difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others. A plain loop takes 6.4 times as
+    long in the plane and 6.9 times in three dimensions.
     """
     length = dimension + dimension**2
     vector, matrix = components(*range(dimension)), components(*range(dimension, length))
@@ -417,7 +441,7 @@ def sum_scaled_records(dimension):
 def sum_weighted_rows(width):
     """Return the function for rows of `width` reals in single precision: ``out[point] = sum over e in entries of w[e] x[columns[e]]``.
 
-    A plain loop takes 3.9 times as long for seven reals, 2.3 times for two or three, and 1.2 to 1.3 times for one.
+    A plain loop takes 3.9 times as long for seven reals, 2.4 times for two or three, and 1.2 to 1.4 times for one.
     """
     total = total_of(lambda e, of: times(load(of[0], of[1][e], width), record_of((of[2][e],), width)))
 
