@@ -25,11 +25,11 @@ console = Console()
 
 PARTS = {
     "setting up: points, bonds, force": ("run/run.py", "__post_init__"),
-    "force evaluations": ("forces/bond_energy.py", "evaluate"),
+    "force evaluations": ("forces/internal_force.py", "__call__"),
     "preconditioner: setting up": ("solvers/preconditioner.py", "preconditioner_of"),
-    "preconditioner: D linearised": ("forces/dilatation.py", "take"),
-    "pressure steps: D": ("forces/dilatation.py", "changes"),
-    "pressure steps: transpose of D": ("forces/dilatation.py", "forces"),
+    "preconditioner: D linearised": ("forces/volume_energy.py", "take"),
+    "pressure steps: D": ("forces/volume_energy.py", "changes"),
+    "pressure steps: transpose of D": ("forces/volume_energy.py", "forces"),
     "pressure steps: a cycle of multigrid for A": ("solvers/multigrid.py", "cycle"),
     "pressure steps: their preconditioner": ("solvers/preconditioner.py", "precondition"),
 }

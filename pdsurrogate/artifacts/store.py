@@ -65,7 +65,7 @@ def own_folder() -> Path:
 def next_version(folder: str | Path, name: str) -> str:
     """Return the version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
     check_path(folder, "folder")
-    _check_name(name, "1")
+    _check_name(name)
     versions = _versions(Path(folder) / name)
     return str(_version_key(versions[-1])[0] + 1) if versions else "1"
 
@@ -433,7 +433,7 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     return target
 
 
-def _check_name(name: str, version: str) -> None:
+def _check_name(name: str, version: str = "1") -> None:
     """Raise ArtifactError for a name or a version that no artefact may have."""
     for key, value, pattern in (("name", name, NAME_PATTERN), ("version", version, VERSION_PATTERN)):
         if not isinstance(value, str) or not re.fullmatch(pattern, value):

@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from .body import Body
-from .ghosts import ReflectionPlane
+from .ghosts import Ghosts, ReflectionPlane
 
 REACH = 1.3
 """Distance, in horizons, within which points contribute to a fit.
@@ -127,8 +127,8 @@ def fields_at(
         displacements.append(_folded(_polynomials(body, places, portion_of, even)[0], _Images(body, even)))
     images = _Images(body, mirrors)
     rows = _polynomials(body, places, portion_of, mirrors)[0]
-    signs = np.where(images.flipped, -1.0, 1.0)
-    tensors = [_folded(rows, images, signs[:, one] * signs[:, other]) for one in range(d) for other in range(d)]
+    signs = images.signs.T
+    tensors = [_folded(rows, images, signs[one] * signs[other]) for one in range(d) for other in range(d)]
     return tuple(displacements), tuple(tensors)
 
 
@@ -217,21 +217,15 @@ class _Images:
     points : ndarray, shape (m, d)
     source : ndarray of int, shape (m,)
         Point that each one is, or is the image of.
-    flipped : ndarray of bool, shape (m, d)
-        Axes along which it is reflected.
+    signs : ndarray, shape (m, d)
+        -1 along the axes along which it is reflected, +1 along the others.
     """
 
     def __init__(self, body: Body, planes: Sequence[ReflectionPlane]) -> None:
-        self.points, self.source, self.count = body.points, np.arange(len(body)), len(body)
-        self.flipped = np.zeros(body.points.shape, dtype=bool)
-        for plane in planes:
-            near = np.flatnonzero(np.abs(self.points[:, plane.axis] - plane.position) < _reach(body))
-            images, flipped = self.points[near].copy(), self.flipped[near].copy()
-            images[:, plane.axis] = 2 * plane.position - images[:, plane.axis]
-            flipped[:, plane.axis] = True
-            self.points = np.concatenate([self.points, images])
-            self.flipped = np.concatenate([self.flipped, flipped])
-            self.source = np.concatenate([self.source, self.source[near]])
+        self.count, ghosts = len(body), Ghosts.reflected(body.points, tuple(planes), _reach(body))
+        self.points = np.concatenate([body.points, ghosts.points])
+        self.source = np.concatenate([np.arange(len(body)), ghosts.source])
+        self.signs = np.concatenate([np.ones(body.points.shape), ghosts.reflection])
 
 
 def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = None) -> sparse.csr_array:

@@ -7,12 +7,10 @@ from numba.extending import intrinsic
 
 
 def data_of(context, builder, kind, value):
-    """Return the address of an array's data, the items of a tuple or a structure as a list, or another value itself."""
+    """Return the address of an array's data, the items of a tuple as a list, or another value itself."""
     if isinstance(kind, types.BaseTuple):
         return [data_of(context, builder, item, builder.extract_value(value, n)) for n, item in enumerate(kind.types)]
-    if isinstance(kind, types.Array):
-        return context.make_array(kind)(context, builder, value).data
-    return cgutils.unpack_tuple(builder, value) if isinstance(value.type, ir.LiteralStructType) else value
+    return context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
 
 
 INT_OF = {types.float32: types.int32, types.float64: types.int64}

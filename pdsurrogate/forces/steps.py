@@ -23,9 +23,12 @@ class Steps:
         for are_passes, group in groupby(taken, lambda step: isinstance(step, BoundPass)):
             others = (partial(share.fill, step) if isinstance(step, np.ndarray) else step for step in group)
             self._calls += [Chain(*others)] if are_passes else others
+        self._only = self._calls[0] if len(self._calls) == 1 and isinstance(self._calls[0], Chain) else None
 
     def __call__(self) -> list[int]:
         """Run all steps; return the counts of the passes in their order."""
+        if self._only is not None:
+            return self._only()
         counts = []
         for call in self._calls:
             found = call()

@@ -44,7 +44,11 @@ class _BondForce(Target):
         return Samples(*sampling.wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
 
     def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
-        return Samples(*sampling.states_of_strain(law, strains, stretch_range, n_samples, random_state), {}, self)
+        random = np.random.default_rng(random_state)
+        first, second = sampling.stretches_of_strain(random, strains, *stretch_range, n_samples)
+        U_nn, U_nm, J, C33 = sampling.on_surface(law, first, second, random.uniform(0, 2 * np.pi, n_samples))
+        X, y = sampling.force_on_bonds(law, U_nn, U_nm, J, C33, 1 - random.uniform(0, 1, n_samples))
+        return Samples(X, y, {}, self)
 
     def _predicted(self, model, law: Law, X: np.ndarray) -> np.ndarray:
         return force_of(model)(*X.T)

@@ -101,17 +101,6 @@ def range_of_stretches(trace, J) -> tuple[float, float]:
     return float((total - difference).min() / 2), float((total + difference).max() / 2)
 
 
-def states_of_strain(
-    law: Law, strains: tuple[float, float], stretch_range: tuple[float, float], n_samples: int, random_state: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return X and y of states on the surface whose greatest principal strain |lambda - 1| lies in a bin, uniform in its logarithm."""
-    low, high = stretch_range
-    random = np.random.default_rng(random_state)
-    first, second = stretches_of_strain(random, strains, low, high, n_samples)
-    U_nn, U_nm, J, C33 = on_surface(law, first, second, random.uniform(0, 2 * np.pi, n_samples))
-    return force_on_bonds(law, U_nn, U_nm, J, C33, 1 - random.uniform(0, 1, n_samples))
-
-
 def stretches_of_strain(
     random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int
 ) -> tuple[np.ndarray, np.ndarray]:

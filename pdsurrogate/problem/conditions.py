@@ -59,11 +59,13 @@ def conditions_of(
     edges = [edge_of(plane) for plane in body.planes]
     planes, held, along_planes, keys = [], [], [], []
     for number, (edge, plane) in enumerate(zip(edges, body.planes, strict=True)):
-        points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
+        sources = np.unique(body.ghosts.source[body.ghosts.plane == number])
+        holding = [one for one in prescriptions if regions.edge(one.region) == edge]
+        _check_crossed(body, holding[0].key, edge, len(sources) > 0)
+        points = regions.points(edge)
         feet = body.points[sources].copy()
         feet[:, plane.axis] = plane.position
         rigid_points = np.intersect1d(points, rigid)  # a plane's images hold no region that nothing deforms
-        holding = [one for one in prescriptions if regions.edge(one.region) == edge]
         by_component = {component: one for one in holding for component in one.components}
         for one in holding:
             if components := tuple(component for component in one.components if by_component[component] is one):
@@ -80,8 +82,7 @@ def conditions_of(
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
     _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
     for number, (key, edge) in enumerate(zip(keys, edges, strict=True)):
-        if not body.share.any((loading.crossing[1] == number).any()):
-            raise ValueError(f"{key}: no bond of the body crosses its {words_for(edge, body)}; do holes take all that is there?")
+        _check_crossed(body, key, edge, (loading.crossing[1] == number).any())
     if stretched:
         axis, travels = scene.loaded_axis, np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
         loading.course = Pull(loading, axis, regions.lower[axis], float(regions.upper[axis] - regions.lower[axis]), travels)
@@ -97,6 +98,12 @@ def conditions_of(
         ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
         _check_held(loading, "prescribed", f"hold {ways} of a region by 0 against it, or let the steps be in dynamics")
     return loading
+
+
+def _check_crossed(body: Body, key: str, edge: str, crossed: bool) -> None:
+    """Raise ValueError if no rank finds that bonds cross an edge held by reflection."""
+    if not body.share.any(crossed):
+        raise ValueError(f"{key}: no bond of the body crosses its {words_for(edge, body)}; do holes take all that is there?")
 
 
 def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> Held:

@@ -45,7 +45,8 @@ class DeadLoad:
     def __init__(self, name: str, amplitude: Amplitude, share: Share, points: np.ndarray, forces: np.ndarray) -> None:
         self.name, self.amplitude, self.points, self.forces, self.factor = name, amplitude, points, forces, 0.0
         total = share.total(forces.sum(axis=0))
-        self.weights = forces @ total / max(np.linalg.norm(total), 1e-300)
+        with np.errstate(over="ignore", invalid="ignore"):  # `Loads.set` refuses forces that are not finite
+            self.weights = forces @ total / max(np.linalg.norm(total), 1e-300)
 
     def at_sites(self, vectors: np.ndarray) -> np.ndarray:
         """Return the rows of the points that the load acts on, shape (k, d), of an array (n, d)."""

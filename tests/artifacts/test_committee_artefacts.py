@@ -143,7 +143,7 @@ def test_bodies_that_it_is_not_told_of_are_refused(folder):
         bound(f"{folder}#all", plane="strain")
     part = {"region": {"box": [[-9, -9], [0.6, 9]]}, "material": {**MAIN.describe(), "shear_modulus": 4.0}}
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.2, material=MAIN.describe(), materials=[part])
-    with pytest.raises(SceneError, match="is told of bodies of one material; leave out #all"):
+    with pytest.raises(SceneError, match="is given for bodies of one material; leave out #all"):
         pds.simulate(scene, f"{folder}#all")
 
 

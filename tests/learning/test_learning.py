@@ -24,8 +24,9 @@ from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.kernels.activations import ACTIVATIONS
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.learning import surrogate_of
+from pdsurrogate.learning.bond_force import BOND_FORCE
 from pdsurrogate.learning.pipeline import feature_transformer, outputs_of_force
-from pdsurrogate.learning.sampling import force_factor, states_of_strain, stretches_of_strain
+from pdsurrogate.learning.sampling import force_factor, stretches_of_strain
 from pdsurrogate.learning.target import relative_errors
 from pdsurrogate.materials import plane_stress
 
@@ -455,8 +456,8 @@ def test_report_of_the_exact_force_is_clean():
 
 
 def test_strain_bins_hold_the_strain_they_say():
-    X, _ = states_of_strain(LAW, (0.05, 0.1), (0.5, 4.0), 500, 1)
-    stretch, rotation, _, _, J = X.T
+    samples = BOND_FORCE._draw_strain(LAW, (0.05, 0.1), (0.5, 4.0), 500, 1)
+    stretch, rotation, _, _, J = samples.X.T
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     U = np.stack([np.stack([a, b], -1), np.stack([b, (J + b * b) / a], -1)], -1)
     greatest = np.abs(np.linalg.eigvalsh(U) - 1).max(axis=1)

@@ -265,9 +265,13 @@ def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
     monkeypatch.setattr(module, "simulate", interrupted)
     force = pds.load_surrogate("analytic")
     held, keys = Subject("analytic"), {"spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
+
+    def candidate():
+        return module.Candidate(force, "float64", None, "exact", ())
+
     calls = {
         "stress_test.case": lambda: held.run(held.scene((1.0, 1.0), **keys)),
-        "reports.compare": lambda: module.measure_scene(module.Candidate("exact", force, "float64"), pds.materials.NeoHookean(), 0.25),
+        "reports.compare": lambda: module.measure_scene(candidate(), pds.materials.NeoHookean(), 0.25, lambda share, text: None),
     }
     with pytest.raises(KeyboardInterrupt):
         calls[where]()
