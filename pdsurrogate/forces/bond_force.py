@@ -58,7 +58,7 @@ class BondStates:
         return type(self)(*(getattr(self, part.name)[which] for part in fields(self)))
 
     def quantities(self) -> tuple[np.ndarray, ...]:
-        """Return the values of stretch, rotation, length, C33 and J of the bonds, in the order that `ForceSurrogate.bond_force` takes them."""
+        """Return the values of stretch, rotation, length, C33 and J of the bonds, the arguments of `ForceSurrogate.bond_force`."""
         return np.hypot(self.a, self.b), np.arctan2(self.b, self.a), self.length, self.C33, self.J
 
 

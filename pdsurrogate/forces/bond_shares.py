@@ -16,7 +16,8 @@ class BondShares:
     """Division of the points' volumes among their bonds, and sums over pairs and bonds at points and ghosts.
 
     An energy belongs to the body's own points: of a pair with a ghost, the point's share counts and the ghost's, which lies beyond the
-    reflection plane, does not. Ghosts are functions of the points they mirror, so forces and moments of a ghost are added to those of that point.
+    reflection plane, does not. Ghosts are functions of the points they mirror, so forces and moments of a ghost are added to those of
+    that point.
 
     Parameters
     ----------
