@@ -70,7 +70,7 @@ class TorchMLPRegressor(BasePerceptron):
     }
 
     def fit(self, X, y, sample_weight=None):
-        """Train the network.
+        """Train the network with torch and skorch.
 
         Parameters
         ----------
