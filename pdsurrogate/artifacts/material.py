@@ -75,7 +75,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
 
 
 def material_on(card: Card, scene: Scene) -> Law:
-    """Return the law of a card with its parameters; `with_material` explains the moduli.
+    """Return the law of a card with its parameters, the moduli in the scene's unit of stress as `with_material` explains.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def _has_moduli(card: Card) -> bool:
 
 
 def in_words(law: Law) -> str:
-    """Return a law as one line of a scene, with all digits and without parameters at their defaults."""
+    """Return a law as the text of a scene's table ``material``, with all digits and without parameters at their defaults."""
     parts = [f'law="{law.name}"']
     for field in fields(law):
         value = getattr(law, field.name)

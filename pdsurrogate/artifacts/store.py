@@ -39,7 +39,7 @@ MOST_BYTES = 64 * 2**20
 
 @contextmanager
 def _reading() -> Iterator[None]:
-    """Raise ArtifactError with the path for errors of reading folders."""
+    """Context manager or decorator that turns an OSError from reading folders into an ArtifactError with the path."""
     try:
         yield
     except OSError as error:
@@ -63,7 +63,7 @@ def own_folder() -> Path:
 
 
 def next_version(folder: str | Path, name: str) -> str:
-    """Return the version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
+    """Return the version for a new artefact of a name: the highest version in the folder plus 1, or 1 if there is none."""
     check_path(folder, "folder")
     _check_name(name)
     versions = _versions(Path(folder) / name)
@@ -97,12 +97,12 @@ def find_artifact(reference: str | Path) -> Path:
     reference : str or path
         ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artefact's folder or of a folder
         of its versions.  Text is a path if it has a separator or begins with a dot, or if it is a folder that holds a card; other folders
-        of that name, such as results, are ignored.  So is the number of a member of a committee (see `parted`).
+        of that name, such as results, are ignored.  The number of a committee member (see `parted`) is ignored as well.
 
     Raises
     ------
     ArtifactError
-        If there is none (the message lists the known ones), or the text names an artefact and the folder of another.
+        If there is no such artefact (the message lists the known ones), or the text is the name of an artefact and of another's folder.
     """
     check_path(reference, "an artefact's reference")
     reference, _ = parted(reference)
@@ -123,7 +123,7 @@ def find_artifact(reference: str | Path) -> Path:
 
 
 def parted(reference: str | Path) -> tuple[str | Path, str | None]:
-    """Split ``NAME#3`` or ``NAME#all`` into NAME and ``3`` or ``all``, which is None without # or for an existing path."""
+    """Split ``NAME#3`` or ``NAME#all`` into NAME and committee member (``3``, ``all``; None without # or for an existing path)."""
     found = WHICH_MEMBER.fullmatch(str(reference))
     if found is None or Path(reference).exists():
         return reference, None
@@ -133,20 +133,20 @@ def parted(reference: str | Path) -> tuple[str | Path, str | None]:
 
 
 def _in_folder(path: Path) -> Path | None:
-    """Return the artefact in a folder, or its highest version where the folder holds versions; None where it holds no card."""
+    """Return the folder of the artefact at a path, of the highest version if the path holds versions; None if there is no card."""
     held = [folder for folder in (*_versions(path), path) if (folder / CARD).is_file()]
     return held[-1] if held else None
 
 
 def _by_name(text: str) -> Path | None:
-    """Return the artefact NAME or NAME@VERSION on the search path; an unreadable one is returned too, so that no other replaces it."""
+    """Return the folder of artefact NAME or NAME@VERSION on the search path, even if it is damaged; None if there is none."""
     name, separator, version = text.partition("@")
     found = [folder for folder in _on_search_path(name) if not separator or version == folder.name]
     return found[-1] if found else None
 
 
 def _on_search_path(name: str) -> list[Path]:
-    """Return the folders of all versions of an artefact, in rising order; the first folder on the path wins."""
+    """Return the folders of all versions of an artefact, in rising order; for a version found twice, the first on the search path."""
     if not re.fullmatch(NAME_PATTERN, name):
         return []
     found = {folder.name: folder for root in reversed(search_path()) for folder in _versions(root / name)}
@@ -154,7 +154,7 @@ def _on_search_path(name: str) -> list[Path]:
 
 
 def _versions(folder: Path) -> list[Path]:
-    """Return the folders whose names are versions, in rising order; folders of an interrupted writing have other names."""
+    """Return the subfolders whose names are versions, in rising order; subfolders of an interrupted writing have other names."""
     inner = folder.iterdir() if folder.is_dir() else ()
     return sorted((path for path in inner if path.is_dir() and re.fullmatch(VERSION_PATTERN, path.name)), key=_version_key)
 
@@ -280,7 +280,7 @@ def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
 
 
 def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate]:
-    """Return members of a committee by their numbers; the file is read once."""
+    """Return the surrogates of the committee members with given numbers, from one reading of ``members.npz``."""
     arrays = _arrays(folder, card, MEMBERS)
     held: dict[str, dict] = {}
     for key, value in arrays.items():
@@ -299,7 +299,7 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
 
 
 def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Surrogate:
-    """Return the model in the arrays of a payload, and check what its card states of it."""
+    """Return the surrogate made of the arrays of a payload; raise ArtifactError if kind, features or material contradict the card."""
     try:
         model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
@@ -326,7 +326,7 @@ def law_of(card: Card) -> Law:
 
 
 def _stated(card: Card) -> dict[str, float] | None:
-    """Return the errors on the plane-stress surface of the training box and K/mu there; None if the card states no moduli."""
+    """Return the RMS and greatest error on the plane-stress surface, and K/mu, as a card states them; None if it states no moduli."""
     errors, trained_with = card.errors["box"]["on_surface"], card.material.trained_with
     try:
         bulk_ratio = trained_with["bulk_modulus"] / trained_with["shear_modulus"]
@@ -448,7 +448,7 @@ def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline
     Parameters
     ----------
     folder : str or path
-        The folder that holds artefacts; this one becomes ``folder/NAME/VERSION``.
+        The folder that holds artefacts; the new artefact becomes ``folder/NAME/VERSION``.
     card : dict
         Entries of `Card` except format, schema version, payloads and digest.
     surrogate : LearntBondForce or LearntEnergy
@@ -507,7 +507,7 @@ def _describe(path: Path, contains: str) -> dict:
 
 
 def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) -> bytes:
-    """Return the bytes of a payload, at most so many, after comparing size and digest with the card."""
+    """Return the bytes of a payload file; raise ArtifactError if it has more than `most` bytes, or size or digest contradict the card."""
     where = f"{called(folder, card)}: {name}"
     if name not in card.payloads:
         raise ArtifactError(f"{where}: the artefact has none")
