@@ -47,7 +47,7 @@ SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
 """Files of an artefact other than its card."""
 
 SAME = 1e-9
-"""Relative difference within which numbers of a card that occur twice agree: rounding of their text and of one formula."""
+"""Relative difference within which two statements of a number in a card agree: it allows for rounding in text and in a formula."""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -139,7 +139,7 @@ Training = Annotated[dict[str, Any], _looked_at(_Training)]
 
 
 class Material(_Part):
-    """Material of the surrogate: a law, and the dimensionless parameters that the bond force depends on."""
+    """Entry of a card for the material: the law with its parameters in training, and the dimensionless ones that the force depends on."""
 
     law: str
     trained_with: dict[str, Any]
@@ -162,7 +162,7 @@ class Payload(_Part):
 
 
 class DomainSpec(_Part):
-    """Domain in which the surrogate holds; see `pdsurrogate.forces.Domain`."""
+    """Entry of a card for the domain of states in which the surrogate holds; see `pdsurrogate.forces.Domain`."""
 
     least_stretch: Positive
     greatest_stretch: Positive
@@ -176,7 +176,7 @@ class DomainSpec(_Part):
 
 
 class MemberSpec(_Part):
-    """Member of a committee: a further surrogate in the artefact, with its own material."""
+    """Entry of a card for a member of the committee, a further surrogate in the artefact: material, domain and errors."""
 
     material: Material
     domain: DomainSpec
@@ -291,7 +291,7 @@ def checked_card(content: Mapping[str, Any]) -> Card:
 
 
 def new_card(entries: Mapping[str, Any]) -> Card:
-    """Return the card of a new artefact from its other entries, with format, schema version and digest; see `checked_card` for errors."""
+    """Return the card of a new artefact: the entries completed by format, schema version and digest; see `checked_card` for errors."""
     card = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64})
     return card.model_copy(update={"digest": card.found_digest()})
 

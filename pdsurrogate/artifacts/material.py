@@ -23,7 +23,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     A built-in scene with its default material takes the material of an artefact's card.  Moduli that were identified from test data or
     given by hand are used in the scene's unit of stress (those from test data of the package are converted from MPa); default moduli of a
     law have no unit and are scaled to the shear modulus of the scene.  Any other scene keeps the material that it states; a scene without
-    one takes the card's unchanged.
+    a material takes the material of the card unchanged.
 
     Parameters
     ----------

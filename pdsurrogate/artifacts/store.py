@@ -73,7 +73,7 @@ def next_version(folder: str | Path, name: str) -> str:
 def search_path() -> list[Path]:
     """Return the folders in which artefacts are looked up by name, first match first.
 
-    ``PDSURROGATE_ARTIFACTS`` if set, ``artifacts`` and ``own-artifacts`` in the working folder, and those shipped with the package.
+    The folders are ``PDSURROGATE_ARTIFACTS`` if set, ``own-artifacts`` and ``artifacts`` in the working folder, and the shipped folders.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     if chosen and not Path(chosen).is_dir():
@@ -194,7 +194,7 @@ def called(folder: Path, card: Card, which: str | None = None) -> str:
 
 
 def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
-    """Return the numbers of the members that a reference means (`parted`); raise ArtifactError if the committee has no such member."""
+    """Return the numbers of the committee members that `which` selects (a number or all); raise ArtifactError for unknown members."""
     if which is None:
         return ()
     members = range(1, len(card.members) + 1)
@@ -256,7 +256,7 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 
 
 def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
-    """Return the model that the card and the payloads in a folder describe."""
+    """Return the surrogate in the folder of an artefact, or the committee member `which`, after checking payloads and card."""
     card = _card_of(folder)
     if card.kind not in KINDS:
         raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
@@ -351,21 +351,21 @@ def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
 def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -> ForceModel:
     """Return the default force model of a material.
 
-    It is the artefact on the search path with the name of the law (for bond energies with ``-energy`` appended under plane stress and
-    ``-isochoric`` otherwise), if there is one and it describes this material; otherwise the exact model of that kind.
+    The model is the artefact on the search path with the name of the law (for bond energies with ``-energy`` appended under plane stress
+    and ``-isochoric`` otherwise), if there is such an artefact for this material; otherwise the exact model of the family.
 
     Parameters
     ----------
     law : Law
     family : str
-        Kind of the model, see `ForceModel.family`.
+        Family of the model, such as "bond force" or "bond energy", see `ForceModel.family`.
     plane : str
         State of the body: "stress", "strain" or "space".
 
     Raises
     ------
     ArtifactError
-        If that artefact cannot be read.
+        If the artefact with this name cannot be read.
     """
     energy = f"{law.name}-energy" if plane == "stress" else f"{law.name}-isochoric"
     name, exact = {"bond force": (law.name, "analytic"), "bond energy": (energy, "bond-energy")}.get(family, (None, family))
@@ -381,8 +381,8 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
 def default_force(scene: Scene) -> ForceModel:
     """Return the default force model of a scene.
 
-    It is `surrogate_for` the material under plane stress; otherwise, and with several materials, the exact energy, which in plane strain
-    and in solids is the selective one that does not lock.
+    Under plane stress this is `surrogate_for` the material; otherwise, and for several materials, the exact bond energy, which in plane
+    strain and in solids is the selective energy that does not lock.
     """
     if scene.plane != "stress" or scene.materials:
         return load_surrogate("bond-energy")
@@ -392,8 +392,8 @@ def default_force(scene: Scene) -> ForceModel:
 def load_pipeline(reference: str | Path, *, trust: bool = False):
     """Return the fitted scikit-learn pipeline of an artefact, for refinement.
 
-    It is a pickle of Python objects: loading it runs code from the file.  It must match its digest in the card, which shows that the file
-    belongs to the card, but not that their author is trustworthy.
+    The file is a pickle of Python objects: loading it runs code from the file.  The file must match its digest in the card, which shows
+    that the file belongs to the card, but not that the author of both is trustworthy.
 
     Parameters
     ----------

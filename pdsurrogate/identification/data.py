@@ -66,7 +66,7 @@ class TestData:
 
     @property
     def tests(self) -> np.ndarray:
-        """Number of the test to which each row belongs, shape (n,): both stresses of a biaxial state are one test; so is any other row."""
+        """Number of the test of each row, shape (n,): the rows of a biaxial state share a test, any other row is a test by itself."""
         states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
         _, tests = np.unique(states, axis=0, return_inverse=True)
         return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))

@@ -42,7 +42,7 @@ ROUNDS = 60
 """Most alternate fits of the weights and of the volume ratios that follow from them; a few are enough at the bulk moduli of rubber."""
 
 SAME_MODE = 0.01
-"""Greatest difference in log-stretch of a lateral stretch from that of a mode of loading to which the state is assigned."""
+"""Greatest difference in log-stretch between the lateral stretches of a state and of the mode of loading to which it is assigned."""
 
 
 @dataclass(eq=False, repr=False)

@@ -49,7 +49,7 @@ REWEIGHTINGS = 12
 
 
 class TestDataWarning(UserWarning):
-    """Warning of test data, or a fit to them, that look wrong."""
+    """Warning that test data, or a fit to test data, look wrong."""
 
     __test__ = False
 
@@ -71,7 +71,7 @@ class Examination:
 
 
 def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False) -> StressRegressor:
-    """Fit a regressor to test data, with each mode weighted by its scatter, and examine data and fit (`examine`).
+    """Fit a regressor to test data, with modes weighted by their scatter, and examine data and fit (`examine`).
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
 
 
 def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegressor] = ()) -> Examination:
-    """Return remarks on errors in test data, or in a fit to them.
+    """Return refusals and remarks on errors in test data, or in a fit to the test data.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray 
 
 
 def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to: Iterable[str] | None = None) -> list[dict]:
-    """Fit each law to some modes of loading, and return its errors in the others.
+    """Fit each law to some modes of loading, and return the errors of the fit in the other modes.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def identify(
 
 
 def examined(model: StressRegressor, data: TestData, others: Sequence[StressRegressor] = ()) -> dict:
-    """Return the `report` of a fitted regressor with the ``refusals`` and ``remarks`` of its examination."""
+    """Return the `report` of a fitted regressor, with the ``refusals`` and ``remarks`` of the examination of fit and data (`examine`)."""
     found = report(model, data)
     if isinstance(model, EnergyRegressor):
         found |= {"form": "polyconvex energy without a law", "cross_validation": model.cross_validation_}

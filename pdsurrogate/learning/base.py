@@ -160,7 +160,7 @@ def check_targets(y, names) -> None:
 
 
 def checked_columns(X, columns: tuple[str, ...], positive: tuple[str, ...]) -> np.ndarray:
-    """Return X transposed, shape (n_columns, n); raise ValueError unless it has all columns and those named in `positive` are positive."""
+    """Return X transposed, shape (n_columns, n); raise ValueError for missing columns, or values of `positive` columns not above 0."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != len(columns):
         raise ValueError(f"X must have the {len(columns)} columns {', '.join(columns)}, not shape {X.shape}")

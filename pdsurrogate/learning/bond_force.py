@@ -24,7 +24,7 @@ LENGTHS, ORIENTATIONS = 2, 5
 enough for a thousand gradients among 10,000 samples."""
 
 WIDE = (0.5, 4.0)
-"""Principal stretches of the default samples; the card of a surrogate trained on a smaller range reports its errors in this one as well."""
+"""Principal stretches of the default samples; the card of a surrogate trained on a smaller range states errors over this range as well."""
 
 
 class _BondForce(Target):

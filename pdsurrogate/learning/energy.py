@@ -37,7 +37,7 @@ def derivatives_by_features(X, y) -> np.ndarray:
 
 @named()
 def derivatives_by_invariants(X, z) -> np.ndarray:
-    """Return the energy and its derivatives by tr C and J, shape (n, 3), from z, which `derivatives_by_features` made of them."""
+    """Return the energy and its derivatives by tr C and J, shape (n, 3), from energy and derivatives by log J and log(tr C/(2 J)) in z."""
     trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
 

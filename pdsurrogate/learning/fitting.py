@@ -27,7 +27,7 @@ from .sampling import checked_range, random_order
 from .target import InputAwareTargetRegressor, Samples, Target, relative_errors
 
 TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
-"""Targets by their names in public functions."""
+"""Targets, the quantities to learn, by their names in public functions."""
 
 MEMBER_STATES = 5_000
 """States in each set at which members of a committee, and fitted pipelines in a run, are compared with their laws: their RMS
@@ -55,7 +55,7 @@ def training_samples(
     target: str = "bond-force",
     off_surface: float | None = None,
 ) -> Samples:
-    """Draw training samples of a law, uniform in log-stretch and in random order, a share of them near rest (theory, section 5).
+    """Draw training samples of a law in random order, uniform in log-stretch except for a share near rest (theory, section 5).
 
     Parameters
     ----------
@@ -116,8 +116,8 @@ def training_samples(
 def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), target: str = "bond-force") -> tuple[float, float]:
     """Return the part of a range of principal stretches in which a law is finite in all states of `training_samples`.
 
-    For a law that locks within the range, the logarithms of both bounds are reduced by one factor until the perturbed corners of the box
-    are short of the limit.
+    For a law that locks within the range, the logarithms of both bounds are reduced by a common factor until the most extreme training
+    states are short of the limit.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[Lea
 
 
 def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBondForce | LearntEnergy:
-    """Return the force model of a fitted `surrogate_pipeline`, or of a search over one; its domain is that of its training states.
+    """Return the force model of a fitted `surrogate_pipeline`, or of a search over pipelines; the training states give the domain.
 
     Parameters
     ----------
@@ -461,7 +461,7 @@ def evaluate(
 
 
 def stated_against(model: LearntBondForce | LearntEnergy, law: Law, states: np.ndarray) -> LearntBondForce | LearntEnergy:
-    """Return a copy of a model that states its errors against a law, as an artefact's card does; raise `TooInexact` for too large errors.
+    """Return a copy of a model that states its errors against a law, as an artefact's card does; raise `TooInexact` above `MOST_STORED`.
 
     So a run judges a fitted pipeline as it judges an artefact that `pdsurrogate.store` makes of the pipeline. `states` are the inputs that
     the model was fitted to; for a bond force they include states off the plane-stress surface.

@@ -40,7 +40,7 @@ def isochoric_derivatives_by_features(X, y) -> np.ndarray:
 
 @named()
 def isochoric_derivatives_by_invariants(X, z) -> np.ndarray:
-    """Return W and its derivatives by I1bar and I2bar, shape (n, 3), from z, which `isochoric_derivatives_by_features` made of them."""
+    """Return W and its derivatives by I1bar and I2bar, shape (n, 3), from W and its derivatives by log(I1bar/3) and log(I2bar/3) in z."""
     I1, I2 = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([z[:, 0], z[:, 1] / I1, z[:, 2] / I2], axis=1)
 

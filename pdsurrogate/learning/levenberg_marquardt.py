@@ -1,4 +1,4 @@
-"""The Levenberg-Marquardt algorithm for any network, and multilayer perceptrons trained by it, as a scikit-learn regressor.
+"""The Levenberg-Marquardt algorithm for any network, and a scikit-learn regressor of multilayer perceptrons trained by the algorithm.
 
 `scipy.optimize.least_squares` holds the whole Jacobian of all samples and outputs; here the normal equations are summed over outputs.
 scikit-learn's pipelines do not pass on the progress of their regressors, so a function to be called on progress is a context variable.
@@ -53,7 +53,8 @@ def accepted_steps(
 
     Training `number` of the ``n_init`` of a regressor starts from `weights`. ``normal_equations(weights)`` returns J^T J and J^T r of the
     residuals r. The damping, relative to the diagonal of J^T J, is raised until the loss falls, and lowered after the step. The training
-    ends early where no damping makes a step an improvement: the loss is then at its least to rounding. A listener is called (`listening`).
+    ends early where no damping makes a step an improvement: the loss is then at its least to rounding. A listener set by `listening` is
+    called after each step.
     """
     loss, damping, most, listener = loss_of(weights), regressor.initial_damping, regressor.max_iter, _listener.get()
     for iteration in range(number * most + 1, (number + 1) * most + 1):

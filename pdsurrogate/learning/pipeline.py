@@ -31,7 +31,7 @@ AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
 def bond_force_pipeline(
     regressor=None, features: str | None = None, horizon: float = 1.0, weight: str | None = None, shear_modulus: float = 1.0
 ) -> InputAwareTargetRegressor:
-    """Return an unfitted pipeline for bond forces; see `pdsurrogate.surrogate_pipeline`."""
+    """Return an unfitted pipeline that predicts bond forces; `pdsurrogate.surrogate_pipeline` explains the arguments."""
     features = "symmetric" if features is None else features
     if not isinstance(features, str) or features not in FEATURE_SETS:
         raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")

@@ -11,8 +11,8 @@ from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.spline import SUPPORT
 
 TOLERANCE = 1e-5
-"""Error of resampling, relative RMS of the force, at which it ends: below that of single precision in the sums of a run, and far below that
-of any fit."""
+"""Error, relative RMS of the force, at which resampling ends: below the error of single precision in the sums of a run, and far below the
+error of any fit."""
 
 CELLS = {2: (8, 16, 32, 64), 3: (6, 12, 24)}
 """Cells along a feature to try in this order, by the number of features."""

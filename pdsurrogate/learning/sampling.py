@@ -77,10 +77,10 @@ def log_stretches(random: np.random.Generator, n_samples: int, low: float, high:
 
 
 PERTURBATION = {"log_stretch": 0.15, "rotation": 0.08, "log_C33": 0.35, "full_from_strain": 0.2}
-"""Greatest perturbations of a bond off the surface, and the log-strain from which they have their full size.
+"""Greatest perturbations of a bond off the plane-stress surface, and the log-strain from which perturbations have their full size.
 
-In a run J and C33 of a bond are means over two points, so that bonds leave the surface, the farther the greater the strain is (theory,
-section 5).
+In a run J and C33 of a bond are means over two points, so that bonds leave the plane-stress surface, the farther the greater the strain is
+(theory, section 5).
 """
 
 
@@ -116,7 +116,7 @@ def stretches_of_strain(
 
 @named()
 def force_factor(length, horizon: float, weight: str, shear_modulus: float):
-    """Return w l mu/kappa, the factor from a dimensionless bond force to that of Eq. (2) on a full circular horizon."""
+    """Return w l mu/kappa, by which a dimensionless bond force is multiplied to give the force of Eq. (2) on a full circular horizon."""
     function = WEIGHT_FUNCTIONS[weight]
     return function.function(length, horizon) * length * shear_modulus / (function.moments[0] * horizon**4)
 

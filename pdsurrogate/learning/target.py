@@ -34,7 +34,7 @@ REPORTED_STATES, REPORT_SEED = 20_000, 1_000_003
 """States in each set of a report of errors, enough for an RMS accurate to a percent, and their seed, which no training samples use."""
 
 ANCHOR = (0.0, 0.0)
-"""Features of an energy at rest, where it is zero."""
+"""Features of the state at rest, where an energy is zero."""
 
 STRAIN_BINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0)
 """Bounds of the bins of greatest principal strain in error reports: two or three in a decade, up to the strain at a stretch of 4."""
@@ -64,8 +64,8 @@ def weighted_part(estimator) -> tuple[str, object]:
 class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     """Fit a regressor to ``func(X, y)`` and predict with ``inverse_func(X, ...)``.
 
-    Like `sklearn.compose.TransformedTargetRegressor`, but with transformations that depend on the inputs, such as a division by a known
-    size of the target. Chosen transformed outputs can be made exactly zero at one input, by subtracting the prediction there.
+    The class is like `sklearn.compose.TransformedTargetRegressor`, but with transformations that depend on the inputs, such as a division
+    by a known size of the target. Chosen transformed outputs can be made exactly zero at an input, by subtracting the prediction there.
 
     Parameters
     ----------
@@ -456,6 +456,6 @@ def relative_errors(predicted: np.ndarray, exact: np.ndarray) -> dict[str, float
 
 
 def strain_bins(low: float, high: float) -> list[tuple[float, float]]:
-    """Return the bins (least, greatest) of greatest principal strain; the last bin ends at that of stretches from `low` to `high`."""
+    """Return the bins (least, greatest) of greatest principal strain up to the strain at the stretches `low` and `high`."""
     reach = max(high - 1, 1 - low)
     return [(least, min(greatest, reach)) for least, greatest in pairwise(STRAIN_BINS) if least < reach * (1 - 1e-9)]

@@ -17,7 +17,7 @@ from .base import ACTIVATIONS, COUNT, POSITIVE, SHARE, BasePerceptron
 class TorchMLPRegressor(BasePerceptron):
     """Multilayer perceptron for regression, trained by Adam on the squared error, with early stopping and a decaying rate.
 
-    For networks too large for `LevenbergMarquardtRegressor`; needs the ``torch`` extra to fit.
+    The class is for networks too large for `LevenbergMarquardtRegressor`; a fit needs the ``torch`` extra of the package.
 
     Parameters
     ----------

@@ -222,10 +222,10 @@ def _of_solid_stretches(state, stretches, sums, volumetric):
 
 
 PLANE_STRESS = Response(5, 2, sheet_invariants, of_sheet_invariants, sheet_stretches, of_sheet_stretches, curvature=True)
-"""Response of (trace, J, J3): p, q, the residual J3 dPsi/dJ3 of P33 = 0 at fixed F in the plane, its derivative by J3, and Psi."""
+"""Response of (trace, J, J3) for plane stress: p, q, residual J3 dPsi/dJ3 of P33 = 0 at fixed in-plane F, its J3 derivative, and Psi."""
 
 PLANE_STRAIN = _of_held_sheet(5, _stress_rows, isochoric=False)
-"""Response of (trace, J, J3) with the rows of the plane-stress one, so that kernels can use either.
+"""Response of (trace, J, J3) for plane strain, with the rows of `PLANE_STRESS`, so that kernels can use either response.
 
 p, q and the energy are those at J3 = J, whatever J3 is passed; the condition P33 = 0 is replaced by J3/J - 1 = 0, with its derivative by
 J3.

@@ -32,7 +32,7 @@ class Law(ABC):
     name: ClassVar[str]
     reference: ClassVar[str]
     bounds: ClassVar[dict[str, tuple[float, float]]] = {}
-    """Bounds of the parameters other than the two moduli, within which they are identified from test data."""
+    """Bounds within which an identification from test data searches the parameters other than the two moduli."""
 
     above: ClassVar[dict[str, float]] = {}
     """Values that parameters other than the two moduli must exceed."""
@@ -57,7 +57,7 @@ class Law(ABC):
         self.check()
 
     def check(self) -> None:  # noqa: B027  (most laws have no such parameter)
-        """Raise ValueError if a parameter other than the moduli is invalid."""
+        """Raise ValueError if a parameter of this law other than the moduli is invalid; by default check nothing."""
 
     @property
     def parameters(self) -> np.ndarray:
@@ -78,11 +78,11 @@ class Law(ABC):
 
     @property
     def shape(self) -> dict[str, float]:
-        """Dimensionless parameters that the bond force at given (a, b, J, C33) depends on; by default those other than the two moduli."""
+        """Dimensionless parameters, by name, on which the bond force in a given state depends; by default all but the two moduli."""
         return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
 
     def scaled(self, factor: float) -> Self:
-        """Return the material with all its moduli multiplied by a factor, for example for another unit of stress."""
+        """Return a copy of the law with all moduli multiplied by a factor, for example for another unit of stress."""
         return replace(self, shear_modulus=self.shear_modulus * factor, bulk_modulus=self.bulk_modulus * factor)
 
     def describe(self) -> dict:
@@ -115,7 +115,7 @@ class InvariantLaw(Law):
     @staticmethod
     @abstractmethod
     def isochoric(I1, I2, parameters):
-        """Return W and its derivatives (W, W1, W2, W11, W12, W22) at the isochoric invariants."""
+        """Return W and its derivatives by the isochoric invariants I1bar and I2bar, (W, W1, W2, W11, W12, W22)."""
 
 
 class PrincipalStretchLaw(Law):
