@@ -63,7 +63,7 @@ def own_folder() -> Path:
 
 
 def next_version(folder: str | Path, name: str) -> str:
-    """Return the version for a new artefact of a name: the highest version in the folder plus 1, or 1 if there is none."""
+    """Return the version for a new artefact of a name: the first number of the highest version in the folder plus 1, or "1" for none."""
     check_path(folder, "folder")
     _check_name(name)
     versions = _versions(Path(folder) / name)
