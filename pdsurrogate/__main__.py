@@ -1,4 +1,4 @@
-"""``python -m pdsurrogate``, and the command ``pdsurrogate``."""
+"""Entry point of the command line: ``python -m pdsurrogate`` and the command ``pdsurrogate``."""
 
 import sys
 

@@ -17,7 +17,7 @@ def check_whole_number(value: Any, what: str, least: int | None = None, most: in
 
 
 def check_seed(value: Any) -> None:
-    """Raise TypeError or ValueError if a ``random_state`` is no whole number from 0 on that every generator takes."""
+    """Raise TypeError or ValueError if a ``random_state`` is no whole number from 0 to 2^32 - 1, which all random generators accept."""
     check_whole_number(value, "random_state", 0, 2**32 - 1)
 
 
@@ -84,12 +84,12 @@ def check_tables(value: Iterable | None, what: str) -> None:
 
 
 def in_order(table, columns: tuple[str, ...] | None, title: str):
-    """Return a table with its named columns in the order of `columns`; arrays and tables without names are unchanged.
+    """Return a table, such as a DataFrame, with its columns in the order of `columns`; an array or table without names is not changed.
 
     Raises
     ------
     ValueError
-        If the table has other columns.
+        If the names of the table's columns are not those in `columns`.
     """
     from sklearn.utils.validation import _get_feature_names
 

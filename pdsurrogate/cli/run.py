@@ -183,7 +183,7 @@ def print_result(result: Result) -> None:
 
 
 def print_cells(result: Result) -> None:
-    """Print the size of the cells if it differs from the spacing asked for."""
+    """Print the spacing of a mesh, or the size of the cells if it differs from the spacing in the scene, and the horizon."""
     summary, asked, units = result.summary, result.scene.spacing, result.scene.units
     horizon = f"the horizon is {units.amount(summary['horizon'], 'length', '.6g')}"
     if result.scene.body.shape == "mesh":
@@ -241,7 +241,10 @@ def _print_outputs(result: Result) -> None:
 
 
 def _force_columns(result: Result) -> dict[str, list[float]]:
-    """Return the non-negligible forces and moments of each region by heading; in the plane the moment only if there is no force."""
+    """Return, by heading, the columns of forces and moments of each region at all outputs, without negligible components.
+
+    In the plane a region has a column for the moment only if its forces are negligible.
+    """
     units, levels, columns = result.scene.units, result.levels, {}
     extent = float(np.ptp(result.body.points, axis=0).max())
     zero = LEAST_SHOWN * min(1.0, _greatest([value for level in levels for force in level["forces"].values() for value in force]))

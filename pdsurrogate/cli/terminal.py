@@ -84,7 +84,7 @@ def complain(text: str, prefix: str = ERROR) -> None:
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str] | None], left: int | None = None, folds: Sequence[str] = (), **options
 ) -> None:
-    """Print a table.
+    """Print a table with a title, headings and rows of text on standard output.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ class Bar(Progress):
                 yield Text(task.fields["state"])
 
     def show(self, share: float, state: str = "", title: str = "") -> None:
-        """Show the share done and a state in words; another title begins a new bar."""
+        """Show on the bar the share done, from 0 to 1, and a state in words; a new title begins a new bar."""
         if title not in ("", self._title) or not self.tasks:
             for task in self.task_ids:
                 self.remove_task(task)
@@ -178,7 +178,7 @@ class Bar(Progress):
         return self._rate.after(count)
 
     def count(self, items: str, done: float, total: int, state: str = "", title: str = "") -> None:
-        """Show how many of all items are done, their rate, and a state in words."""
+        """Show on the bar how many of `total` items are done, the rate, and a state in words."""
         self.show(done / total, state, title)
         self.show(done / total, f"{int(done)} of {total} {items}{self.rate(items, done)}{state and f', {state}'}")
 

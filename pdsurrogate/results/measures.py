@@ -252,7 +252,7 @@ def unit_of(name: str) -> str | None:
 
 
 def _split(name: str) -> tuple[str, tuple[int, ...]]:
-    """Return a field's name and the indices of the component that its digits name: ("stress", (1, 1)) for ``stress_22``."""
+    """Return the name of a field and the indices of a component from the name of a component: ("stress", (1, 1)) for ``stress_22``."""
     found = re.fullmatch(r"(.+)_([123]{1,2})", name)
     return (found[1], tuple(int(digit) - 1 for digit in found[2])) if found else (name, ())
 

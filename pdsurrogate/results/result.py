@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(repr=False)
 class Result:
-    """Result of a simulation.
+    """Result of a simulation: its summary, history, convergence, and fields on the points in every recorded state.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ class Result:
         return values_of(self._fields(level), name)
 
     def field_names(self, level: int = -1) -> list[str]:
-        """Return the names of the fields of a state, which docs/guide/results.md defines."""
+        """Return the names of the fields of the state at a level; docs/guide/results.md defines the fields."""
         return list(self._fields(level))
 
     def _fields(self, level: int) -> dict[str, np.ndarray]:
@@ -291,7 +291,7 @@ def _drawings():
 
 
 def load_result(folder: str | Path) -> Result:
-    """Return the result of a run from the folder that it was saved to; an unfinished or killed run gives the part that it reached.
+    """Return the result of a run from the folder in which it was saved; of an unfinished or killed run, the states that it reached.
 
     Parameters
     ----------

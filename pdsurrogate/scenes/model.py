@@ -38,7 +38,7 @@ LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
 
 
 class MaterialSpec(StrictModel):
-    """A material law by name, with its parameters."""
+    """Material in a scene: the name of a material law with its parameters, or ``"rigid"``."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -155,7 +155,7 @@ class Hold(StrictModel):
 
 
 class SolverSpec(StrictModel):
-    """Settings of the solution for equilibrium."""
+    """Settings of the solver for equilibrium: method, tolerance, greatest number of force evaluations and greatest increment."""
 
     method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
@@ -203,7 +203,7 @@ _known_weight = refused(lambda name: name not in WEIGHT_FUNCTIONS, f"unknown wei
 
 
 def _dimension_of(data: Mapping[str, Any]) -> int:
-    """Return the dimension of the body of a scene that is being read; 2 where the body could not be read."""
+    """Return the dimension of the body in the fields of a scene that is being validated; 2 if the body was invalid."""
     return data["body"].dimension if "body" in data else 2
 
 

@@ -45,14 +45,14 @@ def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
 
 
 def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
-    """Return the finite element solution of a scene at a stretch.
+    """Return the stored finite element solution of a scene at a stretch.
 
     Returns
     -------
     dict
         nominal_stress and, where known, greatest_lateral_displacement, in the scene's units; empty if this problem was not solved at
         that stretch.
-        Stresses are scaled to the scene's shear modulus, which changes no displacement at the same K/mu.
+        Stresses are scaled to the scene's shear modulus; displacements depend on K/mu alone.
     """
     law, keys = scene.law(), {"body", "holes", "precuts", "grips", "materials"}
     problem = scene.model_dump(mode="json", include=keys, exclude_none=True, by_alias=True)

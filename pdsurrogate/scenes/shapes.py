@@ -102,7 +102,7 @@ class Ellipse(Outline):
 
 
 class Circle(Outline):
-    """A circle.
+    """A circle, given by its centre and radius.
 
     Examples
     --------
@@ -128,7 +128,7 @@ class Circle(Outline):
 
 
 class Polygon(Outline):
-    """A polygon by its vertices, in either sense of rotation.
+    """A polygon, given by its vertices in clockwise or anticlockwise order.
 
     Examples
     --------

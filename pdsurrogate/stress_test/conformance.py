@@ -62,7 +62,9 @@ class Departure(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Force model of the table, tested on every property in its own material (`Subject.law`).
+    """Row of the table of tested models: a force model, the plane, and the properties that the model lacks.
+
+    The model is tested in its own material (`Subject.law`).
 
     Attributes
     ----------
@@ -206,14 +208,14 @@ def mirror(subject, force, positions):
 
 @drawn("linear momentum", "sum of all forces below 1e-12 of their sizes", 1e-12, "accuracy")
 def linear_momentum(subject, force, positions):
-    """Return the sum of all forces over the sum of their magnitudes; the limit is 1e-12, and rounding of some 2,000 forces leaves less."""
+    """Return the sum of all forces on a body over the sum of their magnitudes; rounding of some 2,000 forces leaves less than 1e-12."""
     forces = _settled(force, positions)
     return np.abs(forces.sum(axis=0)).max() / max(float(np.abs(forces).sum()), _scale(force, forces))
 
 
 @drawn("angular momentum", "moment of all forces below 1e-9 of its parts", 1e-9, "moments")
 def angular_momentum(subject, force, positions):
-    """Return the moment of all forces about the middle of the body over the sum of the moments' magnitudes; rounding leaves 1e-15."""
+    """Return the total moment of the forces about the middle of the body over the sum of the single moments; rounding leaves 1e-15."""
     forces, arms = _settled(force, positions), positions - positions.mean(axis=0)
     lengths = np.linalg.norm(arms, axis=1)
     # These are the components of the moment, in two or three dimensions.

@@ -1,6 +1,6 @@
-"""Large deformations of small bodies, and awkward discretisations, compared with exact solutions and finite elements.
+"""Hard cases with large deformations of small bodies, and with difficult discretisations, against exact solutions and finite elements.
 
-Awkward are jittered points, meshes, short and long horizons, loose points, folded bonds and the tip of a notch.
+Difficult are jittered points, meshes, short and long horizons, loose points, folded bonds and the tip of a notch.
 """
 
 from collections.abc import Callable, Iterable
@@ -66,7 +66,7 @@ def _stress_error(subject: Subject, stretches: list[float], law: Law, square: bo
 
 
 def why_inaccurate(subject: Subject) -> str:
-    """Return the name of the weakness that makes a model less accurate than the analytic bond force."""
+    """Return the name of the weakness that explains why the model under test is less accurate than the analytic bond force."""
     blind = isinstance(subject.model, ForceSurrogate) and not subject.model.gives_transverse
     known = {"ba-nosb": "weights do not add up", "nosb": "zero-energy modes"}
     return known.get(subject.reference, "no transverse stress" if blind else "accuracy")
@@ -136,7 +136,7 @@ def simple_shear(subject: Subject) -> Outcome:
 
 @case("Gent to 99 % of its limit, and beyond", "stress within 0.1 %; beyond, a stop that names the place")
 def chain_limit(subject: Subject) -> Outcome:
-    """Test Gent's law in uniaxial tension: stresses at 99 % and 102 % of its limit, and a stop at twice the stretch.
+    """Test Gent's law in uniaxial tension: stresses at 99 % and 102 % of its limiting stretch, and a clear error at twice this stretch.
 
     The limit concerns I1bar - 3, about the square of the stretch; a slightly compressible law exceeds it by a few per cent because its
     volume grows. At twice the stretch no solution exists, and the error must say where and why.
@@ -187,10 +187,10 @@ as in ``pipelines/data/solid_fields.json``.
 
 @case("cube between bonded faces: 1.5, 0.9, and K/mu = 1000", "force within 2 % of finite elements", planes=("space",))
 def bonded_faces(subject: Subject) -> Outcome:
-    """Test a cube between bonded plates, pulled to 1.5, pressed to 0.9, and pulled at K = 1000 mu, by the greatest error of the force.
+    """Test the force on a cube between bonded plates at stretches 1.5 and 0.9, and 1.5 at K = 1000 mu; the greatest error counts.
 
     Neo-Hookean rubber is compared with finite elements, within 2 %: an eighth of the cube with six points a side has a discretisation error
-    of 1 %. A surrogate of another law is compared with the exact energy on the same points, within a tenth of a per cent.
+    of 1 %. A surrogate of another law is compared with the exact energy on these points, within a tenth of a per cent.
     """
     errors, ours = {}, isinstance(subject.law, NeoHookean)
     rollers = [{"region": "bottom", "x2": 0.0}, {"region": "back", "x3": 0.0}]
@@ -213,7 +213,7 @@ def _reaction(run: Result) -> float:
 
 @case("torsion of a cylinder by 180 degrees", "torque within a tenth of Rivlin's, its error even within 2 %", planes=("space",))
 def torsion(subject: Subject) -> Outcome:
-    """Test a cylinder between bonded faces by its torque at 10 and 180 degrees, against Rivlin's exact solution.
+    """Test the torque of a cylinder twisted between bonded faces by 10 and 180 degrees, against Rivlin's exact solution.
 
     An incompressible cylinder of any law is sheared by kappa r, and plane faces stay plane: the torque is 2 pi times the integral of the
     shear stress r^2 dr, and K = 100 mu changes it by tenths of a per cent. With eight points across, those at the surface lack half of
@@ -238,7 +238,7 @@ def torsion(subject: Subject) -> Outcome:
 
 @case("slender cantilever, four points across", "deflection within a fifth of Timoshenko's")
 def slender(subject: Subject) -> Outcome:
-    """Test a cantilever ten times as long as it is thick, four points across, by its deflection.
+    """Test the deflection of a cantilever ten times as long as it is thick, with four points across.
 
     The load gives a fiftieth of the length by Timoshenko's beam theory with the law's small-strain moduli. Four points resolve the bending
     stress within a sixth, because of the surfaces, six points within half of that; a fifth is allowed. With corrected bond forces the bar

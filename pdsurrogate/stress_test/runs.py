@@ -26,7 +26,10 @@ STEPS = 100_000
 
 
 class Motion:
-    """Motion of a body of unit density by central differences, with damping proportional to mass; by default from rest, all points free."""
+    """Explicit motion of a body of unit density by central differences, with damping proportional to mass.
+
+    By default all points are free and begin at their undeformed positions, with small random velocities.
+    """
 
     def __init__(self, force: InternalForce, share_of_critical=0.5, positions=None, free=None, damping=0.0) -> None:
         self.force, self.mass, self.damping = force, force.body.volumes, damping
@@ -238,19 +241,25 @@ def _judged_contrasts(subject: Subject, direction: int, held: tuple[str, ...], c
 
 @case("sheared layer between parts 10 to 10^5 times as stiff", "force within 5 %, four points across")
 def sheared_layer(subject: Subject) -> Outcome:
-    """Test a soft layer of four points between parts 10 to 10^5 times as stiff under shear; points of the sides stay at their height."""
+    """Test the force on a body under shear with a soft layer, four points thick, between parts 10 to 10^5 times as stiff.
+
+    Points of the sides stay at their height.
+    """
     return _judged_contrasts(subject, 0, ("x1", "x2", "x3")[: subject.dimension], CONTRASTS)
 
 
 @case("confined layer between parts 10 and 10^5 times as stiff", "force within 5 %, four points across")
 def confined_layer(subject: Subject) -> Outcome:
-    """Test a soft layer of four points between parts 10 and 10^5 times as stiff that are pulled apart; rollers hold the width."""
+    """Test the force on a body in tension with a soft layer, four points thick, between parts 10 and 10^5 times as stiff.
+
+    Rollers hold the width of the body.
+    """
     return _judged_contrasts(subject, 1, ("x2",), (CONTRASTS[0], CONTRASTS[-1]))
 
 
 @case("time step 0.5, 0.9, 1.1, 2 of critical", "bounded below 1, caught within 100 steps above")
 def time_step(subject: Subject) -> Outcome:
-    """Test a hundred steps of 0.5, 0.9, 1.1 and 2 times the critical one, for a free body at rest with small random velocities.
+    """Test explicit time steps of 0.5, 0.9, 1.1 and 2 times the critical step, a hundred each, on a free body with small random velocities.
 
     Above 1 a wave grows by a factor of 2.4 or more per step, its energy by 5.8, and the run must stop with a clear error. Below 1 the step
     length causes no growth; the energy that a non-conservative force adds (see `undamped_steps`) is tolerated up to a tenth of the kinetic

@@ -250,7 +250,7 @@ class Workers:
 
     @property
     def caution(self) -> str | None:
-        """Warning if more threads are requested than there are cores, else None."""
+        """Text of a warning if the runs together have more threads than the machine has cores, otherwise None."""
         cores = joblib.cpu_count()
         if self.scheduler is None and self.jobs * self.threads > max(cores, self.threads):
             return f"{self.jobs} jobs of {self.threads} threads share {cores} cores and will slow each other down"

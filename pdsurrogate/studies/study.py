@@ -42,7 +42,7 @@ class StudyProgress:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """Results of a study.
+    """Results of all runs of a study, as rows of one table.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class StudyResult:
         return {place: summary for place in done if (summary := _read(self.folder / RUNS / place / SUMMARY))}
 
     def cautions(self) -> list[str]:
-        """Return warnings about quantities that no run has, and about states outside the domain of a surrogate."""
+        """Return texts of warnings about quantities that no run has, and about runs with states outside the domain of a surrogate."""
         summaries = self._summaries()
         missing = [name for name in self.study.quantities or () if not any(quantities_in(one, [name]) for one in summaries.values())]
         found = [f"quantities: no run has {name!r}" for name in missing if summaries]

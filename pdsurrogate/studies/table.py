@@ -62,7 +62,7 @@ MOST_DRAWN = 6
 
 
 def check_quantities(study: Study) -> None:
-    """Raise SceneError, which names the nearest possible key, for quantities that no run can have."""
+    """Raise SceneError if a study asks for a quantity that no run can have; the message suggests a similar key."""
     known = KEYS_OF_FITS if study.fit is not None else dict.fromkeys((*KEYS_OF_LEVELS, *KEYS_OF_RUNS))
     for name in study.quantities or ():
         first, *others = name.split(".")
