@@ -14,7 +14,7 @@ from .term import Binding, Term
 
 
 class PointStress(Term):
-    """Forces from the stresses of the points, each by the law of its material."""
+    """Internal force of the non-ordinary state-based model, from the stresses of the points by the laws of their materials."""
 
     zero_energy_modes = True
 
@@ -35,7 +35,7 @@ class PointStress(Term):
         self.bind_steps(*passes, *([] if binding.whole else [self._collect]), to_points)
 
     def _collect(self) -> None:
-        """Copy the stresses of each material's points to those of the body."""
+        """Copy the stresses of each material's points into the array of all points of the body."""
         for points, stresses in zip(self.materials, self._parts, strict=True):
             self._stresses[points.numbers] = stresses
 

@@ -31,9 +31,9 @@ ROTATION, OUTSIDE = "polar", "fallback"
 
 @dataclass(frozen=True)
 class ForceSettings:
-    """Settings of the evaluation of a force model; the model chooses those that are left at their default.
+    """Settings of the evaluation of a force model on a body; the model chooses values for settings that are None.
 
-    A setting that a model cannot honour is rejected (`check`), so that none is ignored silently.
+    A setting that a model cannot honour is rejected (`check`), so that no setting is ignored silently.
 
     Parameters
     ----------
@@ -78,14 +78,14 @@ class ForceSettings:
                 raise ValueError(f"{key} must be one of {names}, not {getattr(self, key)!r}")
 
     def check(self, name: str, honours: Mapping[str, tuple]) -> None:
-        """Raise ValueError for a setting that a model cannot honour.
+        """Check that a model can honour all settings that are given.
 
         Parameters
         ----------
         name : str
             Name of the model.
         honours : mapping
-            Values that the model can honour, by setting; it does not use a setting that is missing.
+            Values that the model can honour, by setting; the model does not use a setting that is missing here.
 
         Raises
         ------
