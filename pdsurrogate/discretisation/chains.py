@@ -7,10 +7,10 @@ from ..body import encloses
 from .places import same_places
 
 ROUNDING = 1e-9
-"""Distance over the extent of a body within which places are one."""
+"""Distance, divided by the extent of a body, within which places coincide."""
 
 BESIDE = 1e-6
-"""Distance from a facet, over the extent of a body, of the places that decide on which side of it there is material."""
+"""Distance from a facet, divided by the extent of a body, of the places that decide on which side of it there is material."""
 
 
 def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

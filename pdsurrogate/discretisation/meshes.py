@@ -24,10 +24,10 @@ CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
 """Accepted types of cells by dimension, by their names in meshio."""
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
-"""First letters of the names of corners and sides, which a mesh may list in addition to its cells."""
+"""First letters of meshio's names of points, edges and faces, which a mesh may list in addition to its cells."""
 
 BESIDE_CORNERS = {4: [[1, 2, 3]], 8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]}
-"""Ends of the three edges at the corners of cells, which make a right-handed system; of tetrahedra one corner is enough."""
+"""Ends of the three edges at each corner of a cell, by number of corners, in right-handed order; one corner suffices for tetrahedra."""
 
 
 @dataclass(frozen=True)

@@ -33,12 +33,12 @@ CLEARANCE = 0.4
 above some three cells leave the material by less and remain."""
 
 STEP = 0.15
-"""Cells between the places on a bond: a gap of one cell is empty over 0.2 of them."""
+"""Distance, in cells, of the tested places on a bond: a gap of one cell is empty over 0.2 cells."""
 
 ROOT_OF_CUBES = 1.2207440846057596
 
 MOST_PLACES = 1_000_000
-"""Places on bonds, or in cells, looked at together, which bounds the memory for them."""
+"""Number of places on bonds, or in cells, tested together, which bounds the memory for them."""
 
 STRIPS = 1e-9
 """Permitted error of a strip of a planar cut in three dimensions, relative to the area of the cut."""
@@ -48,10 +48,10 @@ CUT_SHIFT = 1e-6
 
 
 STATED = 0.01
-"""Share of the spacing of a mesh by which one that a scene states may differ from it without a remark."""
+"""Relative difference between the spacing that a scene states and that of its mesh, above which there is a warning."""
 
 PARTS = {(2, 3): 2, (3, 4): 6}
-"""Cells that make a square or cube, by dimension and corners."""
+"""Number of cells that make up a square or cube, by dimension and number of corners of a cell."""
 
 
 def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> tuple[Body, np.ndarray, np.ndarray]:

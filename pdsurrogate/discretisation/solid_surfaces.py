@@ -20,10 +20,10 @@ from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
 from .places import same_places
 
 AWAY = 0.6
-"""Cells from the boundary of a section within which its cap has no nodes but those of the boundary."""
+"""Distance, in cells, from the boundary of a section within which a cap has no nodes other than those on the boundary."""
 
 MOST_ROUNDS = 20
-"""Times that the sides of a section are halved until they are sides of its triangles; two or three are enough, but for acute corners."""
+"""Maximum number of times that sides of a section are halved until they are sides of its triangles; three suffice but for acute corners."""
 
 
 def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

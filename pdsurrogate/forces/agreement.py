@@ -26,16 +26,16 @@ NOTED = 0.01
 """Error of a model without a card, relative to the greatest force, beyond which the check warns."""
 
 ROUNDING = 1e-6
-"""A card that states less than this states how its own machine rounded."""
+"""Least stated error that the check uses: smaller errors on a card are rounding of the machine that made the card."""
 
 WIDEST = (0.5, 4.0)
 """Range of stretches to which the trial states are limited, however wide the domain."""
 
 PLACES = np.stack([0.07 + 0.86 * (np.arange(1, 13) * step % 1) for step in (0.7548776662, 0.5698402910)], axis=1)
-"""Positions of the states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
+"""Positions of the trial states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
 
 _exact: dict = {}
-"""Cache of exact answers; the keys hold the box and everything that the law depends on."""
+"""Cache of trial states and exact answers; the keys hold the box of stretches and everything that the law depends on."""
 
 
 def bond_states(law: Law, first, second):

@@ -28,7 +28,7 @@ from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from .term import Binding, DomainWatch, Term, sum_on_pairs
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
-"""Relative step of J3 at which the iteration ends: a few times the error from rounding in the force at K = 10 mu."""
+"""Relative step of J3 at which the iteration for the thickness ends: a few times the error from rounding in the force at K = 10 mu."""
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from .protocol import ForceModel
 from .settings import ForceSettings
 
 SPACING = 0.25
-"""Spacing of the points of the unit square or cube."""
+"""Spacing of the points of the test piece, a unit square or cube."""
 
 TOLERANCE = 1e-9
-"""Relative tolerance of the free stretches of a state."""
+"""Relative change of the free stretch at which the secant method ends."""
 
 MOST_STEPS = 30
-"""Maximum number of secant steps for the free stretches of a state."""
+"""Maximum number of secant steps in the search for the free stretch."""
 
 
 def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:

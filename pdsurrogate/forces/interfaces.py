@@ -20,7 +20,7 @@ CENTRINGS = 3
 """Number of fits of the straight interface next to a point, each centred on the place that the previous one found."""
 
 REACH = 2
-"""Horizons about a place on an interface within which the motion of either side is fitted, the farther points counting less.
+"""Radius, in horizons, about a place on an interface within which the motion of either side is fitted; farther points count less.
 
 With one horizon the fit depends on the three nearest rows, and a point's continued place does not follow its own displacement: next to a
 material thirty times as stiff, bond forces then have no equilibrium. With two, `bimaterial` is as accurate, and a contrast of a hundred
@@ -51,7 +51,7 @@ WORST_CONDITION = 1e6
 """Condition number up to which a fit is accepted, with lengths in units of its reach. For a layer of two rows it is 1e3."""
 
 Near: TypeAlias = tuple[float, np.ndarray, int, float]
-"""Distance and direction of the interface near a point, the material beyond it, and the share of volume on the wrong side."""
+"""Interface near a point: distance, direction, material beyond, and share of the volume on the wrong side of the fitted plane."""
 
 
 class Interfaces:

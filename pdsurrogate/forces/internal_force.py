@@ -136,7 +136,7 @@ class InternalForce:
         Raises
         ------
         InvalidState
-            Where the state has no force; names a point.
+            If the deformation has no force; the message names a point.
         OutsideDomain
             If bonds are outside the domain of a model, and the policy is to stop.
         """
@@ -177,7 +177,7 @@ class InternalForce:
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
         """Displace a reflection plane of the body by u(X) = displacement + turn X; its ghosts follow when positions are next set.
 
-        Only planes that are odd in all components are turned; once turned, a plane needs its turn every time.
+        Only planes that are odd in all components may be turned; once a plane has been turned, give its turn in every call.
         """
         self._kinematics.move_plane(plane, displacement, turn)
 
@@ -187,7 +187,7 @@ class InternalForce:
         return self._kinematics.positions
 
     def deformation_gradients(self) -> np.ndarray:
-        """Return F of the points at the positions last set, shape (n, d, d)."""
+        """Return the deformation gradients F of the points at the positions last set, shape (n, d, d)."""
         return self._kinematics.deformation_gradients()
 
     @property
@@ -241,7 +241,7 @@ class InternalForce:
         return self.terms[0].levers_on_planes()
 
     def state_arrays(self) -> dict[str, np.ndarray]:
-        """Return the values of `states` by name.
+        """Return the arrays that the next evaluation starts from (`states`), by name.
 
         A solution that is saved with copies of these values, and restored by copying them back, continues with identical bits.
         """

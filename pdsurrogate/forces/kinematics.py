@@ -14,12 +14,12 @@ from ..kernels.gradient import deformation_gradients
 from ..kernels.reference_state import shape_rows
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
-"""Share of the gradient along a clamped plane that images beyond it copy from their sources where volumes are constrained.
+"""Share of the gradient along a clamped plane that images beyond the plane copy from their sources where volumes are constrained.
 
-The plane determines the rest. The shares follow from comparisons with finite elements. For the bonded cube of 24 points a side (K = 100 mu)
-stretched to 1.5, the force is 0.02 % and the side 0.07 % off with share 0, 0.20 % and 0.28 % with share 1; compressed to 0.9, the force is
-0.13 % and 1.07 % off. In plane strain the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 % too stiff with share 0 and 0.4 %
-with share 1; at +30 % both are equally good.
+The gradient of the clamped plane makes up the rest. The shares follow from comparisons with finite elements. For the bonded cube of 24
+points a side (K = 100 mu) stretched to 1.5, the force is 0.02 % and the side 0.07 % off with share 0, 0.20 % and 0.28 % with share 1;
+compressed to 0.9, the force is 0.13 % and 1.07 % off. In plane strain the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 %
+too stiff with share 0 and 0.4 % with share 1; at +30 % both are equally good.
 """
 
 
@@ -83,7 +83,7 @@ class Kinematics:
         self._place_and_form = Chain(self._place, self._form_gradients)
 
     def owners(self) -> np.ndarray:
-        """Return the first point of every directed bond, shape (n_bonds,)."""
+        """Return the number of the point at which every directed bond begins, shape (n_bonds,)."""
         return np.repeat(np.arange(len(self.body)), np.diff(self.body.bonds.pointers).astype(np.int64))
 
     @cached_property
@@ -200,7 +200,7 @@ class Kinematics:
         self._formed = True
 
     def deformation_gradients(self) -> np.ndarray:
-        """Return F of the body's points, shape (n, d, d)."""
+        """Return the deformation gradients F of the body's points, shape (n, d, d)."""
         self.form_gradients()
         return matrices(self.gradients[: len(self.body)])
 

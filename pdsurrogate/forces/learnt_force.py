@@ -249,7 +249,7 @@ class PolynomialForce(LearntBondForce):
 class SplineForce(LearntBondForce):
     """Learnt bond force as a cubic spline in two or three features of a bond, with two continuous derivatives.
 
-    Beyond the box of the spline the force is constant, with the value at the edge of the box.
+    Beyond its box the spline has the value at the edge of the box.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Analytic non-ordinary state-based force, theory (2): the exact constitutive law, with zero-energy modes."""
+"""Non-ordinary state-based force model, theory (2), which evaluates the exact law at points and has zero-energy modes."""
 
 from typing import ClassVar
 
@@ -63,7 +63,9 @@ class PointStress(Term):
 
 
 class NOSBForce(ForceModel):
-    """Non-ordinary state-based force t_i = w P_i K_i^-1 x: exact in homogeneous states, without resistance to modes that leave F unchanged.
+    """Force model NOSB (non-ordinary state-based peridynamics), t_i = w P_i K_i^-1 x: exact in homogeneous states.
+
+    It does not resist zero-energy modes, which leave F of the points unchanged.
 
     Examples
     --------

@@ -186,7 +186,7 @@ class Portion:
 
 @dataclass(frozen=True)
 class Member:
-    """Member of the committee of a learnt model.
+    """Member of the committee of a learnt model: another learnt model, whose deviation from it a run can report.
 
     Attributes
     ----------

@@ -10,7 +10,7 @@ from ..kernels import dilatation, selective_energy
 from .kinematics import pointers_to
 
 SLAB = 4_000_000
-"""Pairs that are prepared together, so that temporary arrays stay small in comparison with the body's own."""
+"""Number of pairs that are prepared together, so that temporary arrays stay small in comparison with the body's own."""
 
 
 class Smoothing:

@@ -11,7 +11,7 @@ from ..engine.passes import BoundPass, Chain
 from ..ranks import Share
 
 Step: TypeAlias = BoundPass | Callable[[], object] | np.ndarray
-"""A bound pass, a function without arguments, or an array with a row for every point, whose halo is filled on a body in shares."""
+"""A bound pass, a function without arguments, or an array with a row for every point, whose halo rows are copied from their ranks."""
 
 
 class Steps:

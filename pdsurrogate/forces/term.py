@@ -214,7 +214,7 @@ class Term(ABC):
         return None
 
     def levers_on_planes(self) -> np.ndarray | None:
-        """Implement `InternalForce.levers_on_planes`."""
+        """Return first moments of the forces of reflection planes, see `InternalForce.levers_on_planes`; None without energy."""
         return None
 
     def mean_stress(self) -> np.ndarray:
@@ -233,15 +233,15 @@ class Term(ABC):
         raise TypeError(f"{type(self).__name__} has no energy")
 
     def tangent(self, positions: np.ndarray) -> LinearOperator:
-        """Implement `InternalForce.tangent`."""
+        """Return the second derivative of the term's energy at positions (n, d), see `InternalForce.tangent`."""
         raise TypeError(f"{type(self).__name__} has no tangent")
 
     def linearised_dilatation(self) -> "LinearisedDilatation":
-        """Implement `InternalForce.linearised_dilatation`."""
+        """Return the derivative of the points' volume ratios by the positions, see `InternalForce.linearised_dilatation`."""
         raise TypeError(f"{type(self).__name__} has no dilatation of its own")
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Implement `InternalForce.collapsed_pairs`."""
+        """Return the numbers of pairs nearly or fully turned inside out in the last evaluation; none unless a subclass finds them."""
         return np.empty(0, dtype=np.int64)
 
     def volume_ratios(self) -> np.ndarray:
