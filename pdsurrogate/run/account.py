@@ -127,7 +127,10 @@ class Bookkeeping:
         return kinetic
 
     def count_release(self) -> None:
-        """Add the change of kinetic energy where bonds broke in the last step to the released energy, if `every_step`."""
+        """Add the kinetic energy that bonds broken in the last step removed, the change in `kept_energy`, to the released energy.
+
+        Without `every_step` nothing is added.
+        """
         if self.every_step:
             arriving, leaving = self._integrator.kept_energy()
             self.account.released_energy += arriving - leaving

@@ -18,7 +18,7 @@ LEAST_RATIO = 0.1
 
 
 class Cracks:
-    """Breaking of bonds during a stage in dynamics, and the record of where cracks begin and end, for a run with damage.
+    """Breaking of bonds during a stage in dynamics, and the summary of where cracks begin and grow, for a run with damage.
 
     Parameters
     ----------

@@ -72,7 +72,7 @@ class Interruption:
 
 
 def _insist() -> None:
-    """Raise KeyboardInterrupt in the main thread, even while it waits; on Windows at its next instruction."""
+    """Send the signal of Ctrl-C to the main thread, to end it even while it waits; on Windows it ends at its next instruction."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
     else:

@@ -49,7 +49,7 @@ RESOLVED = 1000
 """Least strain of the most strained bond over the rounding error of strains: smaller strains would have errors above 0.1 %."""
 
 FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
-"""Strain whose stress equals the rounding error of the forces, by precision. In single precision, forces at 1e-4 were 0.03 % off."""
+"""Strain whose stress equals the rounding error of the forces, by precision. In single, forces at a strain of 1e-4 were 0.03 % off."""
 
 MOST_OFF = 1e-3
 """Greatest permitted sum of all loads and reactions of an equilibrium, over the forces that drive the body."""
@@ -267,8 +267,8 @@ class Equilibria:
     def _keep_or_stop(self, increments: Increments | None) -> None:
         """Write a checkpoint if one is due, and raise Interrupted in a run that should stop.
 
-        A signal alone causes a checkpoint only if none exists yet: the run then resumes from the existing one, to the same bits. A run
-        whose time limit has passed writes one, and resumes from its present state.
+        A signal alone makes no checkpoint due unless none exists yet: the run resumes from the existing one, to the same bits. A time
+        limit that has passed makes one due, so that the run resumes from its present state.
         """
         run = self.run
         asked = run.interruption.asked

@@ -157,7 +157,7 @@ class Transient:
                 self.output()
 
     def step(self) -> None:
-        """Advance the body by one time step: move it, apply the conditions, evaluate the forces, and break overstretched bonds."""
+        """Advance the body by one time step: move points and held parts, evaluate the forces, and break overstretched bonds."""
         run, account, integrator = self.run, self.account, self.integrator
         left = self._time_due(account.outputs) - account.time
         integrator.move()
