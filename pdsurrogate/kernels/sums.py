@@ -12,7 +12,8 @@ def sum_pair_forces(algebra):
     def sum_pair_forces(chunk, chunks, forces, pair_pointers, incidence_pointers, incidence, unit, out):
         """Write the force on every point, times `unit` (the shear modulus), summed in double precision; return how many are not finite.
 
-        The force of a pair acts on its first point, and its opposite on the second.
+        The force of a pair acts on its first point, and its opposite on the second. Directed bonds are summed by the same pass, with their
+        reverse bonds as `incidence`.
         """
         without_force = 0
         start, stop = share_of(out.shape[0], chunk, chunks)

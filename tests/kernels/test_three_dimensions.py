@@ -10,7 +10,6 @@ from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.engine.block_arrays import BLOCK, SCRATCH_ROWS
 from pdsurrogate.engine.threads import Chunks
 from pdsurrogate.kernels import damage, gradient, nosb, reference_state, steps, sums
-from pdsurrogate.kernels.ba_nosb import sum_bond_forces
 from pdsurrogate.materials import NeoHookean, Ogden, solid
 
 COUNT, SPACING, CHUNKS = 7, 1 / 7, Chunks(threads=2, number=5)
@@ -276,7 +275,7 @@ def test_sums_of_directed_bonds(random):
     reverse = np.array([place[j, i] for i, j in place], dtype=np.uint32)
     forces, expected, out = random.standard_normal((len(owners), 3)), np.zeros((len(body), 3)), np.zeros((len(body), 3))
     np.add.at(expected, owners, 0.7 * (forces - forces[reverse]))
-    assert sum_bond_forces[3].bind(forces, bonds.pointers, reverse, 0.7, out, chunks=CHUNKS)() == 0
+    assert sums.sum_pair_forces[3].bind(forces, bonds.pointers, bonds.pointers, reverse, 0.7, out, chunks=CHUNKS)() == 0
     close(out, expected)
 
 
