@@ -11,7 +11,7 @@ import numpy as np
 from ..engine.block_arrays import TRACTION_ROWS
 from ..kernels import network, polynomial, spline
 from ..kernels.activations import ACTIVATIONS
-from ..kernels.bond_state import along_and_across, lateral_stretch
+from ..kernels.bond_force import along_and_across, lateral_stretch
 from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..materials import Law
 from .agreement import bond_states
