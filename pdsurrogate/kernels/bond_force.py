@@ -38,7 +38,9 @@ records; and the number of rows in all.
 """
 
 MODEL, VOLUMETRIC, OWN = 0, 1, 2
-"""Places in the sizes of a model in plane strain: addresses of the model's block function and of the law's volumetric one, and the first of the model's own sizes."""
+"""Places in the sizes of a model in plane strain: addresses of the model's block function and of the law's volumetric one, and the first of
+the model's own sizes.
+"""
 
 MOST_SIZES = 4096
 """Length of the array view of a model's `sizes`, an upper bound for all models; each model reads only its own."""
