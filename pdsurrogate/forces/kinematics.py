@@ -10,7 +10,7 @@ from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import BoundPass, Chain
 from ..engine.threads import chunks_of
 from ..kernels.ghosts import place_points
-from ..kernels.gradient import deformation_gradients
+from ..kernels.node_state import deformation_gradients
 from ..kernels.reference_state import shape_rows
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}

@@ -1,12 +1,11 @@
-"""State of every point from its deformation gradient: rotation, J, and C33 by the plane-stress condition."""
+"""Deformation gradient of every point, and the state that follows from it: rotation, J, and C33 by the plane-stress condition."""
 
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, block_rows, put_column, put_row, quad_records
 from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
-from .algebra import algebra_of
-from .by_dimension import ByDimension
+from .algebra import ByDimension, algebra_of
 from .elementary import inverse_square_root
 
 plane = algebra_of(2)
@@ -17,6 +16,26 @@ MOST_ITERATIONS = 40
 
 SWELLING = 0.02
 """Relative growth of J3 in an iteration in which J3 is below the least that the law allows."""
+
+
+@ByDimension
+def deformation_gradients(algebra):
+    """Build the pass that computes the deformation gradient of every point (20)."""
+
+    @Pass
+    def deformation_gradients(chunk, chunks, positions, pointers, neighbours, weighted_bonds, inverse_shape, unsupported, gradients):
+        """Compute F of every point by columns; where the bonds do not span the space it is `unsupported` times I.
+
+        Points without a gradient carry no stress: their F is I (`unsupported` = 1) and a change of it zero (`unsupported` = 0).
+        """
+        start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
+        for i in range(start, stop):
+            algebra.sum_outer_products(positions, neighbours, weighted_bonds, (pointers[i], pointers[i + 1]), i, gradients)
+            Z = algebra.symmetric_at(inverse_shape, i)
+            F = algebra.times_symmetric(algebra.matrix_at(gradients, i), Z)
+            algebra.put(gradients, i, algebra.plus_diagonal(F, unsupported if Z[0] == 0.0 else 0.0))
+
+    return deformation_gradients
 
 
 @inline

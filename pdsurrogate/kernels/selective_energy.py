@@ -7,7 +7,7 @@ volume zero and is given the undeformed state.
 from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
 from ..engine.compile import call_block, inlined, kernel, widest_vectors
 from ..engine.passes import Pass, share_of
-from .by_dimension import ByDimension
+from .algebra import ByDimension
 from .feature_sets import like
 
 STATE_ROWS, RESULT_ROWS = 3, 4

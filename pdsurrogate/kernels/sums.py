@@ -1,7 +1,7 @@
 """Sums of pair forces and of the points' own stresses to forces on points, in an order that does not depend on the number of threads."""
 
 from ..engine.passes import Pass, share_of
-from .by_dimension import ByDimension
+from .algebra import ByDimension
 
 
 @ByDimension

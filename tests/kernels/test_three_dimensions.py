@@ -9,7 +9,7 @@ import pytest
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.engine.block_arrays import BLOCK, SCRATCH_ROWS
 from pdsurrogate.engine.threads import Chunks
-from pdsurrogate.kernels import damage, gradient, nosb, reference_state, steps, sums
+from pdsurrogate.kernels import damage, node_state, nosb, reference_state, steps, sums
 from pdsurrogate.materials import NeoHookean, Ogden, solid
 
 COUNT, SPACING, CHUNKS = 7, 1 / 7, Chunks(threads=2, number=5)
@@ -105,7 +105,7 @@ class Passes:
     def gradients(self, positions, unsupported=1.0):
         bonds, F = self.body.bonds, np.zeros((len(positions), 9))
         arrays = positions, bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape, unsupported, F
-        gradient.deformation_gradients[3].bind(*arrays, chunks=CHUNKS)()
+        node_state.deformation_gradients[3].bind(*arrays, chunks=CHUNKS)()
         return F
 
     def stresses(self, F, law):
