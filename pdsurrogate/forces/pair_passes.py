@@ -9,7 +9,6 @@ from ..engine.passes import BoundPass
 from ..kernels import bond_energy, selective_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
 from ..kernels.domain import exact_share, product_rule
-from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..materials import plane_stress
 from .bond_shares import BondShares
@@ -62,7 +61,7 @@ class Pairs:
 
     def energy(self) -> float:
         """Return the energy last found, over the shear modulus."""
-        return float(sum_in_order(self._energies))
+        return float(self._energies.sum())
 
 
 class PairEnergies(Pairs):
@@ -155,7 +154,7 @@ class SelectivePairs(Pairs):
         )
 
     def energy(self) -> float:
-        return super().energy() + float(sum_in_order(self.volume_energies))
+        return super().energy() + float(self.volume_energies.sum())
 
     def counts(self) -> tuple[int, int, int]:
         """Return the number of pairs outside the domain of a learnt energy since the last call; those inside out are found before."""

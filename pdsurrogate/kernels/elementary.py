@@ -12,7 +12,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..engine.compile import INLINE_OPTIONS, inline, inlined
+from ..engine.compile import INLINE_OPTIONS, inlined
 from ..engine.intrinsics import bits_of, finite_quotient, real_of
 
 
@@ -200,12 +200,3 @@ def chain_energy(y, beta):
     decay = exponential(-2 * beta)
     # 0 * beta passes NaN on, which the kernels' logarithm does not.
     return y * beta - beta - logarithm((1 - decay) / (2 * beta)) + 0 * beta
-
-
-@inline
-def sum_in_order(values):
-    """Return the sum of an array, added in order; numba would split ``values.sum()`` in a parallel kernel by the number of threads."""
-    found = values[0]
-    for value in values[1:]:
-        found += value
-    return found
