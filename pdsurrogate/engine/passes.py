@@ -18,9 +18,8 @@ from numba import prange, types
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, overload
 
-from .block_arrays import CACHE_LINE, aligned_rows, array_over
+from .block_arrays import CACHE_LINE, add_to, aligned_rows, array_over
 from .compile import INLINE_OPTIONS, compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
-from .intrinsics import add_to
 from .threads import Chunks, chunks_of, threads_are_lost
 
 WORDS_PER_LINE = CACHE_LINE // 8

@@ -9,9 +9,8 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records, put_column
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records, put_column, tuple_of
 from ..engine.compile import bond_force_signature, call_block, compile_block_function, inlined, widest_vectors
-from ..engine.intrinsics import tuple_of
 from ..engine.passes import Pass, share_of
 from .algebra import algebra_of, entries
 from .domain import N_LIMITS, is_outside, share_inside

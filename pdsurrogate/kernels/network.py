@@ -15,9 +15,8 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column, tuple_of
 from ..engine.compile import bond_force_signature, compile_block_function, expanded, inlined, kernel, widest_vectors
-from ..engine.intrinsics import tuple_of
 from .algebra import entries, total
 from .elementary import exponential, inverse_square_root, select
 from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, like, write_tractions
