@@ -2,6 +2,7 @@
 
 import ast
 import re
+import runpy
 from functools import cache
 from pathlib import Path
 
@@ -165,3 +166,8 @@ def test_torch_is_loaded_on_request_alone():
     for module in MODULES:
         if module.removeprefix(f"{PACKAGE.name}.") not in asked_for:
             assert not {name for name in loaded_with(module) if name.split(".")[0] in ("skorch", "torch")}, module
+
+
+def test_the_page_of_files_is_that_of_the_package():
+    page = runpy.run_path(str(ROOT / "pipelines" / "files.py"))["page"]()
+    assert (ROOT / "docs" / "files.md").read_text("utf-8") == page, "python pipelines/files.py makes it anew"

@@ -121,7 +121,7 @@ class _Identification(_Part):
 
 
 class _Training(_Part):
-    """Record of the training for readers; a run reads the identification alone."""
+    """How the surrogate was trained: a simulation reads only `identification`, the fit of the law to test data; the rest informs people."""
 
     design: dict[str, Any]
     regressor: str

@@ -1,4 +1,4 @@
-"""Artefacts on disk: ``NAME/VERSION/`` with a card and its payloads, written once and never changed."""
+"""Artefacts on disk: a folder for each name and version with a card and its payloads, written once and never changed."""
 
 import hashlib
 import io

@@ -283,7 +283,7 @@ class _Surroundings:
         self.offsets = (points[self.point] - places[self.place]) / self.reach
 
     def of(self, portion_of: np.ndarray | None, own: np.ndarray | None) -> _Surroundings:
-        """Keep only the points of one material, `own`, for each place."""
+        """Keep, for each place k, the nearby points of material ``own[k]``, and scale their weights to sum to 1; for None keep all."""
         if portion_of is not None:
             kept = portion_of[self.source[self.point]] == own[self.place]
             self.place, self.point, self.offsets, weights = self.place[kept], self.point[kept], self.offsets[kept], self.weights[kept]

@@ -75,7 +75,7 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
 
 
 def _axes_of(body: Solid) -> tuple[int, ...]:
-    """Return the axes that may be the axis of a prism; x3 for a sphere."""
+    """Return the axes to try for holes through the body: all of a box, its own of a prism; of a sphere x3, so that one axis is tried."""
     return (2, 0, 1) if isinstance(body, Box) else (body.straight.along,) if isinstance(body, Prism) else (2,)
 
 
@@ -134,11 +134,11 @@ def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: 
 
 
 def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
-    """Return an evenly divided icosahedron, or the eighths of a sphere above its cuts, with the volume of the sphere.
+    """Return triangles (f, 3, 3) of a sphere, or of its part above the planes normal to the axes `halved`, with its exact volume.
 
-    Nodes lie beyond the sphere by as little as the middles of facets within it: the work of a pressure in an affine motion is exact.
-    Facets are about half a cell long.  With whole cells the work in the motion of a swelling hole of six cells' radius lacks 1 %, with
-    halves 0.25 %.
+    A whole sphere is a divided icosahedron, a part of one is made of divided eighths. Nodes lie outside the sphere about as far as the
+    middles of facets lie inside, so that the work of a pressure in an affine motion is exact. Facets are about half a cell long: the work
+    in the motion of a swelling hole of six cells' radius is 0.25 % too small; with facets of a whole cell it is 1 %.
     """
     if halved:
         signs = np.array(list(product(*((1.0,) if axis in halved else (1.0, -1.0) for axis in range(3)))))

@@ -56,7 +56,7 @@ class BondStates:
         return type(self)(*(getattr(self, part.name)[which] for part in fields(self)))
 
     def quantities(self) -> tuple[np.ndarray, ...]:
-        """Return the arguments of `ForceSurrogate.bond_force`."""
+        """Return the values of stretch, rotation, length, C33 and J of the bonds, the arguments of `ForceSurrogate.bond_force`."""
         return np.hypot(self.a, self.b), np.arctan2(self.b, self.a), self.length, self.C33, self.J
 
 
@@ -310,7 +310,7 @@ class ForceSurrogate(ForceModel):
 
     @abstractmethod
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the block function of the same map for the bond pass, in the given precision."""
+        """Return `bond_force` compiled for the bond pass, which evaluates bonds in blocks of fixed size, in the given precision."""
 
     def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
         """Return the greatest deviation of the members' bond force from the model's, in units of the shear modulus, shape (n,)."""

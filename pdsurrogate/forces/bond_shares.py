@@ -16,7 +16,8 @@ class BondShares:
     """Division of the points' volumes among their bonds, and sums over pairs and bonds at points and ghosts.
 
     An energy belongs to the body's own points: of a pair with a ghost, the point's share counts and the ghost's, which lies beyond the
-    grip, does not. Ghosts are functions of the points they mirror, so forces and moments of a ghost are added to those of that point.
+    reflection plane, does not. Ghosts are functions of the points they mirror, so forces and moments of a ghost are added to those of
+    that point.
 
     Parameters
     ----------
@@ -33,7 +34,8 @@ class BondShares:
     strength : ndarray, shape (n_pairs,)
         w V_i V_j, zero where broken.
     pairs_of_points : tuple of ndarray
-        First entries of the pairs of which each point and ghost is the first, and of which it is the second, and the latter pairs.
+        Row pointers, by point and ghost, into the pairs ordered by their first ends; row pointers into the third array; numbers of the
+        pairs ordered by their second ends.
     """
 
     def __init__(self, kinematics: Kinematics, precision: str) -> None:

@@ -269,7 +269,10 @@ def _columns(data: TestData) -> np.ndarray:
 
 
 def _robust(data: TestData, shifted: np.ndarray | None = None) -> tuple[np.ndarray, float]:
-    """Return stresses by `TERMS`, fitted so that outliers count little, and the shift of the rows of a mask."""
+    """Fit the energy terms `TERMS` to stresses, with little weight on outliers.
+
+    Return the fitted stresses, and the constant stress offset found for the rows that the mask `shifted` marks; 0.0 without a mask.
+    """
     columns, stress = _columns(data), data.nominal_stress
     if shifted is not None:
         columns = np.column_stack([columns, shifted, -1.0 * shifted])

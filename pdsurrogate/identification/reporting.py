@@ -214,7 +214,7 @@ class Identified(NamedTuple):
 
 
 def identified(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float], n_members: int | None, seed: int) -> Identified:
-    """Return a law, or for None an energy without a law, fitted to test data, with a `committee` of `n_members`."""
+    """Fit a law, or for None a free sum of energy terms, to test data; return the fit with its report and, if asked for, a committee."""
     model = fitted(data, law, n_terms, bulk)
     found, members = examined(model, data), []
     if n_members:

@@ -43,7 +43,7 @@ class _BondForce(Target):
     ) -> Samples:
         return Samples(*sampling.wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
 
-    def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
+    def draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
         random = np.random.default_rng(random_state)
         first, second = sampling.stretches_of_strain(random, strains, *stretch_range, n_samples)
         U_nn, U_nm, J, C33 = sampling.on_surface(law, first, second, random.uniform(0, 2 * np.pi, n_samples))

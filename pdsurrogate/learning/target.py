@@ -278,8 +278,8 @@ class Target:
         surrogate that equals the model.
     scaling : callable
         ``scaling(model)``: scalings of a fitted model for its card.
-    _draw_strain : callable
-        ``_draw_strain(law, strains, stretch_range, n_samples, random_state)``: samples whose greatest principal strain lies in a bin;
+    draw_strain : callable
+        ``draw_strain(law, strains, stretch_range, n_samples, random_state)``: samples whose greatest principal strain lies in a bin;
         `random_state` is a seed or a generator.
     _predicted : callable
         ``_predicted(model, law, X)``: outputs of a model.
@@ -307,7 +307,7 @@ class Target:
     domain_of_states: Callable[[Law, np.ndarray], Domain]
     surrogate: Callable[..., tuple[LearntBondForce | LearntEnergy, dict]]
     scaling: Callable[[Any], dict]
-    _draw_strain: Callable[[Law, Range, Range, int, Any], Samples]
+    draw_strain: Callable[[Law, Range, Range, int, Any], Samples]
     _predicted: Callable[[Any, Law, np.ndarray], np.ndarray]
     _more_errors: Callable[[Any, Law, Samples], dict]
     _reported: ClassVar[dict[str, float]] = {"near_rest": 0.0}
@@ -323,7 +323,7 @@ class Target:
         bins, shared = [], np.random.default_rng(random_state + 1)
         for number, strains in enumerate(strain_bins(*stretch_range)):
             random = shared if self._bins_share_generator else random_state + 2 + number
-            some = self._draw_strain(law, strains, stretch_range, max(n_samples // 10, 100), random)
+            some = self.draw_strain(law, strains, stretch_range, max(n_samples // 10, 100), random)
             bins.append({"strain": list(strains), **self.errors(self._predicted(model, law, some.X), some)})
         return {
             "stretch_range": list(stretch_range),
@@ -404,7 +404,7 @@ class EnergyTarget(Target):
         }
         return self._samples_at(law, np.exp(logs), design)
 
-    def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
+    def draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
         random = np.random.default_rng(random_state)
         return self._samples_at(law, self._of_strain(random, strains, *stretch_range, n_samples), {})
 

@@ -273,7 +273,7 @@ class BodyRegions:
         return f"; the nearest is {parts.describe(number)}, {distance[number]:.3g} away"
 
     def _key(self, reference: str | Region, key: str | None) -> str:
-        """Return the key under which the scene defines a region."""
+        """Return what error messages call a region: ``regions.NAME`` if the scene defines it, else `key`, else the name, or "region"."""
         if isinstance(reference, str) and reference in self._scene.regions:
             return f"regions.{reference}"
         return key or (reference if isinstance(reference, str) else "region")

@@ -89,7 +89,7 @@ class StatesInFiles(States):
     def __init__(self, folder: Path, name: str, body: Body | None = None, moments: list[Moment] | None = None) -> None:
         super().__init__(moments)
         self.folder, self.name, self.body = folder, name, body
-        self._paths = [self._path(number) for number in range(len(self.moments))]
+        self.paths = [self._path(number) for number in range(len(self.moments))]
         if moments is not None and body.share.leads:
             self._write_index()
             for number, path in state_files(folder, name):
@@ -116,7 +116,7 @@ class StatesInFiles(States):
         for run_time, path in vtk.read_index(folder / f"{name}.pvd")[:most]:
             values = vtk.read_values(path)
             states.moments.append(Moment(run_time, values.get("stretch"), values.get("time", 0.0), values.get("t")))
-            states._paths.append(path)
+            states.paths.append(path)
         return states
 
     @property
@@ -137,7 +137,7 @@ class StatesInFiles(States):
         with share.ranks.together():
             vtk.write_state(_piece(path, share.ranks.rank) if self.in_pieces else path, cells, nodes, fields, values)
         super().append(moment, fields)
-        self._paths.append(path)
+        self.paths.append(path)
         with share.ranks.together():
             if self.in_pieces and share.leads:
                 pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]
@@ -146,7 +146,7 @@ class StatesInFiles(States):
                 self._write_index()
 
     def _write_index(self) -> None:
-        entries = [(moment.run_time, path.name) for moment, path in zip(self.moments, self._paths, strict=True)]
+        entries = [(moment.run_time, path.name) for moment, path in zip(self.moments, self.paths, strict=True)]
         vtk.write_index(self.folder / f"{self.name}.pvd", entries)
 
     def _path(self, number: int) -> Path:
@@ -155,11 +155,11 @@ class StatesInFiles(States):
         return path if path.exists() else path.with_suffix(".vtu")
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        return self.moments[number], vtk.read_state(self._paths[number])[2]
+        return self.moments[number], vtk.read_state(self.paths[number])[2]
 
     def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of a state, and the displacements of their nodes."""
-        return vtk.read_state(self._paths[number])[:2]
+        return vtk.read_state(self.paths[number])[:2]
 
 
 def _piece(path: Path, rank: int) -> Path:

@@ -40,7 +40,7 @@ If they were followed, the work of holders that viscosity dissipates would have 
 
 @dataclass
 class Account:
-    """Numbers of an account, which a checkpoint keeps; energies are per unit thickness.
+    """Running totals of the energy balance of a dynamic stage, saved in checkpoints; energies are per unit thickness.
 
     Attributes
     ----------
@@ -61,7 +61,8 @@ class Account:
     gap, greatest_gap : float
         Energy at the last row minus the supplied energy, and the value of greatest magnitude so far.
     on_planes, levers : list or None
-        Reactions of planes at the positions, see `ExplicitDynamics.elastic`.
+        Forces f that each reflection plane exerts, and sums of f (x) y over the places y where it exerts them, from the elastic forces
+        (see `ExplicitDynamics.elastic`); None until they are computed.
     last_break : int
         Step in which a bond last broke.
     outputs : int

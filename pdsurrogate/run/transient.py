@@ -199,7 +199,7 @@ class Transient:
         self.run.loading.hold(self.run.state.parameter + ahead * self.motion.rate, self.run.force, positions)
 
     def _last_row(self) -> None:
-        """Add a row for the present state unless it has one."""
+        """Add a row for the present time to the history, unless its last row is already of this time."""
         if self.account.time > self.account.row_time:
             self._row()
 

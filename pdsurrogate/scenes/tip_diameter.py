@@ -1,4 +1,4 @@
-"""Effective diameter of a crack tip, where it was measured."""
+"""Measured effective diameters of a crack tip, in horizons, by family of force model, plane and ratio of horizon to spacing."""
 
 TIP_DIAMETER = 1.15
 """Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no energy.

@@ -271,7 +271,10 @@ class Paths:
         return guess
 
     def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the places of held components, for planes those next to points of the body, and the values that the components go to."""
+        """Return the present places (k, d) of the held components, and the coordinate (k,) that each is to reach at `t`.
+
+        For a reflection plane the places are the feet, on the plane, of the body's points next to it.
+        """
         loading, displacements = self._loading, start - self.body.points
         there = loading.point, loading.component
         places, goals = start[loading.point], self.body.points[there] + loading.moves(t)

@@ -226,10 +226,10 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
 
 
 def _factorised_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return the inverse of `springs_of` a body in one process, by a factor.
+    """Return a function that solves for displacements of the spring network `springs_of` of a body in one process, by factorisation.
 
-    Its low modes agree with those of the true tangent within a factor that does not grow with the number of points, and its factorisation
-    needs seconds for 10^5 points.
+    Its low modes agree with those of the true tangent up to a ratio that does not grow with the number of points; factorising takes seconds
+    for 10^5 points.
     """
     balanced, column = drift_remover(body, free), free.ravel()
     factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), column))

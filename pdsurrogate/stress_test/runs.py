@@ -213,9 +213,10 @@ def _off_series(subject: Subject, stiff: Law, held: list[dict], direction: int, 
 
 
 def _judged_contrasts(subject: Subject, direction: int, held: tuple[str, ...], contrasts: tuple[float, ...]) -> Outcome:
-    """Judge the force on the top, moved in a direction, at several contrasts by its greatest error, which must be within 5 %.
+    """Judge the force on the top of a layered body, moved along axis `direction`, at several ratios of moduli: within 5 %.
 
-    Bottom and top are held in the components `held`, the sides across the direction that the top is moved in.
+    Bottom and top are held in the components `held`, left and right in the one of x1 and x2 that the top is not moved in, back and front in
+    x3.
     """
     across = f"x{2 - direction}"
     sides = [("left", across), ("right", across), ("back", "x3"), ("front", "x3")][: 2 * (subject.dimension - 1)]

@@ -456,7 +456,7 @@ def test_report_of_the_exact_force_is_clean():
 
 
 def test_strain_bins_hold_the_strain_they_say():
-    samples = BOND_FORCE._draw_strain(LAW, (0.05, 0.1), (0.5, 4.0), 500, 1)
+    samples = BOND_FORCE.draw_strain(LAW, (0.05, 0.1), (0.5, 4.0), 500, 1)
     stretch, rotation, _, _, J = samples.X.T
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     U = np.stack([np.stack([a, b], -1), np.stack([b, (J + b * b) / a], -1)], -1)
