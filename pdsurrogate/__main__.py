@@ -1,10 +1,10 @@
-"""``python -m pdsurrogate``, and the command ``pdsurrogate``."""
+"""Entry point of the command line: ``python -m pdsurrogate`` and the command ``pdsurrogate``."""
 
 import sys
 
 
 def main() -> None:
-    """Load the commands, which takes a second in which Ctrl-C may come, and run one."""
+    """Run the command line; end with status 130 if Ctrl-C comes during the second that loading the commands takes."""
     try:
         from .cli import main as command
 

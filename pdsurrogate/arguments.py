@@ -17,7 +17,7 @@ def check_whole_number(value: Any, what: str, least: int | None = None, most: in
 
 
 def check_seed(value: Any) -> None:
-    """Raise TypeError or ValueError if a ``random_state`` is no whole number from 0 on that every generator takes."""
+    """Raise TypeError or ValueError if a ``random_state`` is no whole number from 0 to 2^32 - 1, which all random generators accept."""
     check_whole_number(value, "random_state", 0, 2**32 - 1)
 
 
@@ -50,13 +50,13 @@ def check_text(value: Any, what: str) -> None:
 
 
 def check_is(value: Any, kind: type, what: str, such_as: str) -> None:
-    """Raise TypeError if a value is of another class; `such_as` gives an example."""
+    """Raise TypeError if a value is no instance of the class `kind`; the message gives the example `such_as`."""
     if not isinstance(value, kind):
         raise TypeError(f"{what} must be {kind.__name__}, such as {such_as}, not {kind_of(value)}")
 
 
 def check_estimator(value: Any, what: str = "model") -> None:
-    """Raise TypeError if a value has not the methods of a scikit-learn estimator."""
+    """Raise TypeError if a value does not have the methods fit, predict and get_params of a scikit-learn estimator."""
     if isinstance(value, type):
         raise TypeError(f"{what} must be an estimator, not its class: give {value.__name__}()")
     if not all(callable(getattr(value, name, None)) for name in ("fit", "predict", "get_params")):
@@ -84,12 +84,12 @@ def check_tables(value: Iterable | None, what: str) -> None:
 
 
 def in_order(table, columns: tuple[str, ...] | None, title: str):
-    """Return a table with its named columns in the order of `columns`; arrays and tables without names are unchanged.
+    """Return a table, such as a DataFrame, with its columns in the order of `columns`; an array or table without names is not changed.
 
     Raises
     ------
     ValueError
-        If the table has other columns.
+        If the names of the table's columns are not those in `columns`.
     """
     from sklearn.utils.validation import _get_feature_names
 
@@ -102,5 +102,5 @@ def in_order(table, columns: tuple[str, ...] | None, title: str):
 
 
 def kind_of(value: Any) -> str:
-    """Return a text for a value in a message: plain values as they are, all others by their class."""
+    """Return the text that stands for a value in a message: the value itself if it is a number or text, else the name of its class."""
     return repr(value) if value is None or isinstance(value, bool | int | float | str | bytes) else f"a {type(value).__name__}"

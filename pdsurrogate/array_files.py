@@ -1,4 +1,4 @@
-"""Files of plain arrays from untrusted sources: reading runs no code from them, and takes no more memory than the file."""
+"""Safe reading of files of plain arrays from untrusted sources: it runs no code from a file, and needs no more memory than the file."""
 
 import zipfile
 from collections.abc import Collection
@@ -8,11 +8,11 @@ import numpy as np
 
 
 class DamagedFile(ValueError):
-    """File that is no uncompressed archive of plain arrays."""
+    """Error for a file that is no uncompressed archive of plain arrays."""
 
 
 def read_arrays(file: BinaryIO, names: Collection[str] | None = None) -> dict[str, np.ndarray]:
-    """Return arrays by name from a file that ``numpy.savez`` wrote: all, or only the named ones.
+    """Return the arrays in a file that ``numpy.savez`` wrote, by name: all arrays, or only those listed in `names`.
 
     Raises
     ------

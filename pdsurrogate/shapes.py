@@ -1,4 +1,4 @@
-"""Shapes of bodies, of their parts and of cuts, which a scene is made of."""
+"""Public names of the shapes of bodies, of holes and of cuts in scenes."""
 
 from .scenes import Box, Circle, Cylinder, DiscCut, Ellipse, Extrusion, Mesh, ParallelogramCut, Polygon, Precut, Rectangle, Sphere, Tube
 

@@ -47,7 +47,7 @@ SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
 """Files of an artefact other than its card."""
 
 SAME = 1e-9
-"""Relative difference within which numbers of a card that occur twice agree: rounding of their text and of one formula."""
+"""Relative difference within which two statements of a number in a card agree: it allows for rounding in text and in a formula."""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -74,12 +74,12 @@ class _Part(BaseModel):
 
 
 def _looked_at(part: type[_Part]) -> WrapValidator:
-    """Return a validator that checks a part, and keeps it as plain values."""
+    """Return a pydantic validator that checks a table of a card against the model `part`, and returns the table unchanged."""
     return WrapValidator(lambda value, _: part.model_validate(value) and value)
 
 
 class _Errors(_Part):
-    """Relative errors on one set of states."""
+    """Relative errors of a surrogate over a set of states: RMS, greatest, and for energies the RMS of the energy."""
 
     rms: Share
     max: Share
@@ -91,7 +91,7 @@ class _Bin(_Errors):
 
 
 class _Report(_Part):
-    """Report of `pdsurrogate.evaluate`; its further figures are numbers."""
+    """Errors of a surrogate as `pdsurrogate.evaluate` reports them; fields that are not declared here are finite numbers."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Finite]
@@ -112,7 +112,7 @@ class _Features(_Part):
 
 
 class _Identification(_Part):
-    """Identification of the law from test data: a run reads the data and the law, the rest is for readers."""
+    """Identification of the law from test data: programs read the declared fields, `data` and `law`; further fields inform people."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -139,7 +139,7 @@ Training = Annotated[dict[str, Any], _looked_at(_Training)]
 
 
 class Material(_Part):
-    """Material of the surrogate: a law, and the dimensionless parameters that the bond force depends on."""
+    """Entry of a card for the material: the law with its parameters in training, and the dimensionless ones that the force depends on."""
 
     law: str
     trained_with: dict[str, Any]
@@ -154,7 +154,7 @@ class Material(_Part):
 
 
 class Payload(_Part):
-    """One file of an artefact."""
+    """Entry of a card for a file of the artefact: contents in words, SHA-256, and size in bytes."""
 
     contains: str
     sha256: Annotated[str, Field(pattern=SHA256)]
@@ -162,7 +162,7 @@ class Payload(_Part):
 
 
 class DomainSpec(_Part):
-    """Domain in which the surrogate holds; see `pdsurrogate.forces.Domain`."""
+    """Entry of a card for the domain of states in which the surrogate holds; see `pdsurrogate.forces.Domain`."""
 
     least_stretch: Positive
     greatest_stretch: Positive
@@ -171,12 +171,12 @@ class DomainSpec(_Part):
     hull: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
 
     def build(self) -> Domain:
-        """Return the domain that the solver tests."""
+        """Return the domain as the `Domain` against which a run tests its states."""
         return Domain(self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk, self.hull)
 
 
 class MemberSpec(_Part):
-    """Member of a committee: a further surrogate in the artefact, with its own material."""
+    """Entry of a card for a member of the committee, a further surrogate in the artefact: material, domain and errors."""
 
     material: Material
     domain: DomainSpec
@@ -184,7 +184,7 @@ class MemberSpec(_Part):
 
 
 class Card(_Part):
-    """Contents of ``card.json``."""
+    """Card of an artefact, the contents of ``card.json``: kind, material, features, training, domain, errors and files."""
 
     format: Literal["pdsurrogate artefact"]
     schema_version: int
@@ -212,11 +212,11 @@ class Card(_Part):
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> str:
-        """Return the card as it is stored; a hull of test data, a committee and a digest are left out where there is none."""
+        """Return the text of ``card.json``; a hull of test data, a committee and a digest are left out where there is none."""
         return json.dumps(self.model_dump(exclude_defaults=True), indent=2, allow_nan=False) + "\n"
 
     def of_member(self, number: int) -> Card:
-        """Return the card of a member of the committee, numbered from 1."""
+        """Return the card of the committee member with a number, from 1: this card with material, domain and errors of the member."""
         member = self.members[number - 1]
         named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": (), "digest": None}
         return self.model_copy(update={**named, **dict(member)})
@@ -240,7 +240,7 @@ class Card(_Part):
 
 
 def read_card(data: bytes, where: str) -> Card:
-    """Read a card.
+    """Return the card in the bytes of a ``card.json``; `where` is the path for messages.
 
     Raises
     ------
@@ -271,7 +271,7 @@ def read_card(data: bytes, where: str) -> Card:
 
 
 def checked_card(content: Mapping[str, Any]) -> Card:
-    """Return a card from plain values, after checking that they agree with one another.
+    """Return a card made of plain values (numbers, text, lists and tables), after checking that the values agree with one another.
 
     Raises
     ------
@@ -291,20 +291,20 @@ def checked_card(content: Mapping[str, Any]) -> Card:
 
 
 def new_card(entries: Mapping[str, Any]) -> Card:
-    """Return the card of a new artefact from its other entries, with format, schema version and digest; see `checked_card` for errors."""
+    """Return the card of a new artefact: the entries completed by format, schema version and digest; see `checked_card` for errors."""
     card = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64})
     return card.model_copy(update={"digest": card.found_digest()})
 
 
 def check_plain(content: Mapping[str, Any]) -> None:
-    """Raise ArtifactError for a value that a card cannot hold."""
+    """Raise ArtifactError unless all values in nested tables and lists are None, finite numbers or text, as a card can hold."""
     for field, value in _leaves(dict(content)):
         if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
             raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
 
 
 def _contradictions(card: Card) -> Iterator[str]:
-    """Yield the contradictions in a card, and values beyond the limits of stored artefacts."""
+    """Yield a message for each contradiction between entries of a card, and for each value beyond the limits of stored artefacts."""
     files = {SURROGATE, *([MEMBERS] if card.members else [])}
     for name in sorted(files ^ set(card.payloads) - {PIPELINE}):
         there = f"with {len(card.members)} members it has {', '.join(sorted(files))} and maybe {PIPELINE}"
@@ -330,7 +330,7 @@ def _contradictions(card: Card) -> Iterator[str]:
 
 
 def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
-    """Yield the contradictions between material, domain and errors of one surrogate."""
+    """Yield a message for each contradiction between material, domain and errors of a surrogate or committee member, `part`."""
     material, domain = part.material, part.domain
     if material.trained_with.get("law") != material.law:
         yield f"material.law: must be that of material.trained_with, {_shown(material.trained_with.get('law'))}, not {_shown(material.law)}"
@@ -372,7 +372,7 @@ def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
 
 
 def same_values(one, other) -> bool:
-    """Return whether plain values are equal, numbers to within `SAME`; tuples equal lists."""
+    """Return whether two nested plain values are equal, where numbers may differ by `SAME` and tuples count as lists."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return set(one) == set(other) and all(same_values(one[key], other[key]) for key in one)
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
@@ -382,7 +382,7 @@ def same_values(one, other) -> bool:
 
 
 def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every value that is no list and no table, with its dotted field."""
+    """Yield (dotted path, value) for every single value in nested tables and lists."""
     if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield from _leaves(inner, f"{field}.{key}" if field else str(key))
@@ -409,7 +409,7 @@ WORDS = {
 
 
 def _explained(error: ValidationError) -> str:
-    """Return all problems in one line, each with its field, the right kind of value and the present one."""
+    """Return one line of text on a pydantic error: for each problem the field, the kind of value required, and the value found."""
     lines = []
     for problem in error.errors():
         field, kind = ".".join(map(str, problem["loc"])), problem["type"]

@@ -23,7 +23,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     A built-in scene with its default material takes the material of an artefact's card.  Moduli that were identified from test data or
     given by hand are used in the scene's unit of stress (those from test data of the package are converted from MPa); default moduli of a
     law have no unit and are scaled to the shear modulus of the scene.  Any other scene keeps the material that it states; a scene without
-    one takes the card's unchanged.
+    a material takes the material of the card unchanged.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
 
 
 def material_on(card: Card, scene: Scene) -> Law:
-    """Return the law of a card with its parameters; `with_material` explains the moduli.
+    """Return the law of a card with its parameters, the moduli in the scene's unit of stress as `with_material` explains.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def _has_moduli(card: Card) -> bool:
 
 
 def in_words(law: Law) -> str:
-    """Return a law as one line of a scene, with all digits and without parameters at their defaults."""
+    """Return a law as the text of a scene's table ``material``, with all digits and without parameters at their defaults."""
     parts = [f'law="{law.name}"']
     for field in fields(law):
         value = getattr(law, field.name)

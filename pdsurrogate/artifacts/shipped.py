@@ -1,4 +1,4 @@
-"""Cards of artefacts that were shipped before cards had a digest."""
+"""Digests of the cards of artefacts that were shipped before cards contained a digest, by the hash of ``surrogate.npz``."""
 
 SHIPPED_CARDS = {
     # arruda-boyce-isochoric@1

@@ -39,7 +39,7 @@ MOST_BYTES = 64 * 2**20
 
 @contextmanager
 def _reading() -> Iterator[None]:
-    """Raise ArtifactError with the path for errors of reading folders."""
+    """Context manager or decorator that turns an OSError from reading folders into an ArtifactError with the path."""
     try:
         yield
     except OSError as error:
@@ -63,7 +63,7 @@ def own_folder() -> Path:
 
 
 def next_version(folder: str | Path, name: str) -> str:
-    """Return the version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
+    """Return the version for a new artefact of a name: the first number of the highest version in the folder plus 1, or "1" for none."""
     check_path(folder, "folder")
     _check_name(name)
     versions = _versions(Path(folder) / name)
@@ -73,7 +73,7 @@ def next_version(folder: str | Path, name: str) -> str:
 def search_path() -> list[Path]:
     """Return the folders in which artefacts are looked up by name, first match first.
 
-    ``PDSURROGATE_ARTIFACTS`` if set, ``artifacts`` and ``own-artifacts`` in the working folder, and those shipped with the package.
+    The folders are ``PDSURROGATE_ARTIFACTS`` if set, ``own-artifacts`` and ``artifacts`` in the working folder, and the shipped folders.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     if chosen and not Path(chosen).is_dir():
@@ -97,12 +97,12 @@ def find_artifact(reference: str | Path) -> Path:
     reference : str or path
         ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artefact's folder or of a folder
         of its versions.  Text is a path if it has a separator or begins with a dot, or if it is a folder that holds a card; other folders
-        of that name, such as results, are ignored.  So is the number of a member of a committee (see `parted`).
+        of that name, such as results, are ignored.  The number of a committee member (see `parted`) is ignored as well.
 
     Raises
     ------
     ArtifactError
-        If there is none (the message lists the known ones), or the text names an artefact and the folder of another.
+        If there is no such artefact (the message lists the known ones), or the text is the name of an artefact and of another's folder.
     """
     check_path(reference, "an artefact's reference")
     reference, _ = parted(reference)
@@ -123,7 +123,7 @@ def find_artifact(reference: str | Path) -> Path:
 
 
 def parted(reference: str | Path) -> tuple[str | Path, str | None]:
-    """Split ``NAME#3`` or ``NAME#all`` into NAME and ``3`` or ``all``, which is None without # or for an existing path."""
+    """Split ``NAME#3`` or ``NAME#all`` into NAME and committee member (``3``, ``all``; None without # or for an existing path)."""
     found = WHICH_MEMBER.fullmatch(str(reference))
     if found is None or Path(reference).exists():
         return reference, None
@@ -133,20 +133,20 @@ def parted(reference: str | Path) -> tuple[str | Path, str | None]:
 
 
 def _in_folder(path: Path) -> Path | None:
-    """Return the artefact in a folder, or its highest version where the folder holds versions; None where it holds no card."""
+    """Return the folder of the artefact at a path, of the highest version if the path holds versions; None if there is no card."""
     held = [folder for folder in (*_versions(path), path) if (folder / CARD).is_file()]
     return held[-1] if held else None
 
 
 def _by_name(text: str) -> Path | None:
-    """Return the artefact NAME or NAME@VERSION on the search path; an unreadable one is returned too, so that no other replaces it."""
+    """Return the folder of artefact NAME or NAME@VERSION on the search path, even if it is damaged; None if there is none."""
     name, separator, version = text.partition("@")
     found = [folder for folder in _on_search_path(name) if not separator or version == folder.name]
     return found[-1] if found else None
 
 
 def _on_search_path(name: str) -> list[Path]:
-    """Return the folders of all versions of an artefact, in rising order; the first folder on the path wins."""
+    """Return the folders of all versions of an artefact, in rising order; for a version found twice, the first on the search path."""
     if not re.fullmatch(NAME_PATTERN, name):
         return []
     found = {folder.name: folder for root in reversed(search_path()) for folder in _versions(root / name)}
@@ -154,7 +154,7 @@ def _on_search_path(name: str) -> list[Path]:
 
 
 def _versions(folder: Path) -> list[Path]:
-    """Return the folders whose names are versions, in rising order; folders of an interrupted writing have other names."""
+    """Return the subfolders whose names are versions, in rising order; subfolders of an interrupted writing have other names."""
     inner = folder.iterdir() if folder.is_dir() else ()
     return sorted((path for path in inner if path.is_dir() and re.fullmatch(VERSION_PATTERN, path.name)), key=_version_key)
 
@@ -194,7 +194,7 @@ def called(folder: Path, card: Card, which: str | None = None) -> str:
 
 
 def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
-    """Return the numbers of the members that a reference means (`parted`); raise ArtifactError if the committee has no such member."""
+    """Return the numbers of the committee members that `which` selects (a number or all); raise ArtifactError for unknown members."""
     if which is None:
         return ()
     members = range(1, len(card.members) + 1)
@@ -256,7 +256,7 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 
 
 def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
-    """Return the model that the card and the payloads in a folder describe."""
+    """Return the surrogate in the folder of an artefact, or the committee member `which`, after checking payloads and card."""
     card = _card_of(folder)
     if card.kind not in KINDS:
         raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
@@ -280,7 +280,7 @@ def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
 
 
 def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate]:
-    """Return members of a committee by their numbers; the file is read once."""
+    """Return the surrogates of the committee members with given numbers, from one reading of ``members.npz``."""
     arrays = _arrays(folder, card, MEMBERS)
     held: dict[str, dict] = {}
     for key, value in arrays.items():
@@ -299,7 +299,7 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
 
 
 def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Surrogate:
-    """Return the model in the arrays of a payload, and check what its card states of it."""
+    """Return the surrogate made of the arrays of a payload; raise ArtifactError if kind, features or material contradict the card."""
     try:
         model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
@@ -326,7 +326,7 @@ def law_of(card: Card) -> Law:
 
 
 def _stated(card: Card) -> dict[str, float] | None:
-    """Return the errors on the plane-stress surface of the training box and K/mu there; None if the card states no moduli."""
+    """Return the RMS and greatest error on the plane-stress surface, and K/mu, as a card states them; None if it states no moduli."""
     errors, trained_with = card.errors["box"]["on_surface"], card.material.trained_with
     try:
         bulk_ratio = trained_with["bulk_modulus"] / trained_with["shear_modulus"]
@@ -351,21 +351,21 @@ def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
 def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -> ForceModel:
     """Return the default force model of a material.
 
-    It is the artefact on the search path with the name of the law (for bond energies with ``-energy`` appended under plane stress and
-    ``-isochoric`` otherwise), if there is one and it describes this material; otherwise the exact model of that kind.
+    The model is the artefact on the search path with the name of the law (for bond energies with ``-energy`` appended under plane stress
+    and ``-isochoric`` otherwise), if there is such an artefact for this material; otherwise the exact model of the family.
 
     Parameters
     ----------
     law : Law
     family : str
-        Kind of the model, see `ForceModel.family`.
+        Family of the model, such as "bond force" or "bond energy", see `ForceModel.family`.
     plane : str
         State of the body: "stress", "strain" or "space".
 
     Raises
     ------
     ArtifactError
-        If that artefact cannot be read.
+        If the artefact with this name cannot be read.
     """
     energy = f"{law.name}-energy" if plane == "stress" else f"{law.name}-isochoric"
     name, exact = {"bond force": (law.name, "analytic"), "bond energy": (energy, "bond-energy")}.get(family, (None, family))
@@ -381,8 +381,8 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
 def default_force(scene: Scene) -> ForceModel:
     """Return the default force model of a scene.
 
-    It is `surrogate_for` the material under plane stress; otherwise, and with several materials, the exact energy, which in plane strain
-    and in solids is the selective one that does not lock.
+    Under plane stress this is `surrogate_for` the material; otherwise, and for several materials, the exact bond energy, which in plane
+    strain and in solids is the selective energy that does not lock.
     """
     if scene.plane != "stress" or scene.materials:
         return load_surrogate("bond-energy")
@@ -392,8 +392,8 @@ def default_force(scene: Scene) -> ForceModel:
 def load_pipeline(reference: str | Path, *, trust: bool = False):
     """Return the fitted scikit-learn pipeline of an artefact, for refinement.
 
-    It is a pickle of Python objects: loading it runs code from the file.  It must match its digest in the card, which shows that the file
-    belongs to the card, but not that their author is trustworthy.
+    The file is a pickle of Python objects: loading it runs code from the file.  The file must match its digest in the card, which shows
+    that the file belongs to the card, but not that the author of both is trustworthy.
 
     Parameters
     ----------
@@ -448,7 +448,7 @@ def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline
     Parameters
     ----------
     folder : str or path
-        The folder that holds artefacts; this one becomes ``folder/NAME/VERSION``.
+        The folder that holds artefacts; the new artefact becomes ``folder/NAME/VERSION``.
     card : dict
         Entries of `Card` except format, schema version, payloads and digest.
     surrogate : LearntBondForce or LearntEnergy
@@ -507,7 +507,7 @@ def _describe(path: Path, contains: str) -> dict:
 
 
 def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) -> bytes:
-    """Return the bytes of a payload, at most so many, after comparing size and digest with the card."""
+    """Return the bytes of a payload file; raise ArtifactError if it has more than `most` bytes, or size or digest contradict the card."""
     where = f"{called(folder, card)}: {name}"
     if name not in card.payloads:
         raise ArtifactError(f"{where}: the artefact has none")

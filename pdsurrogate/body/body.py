@@ -81,7 +81,7 @@ class Body:
     faces : mapping of str to str, optional
         Names of the edge or face of the bounding box that a group covers whole, by the names of such groups.
     share : Share
-        The part of a larger body that these points are, if several ranks share a run; by default all of it.
+        Part of a larger body that consists of these points, if several ranks divide a run; by default the whole body.
 
     Raises
     ------
@@ -142,17 +142,17 @@ class Body:
 
     @property
     def kappa(self) -> float:
-        """Factor of the shape tensor of a full horizon, kappa I (theory (9))."""
+        """Scalar kappa in the shape tensor kappa I of a point with a full horizon (theory (9))."""
         return WEIGHT_FUNCTIONS[self.weight].moments[self.dimension - 2] * self.horizon ** (self.dimension + 2)
 
     @property
     def dimension(self) -> int:
-        """Dimension, 2 or 3."""
+        """Number of coordinates of a point, 2 or 3."""
         return self.points.shape[1]
 
     @property
     def finer(self) -> str:
-        """Remedy for a body with too few points, for error messages."""
+        """Advice for error messages about a body with too few points: a smaller spacing, or a finer mesh."""
         return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
 
     def weigh(self, length: np.ndarray) -> np.ndarray:
@@ -171,7 +171,7 @@ class Body:
 
     @cached_property
     def cells(self) -> CellMesh:
-        """Cells of the points, for pictures and result files: those of the mesh, or of a lattice."""
+        """Cell around each point, for pictures and result files: the cells of the mesh, or equal cells of a lattice."""
         return self.mesh_cells or CellMesh.of_lattice(self.points, self.volumes, np.asarray(self.cell))
 
     @cached_property
@@ -187,25 +187,28 @@ class Body:
 
     @cached_property
     def names(self) -> np.ndarray:
-        """Names of the points, then of the images, on all ranks: numbers in the whole body, plus multiples of its size for images."""
+        """Integers that identify points and images on all ranks, shape (n + m,).
+
+        A point has its number in the whole body; an image has the number of its source plus a multiple of the whole body's size.
+        """
         source, image = self.ghosts.source, self.ghosts.image
         return np.concatenate([self.share.numbers, self.share.numbers[source] + image * self.share.size])
 
     @property
     def bond_owners(self) -> np.ndarray:
-        """Point from whose list each directed bond is."""
+        """Number of the point at which each directed bond begins, shape (n_bonds,)."""
         return np.repeat(np.arange(len(self)), np.diff(self.bonds.pointers).astype(np.int64))
 
     @cached_property
     def bond_halo(self) -> Halo:
-        """Directed bonds of the points of the halo, shape (n_bonds,)."""
+        """Exchange between ranks that copies values of the directed bonds of halo points, shape (n_bonds,), from the points' owners."""
         owners, share = self.bond_owners, self.share
         names = share.numbers[owners] * (share.size * 2 ** len(self.planes)) + self.names[self.bonds.neighbours]
         return Halo(share.ranks, names, share.owners[owners])
 
     @classmethod
     def rectangle(cls, width: float, height: float, spacing: float, horizon: float, **options) -> Body:
-        """Return a body of cell-centred points on a rectangle with its lower left corner at the origin, see `Cells`."""
+        """Return a rectangular body with its lower left corner at the origin and a point at the centre of every cell, see `Cells`."""
         cells = Cells.filling((0.0, 0.0), (width, height), spacing)
         points = cells.centres()
         return cls(points, np.full(len(points), cells.volume), horizon, cells.spacing, cell=cells.sides, **options)
@@ -239,10 +242,10 @@ class Cells:
 
     @classmethod
     def filling(cls, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Cells:
-        """Return the cells nearest to squares or cubes with a given spacing; exactly those where it divides the box (to 1e-9).
+        """Return equal cells that fill a box; they are squares or cubes of the given spacing where it divides the box (to 1e-9).
 
-        Raise ValueError if the box is smaller than a cell, holds too many, or if the cells deviate from the spacing by more than
-        `MOST_MISFIT`.
+        Otherwise their sides are as near to the spacing as possible. Raise ValueError if the box is smaller than a cell or holds too many
+        cells, or if the sides deviate from the spacing by more than `MOST_MISFIT`.
         """
         if not (np.isfinite(spacing) and spacing > 0):
             raise ValueError(f"the spacing must be positive and finite, not {spacing}")
@@ -279,7 +282,7 @@ class Cells:
         return math.sqrt(self.volume) if len(self.sides) == 2 else math.cbrt(self.volume)
 
     def centres(self) -> np.ndarray:
-        """Return the centres of the cells, row by row along x1, layer by layer along the last axis, shape (n, d)."""
+        """Return the centres of the cells, shape (n, d); x1 varies fastest, the last coordinate slowest."""
         centres = np.empty((*self.counts[::-1], len(self.counts)))
         for axis, (low, count, side) in enumerate(zip(self.lower, self.counts, self.sides, strict=True)):
             shape = np.ones(len(self.counts), dtype=int)
@@ -289,12 +292,12 @@ class Cells:
 
 
 def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.ndarray:
-    """Return the centres of the cells that fill a box, row by row, shape (n, d), see `Cells.filling`."""
+    """Return the centres of the cells that fill a box, shape (n, d), in the order of `Cells.centres`; see `Cells.filling`."""
     return Cells.filling(lower, upper, spacing).centres()
 
 
 def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:
-    """Return the sums at n points of values (k,) or (k, c) over the bonds that begin there, plus `sign` times those that end there."""
+    """Return the sums of bond values (k,) or (k, c) at n points: over bonds that begin there, plus `sign` times over bonds that end."""
     if values.ndim == 2:
         return np.stack([sums_at_points(n, first, second, column, sign) for column in values.T], axis=1)
     within = second < n
@@ -346,7 +349,7 @@ class Bonds:
     n_directed: int
 
     def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return `first` and `second` padded with zeros to whole blocks: pairs of a point with itself, whose results are not used."""
+        """Return `first` and `second` padded with zeros to a multiple of the block size; results of the padding are not used."""
         size = -(-len(self.first) // block) * block
         first, second = (np.pad(ends, (0, size - len(ends))) for ends in (self.first, self.second))
         return first, second
@@ -415,7 +418,7 @@ def _pointers(owners: np.ndarray, n: int) -> np.ndarray:
 
 
 def _check_apart(points: np.ndarray, least: float) -> None:
-    """Refuse points (n, d) of which two are nearer to each other than a distance."""
+    """Raise ValueError if two of the points (n, d) are nearer to each other than `least`."""
     if len(points) == 1:
         return
     distances, numbers = cKDTree(points).query(points, k=2)
@@ -426,7 +429,7 @@ def _check_apart(points: np.ndarray, least: float) -> None:
 
 
 def _check_distance_of_planes(body: Body) -> None:
-    """Raise ValueError if parallel planes are so near that a horizon reaches images of images, which do not exist."""
+    """Raise ValueError if parallel reflection planes are so near that a horizon reaches images of images, which are not created."""
     for number, plane in enumerate(body.planes):
         for other in body.planes[:number]:
             distance = abs(plane.position - other.position)

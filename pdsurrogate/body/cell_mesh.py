@@ -32,13 +32,14 @@ an open crack it is the opening.
 
 @dataclass(frozen=True)
 class CellMesh:
-    """Cells by their corners, in the order of the points that they belong to.
+    """Mesh of the cells around the points of a body, in the order of the points, for pictures and result files.
 
     Attributes
     ----------
     nodes : ndarray, shape (k, d)
+        Reference positions of the corners of cells.
     blocks : tuple of ndarray of int, each of shape (m, corners)
-        Triangles and quadrilaterals, or tetrahedra and hexahedra, their corners in the order of VTK.
+        Nodes at the corners of triangles and quadrilaterals, or tetrahedra and hexahedra, in the order of VTK.
     """
 
     nodes: np.ndarray
@@ -49,7 +50,7 @@ class CellMesh:
 
     @classmethod
     def of_lattice(cls, points: np.ndarray, volumes: np.ndarray, cell: np.ndarray) -> CellMesh:
-        """Return the cells of sides `cell` around points of a lattice; a cell cut by the body's surface is included in full.
+        """Return the cell mesh of lattice points, of cells with sides `cell`; a cell cut by the body's surface is included in full.
 
         Points with the volume of a full cell lie at its middle.
         """
@@ -66,12 +67,12 @@ class CellMesh:
 
     @classmethod
     def of_mesh(cls, nodes: np.ndarray, blocks: Sequence[np.ndarray], kept: np.ndarray) -> CellMesh:
-        """Return the cells of a mesh for which `kept` is true."""
+        """Return the cell mesh of those cells of a mesh for which `kept` is true; the nodes are all those of the mesh."""
         parts = np.split(kept, np.cumsum([len(block) for block in blocks])[:-1])
         return cls(nodes, tuple(block[part] for block, part in zip(blocks, parts, strict=True) if part.any()))
 
     def only(self, kept: np.ndarray) -> tuple[CellMesh, np.ndarray]:
-        """Return the cells for which `kept` is true, and the numbers that their nodes have in this mesh."""
+        """Return the mesh of the cells for which `kept` is true, with their nodes alone, and the numbers of these nodes in this mesh."""
         blocks = CellMesh.of_mesh(self.nodes, self.blocks, kept).blocks
         used, corners = np.unique(np.concatenate([block.ravel() for block in blocks]), return_inverse=True)
         parts = np.split(corners.astype(np.int32), np.cumsum([block.size for block in blocks])[:-1])
@@ -79,22 +80,22 @@ class CellMesh:
 
     @property
     def dimension(self) -> int:
-        """Dimension, 2 or 3."""
+        """Number of coordinates of a node, 2 or 3."""
         return self.nodes.shape[1]
 
     @cached_property
     def _owners(self) -> np.ndarray:
-        """Cell of every corner listed in `blocks`."""
+        """Number of the cell to which each entry of `blocks` (a corner of a cell) belongs, in the order of `_entries`."""
         widths = np.concatenate([np.full(len(block), block.shape[1]) for block in self.blocks])
         return np.repeat(np.arange(len(self)), widths)
 
     @cached_property
     def _entries(self) -> np.ndarray:
-        """All corners listed in `blocks`."""
+        """Nodes at the corners of all cells, one array of all entries of `blocks`."""
         return np.concatenate([block.ravel() for block in self.blocks])
 
     def sides(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sides of all cells, cell by cell: corners, shape (s, 2 or 4), and the cells that they belong to, shape (s,)."""
+        """Return the sides of all cells, cell by cell: nodes at their corners, shape (s, 2 or 4), and their cells, shape (s,)."""
         faces = [np.array(FACES[self.dimension, block.shape[1]]) for block in self.blocks]
         corners = [block[:, face].reshape(-1, face.shape[1]) for block, face in zip(self.blocks, faces, strict=True)]
         counts = np.repeat([len(face) for face in faces], [len(block) for block in self.blocks])
@@ -102,7 +103,7 @@ class CellMesh:
 
     @cached_property
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sides of the cells, each once: corners, shape (f, 2 or 4), and the cells on both sides, shape (f, 2), -1 for none."""
+        """Edges (in 3D faces) of cells, shared ones once: nodes at the corners (f, 2 or 4), and both adjacent cells (f, 2), -1 for none."""
         corners, owners = self.sides()
         number = side_numbers(corners)
         _, first = np.unique(number, return_index=True)
@@ -112,7 +113,10 @@ class CellMesh:
         return corners[first], np.stack([owners[first], beyond], axis=1)
 
     def moved(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-        """Return the displacement of the nodes, shape (k, d): the mean of the predictions by points and gradients of the adjacent cells."""
+        """Return the displacements of the nodes from those of the points, shape (k, d).
+
+        A node has the mean of the linear extrapolations from the points of its cells, with their deformation gradients (n, d, d).
+        """
         counts = np.bincount(self._entries, minlength=len(self.nodes))
         total = np.zeros_like(self.nodes)
         begin, changes = 0, gradients - np.eye(self.dimension)
@@ -126,7 +130,10 @@ class CellMesh:
         return total / np.maximum(counts, 1)[:, None]
 
     def torn(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> CellMesh:
-        """Return these cells with separate nodes on both sides of an open crack; the arguments are those of `moved`."""
+        """Return the cell mesh with separate nodes on the two sides of open cracks, from the motion of the points.
+
+        A face is open where the positions that its two cells predict for it differ by more than `TORN`; see `moved` for the arguments.
+        """
         corners, beside = self.faces
         inner = beside[:, 1] >= 0
         corners, (one, other) = corners[inner], beside[inner].T
@@ -140,7 +147,7 @@ class CellMesh:
         return self if not open_.any() else self._separated(corners, np.stack([one, other], axis=1), open_)
 
     def _separated(self, corners: np.ndarray, beside: np.ndarray, open_: np.ndarray) -> CellMesh:
-        """Return cells with one node for each group of cells around it that intact faces connect."""
+        """Return the mesh with nodes of open faces copied, one for each group of cells around the node that intact faces connect."""
         split = np.zeros(len(self.nodes), dtype=bool)
         split[corners[open_]] = True
         entries = np.flatnonzero(split[self._entries])
@@ -169,7 +176,7 @@ class CellMesh:
 
 
 def side_numbers(corners: np.ndarray) -> np.ndarray:
-    """Return a number for every side, shape (s,), which is the same for all orders of its corners (s, 2 or 4)."""
+    """Return an identification number of every side, shape (s,): sides with equal corners (s, 2 or 4), in any order, have equal numbers."""
     keys = np.sort(corners, axis=1)
     # A triangle may repeat any corner: its greatest is made the one that counts twice.
     keys[:, 1:-1] = np.where(keys[:, 1:-1] == keys[:, :-2], keys[:, -1:], keys[:, 1:-1])

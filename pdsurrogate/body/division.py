@@ -1,4 +1,4 @@
-"""Division of a body among ranks, and the place of its arrays' rows in the whole body."""
+"""Division of a body among ranks (parallel processes), and the numbers that rows of a rank's arrays have in the whole body."""
 
 from dataclasses import replace
 
@@ -18,14 +18,16 @@ dilatations: a share of 60 points a side of a solid would then hold 2.1 times it
 
 
 def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
-    """Return the share of a body that falls to this rank; bonds of the body must not have been used yet.
+    """Return the part of a body that this rank computes, with a halo of points of other ranks.
+
+    The bonds of the whole body must not have been used yet.
 
     Parameters
     ----------
     body : Body
     ranks : Communicator
     halo : float
-        Horizons around a rank's own points within which it has those of others.
+        Width of the halo in horizons: points of other ranks within this distance of a point of this rank are included.
 
     Raises
     ------
@@ -50,9 +52,9 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
 
 
 def rows_of(body: Body, kind: str) -> Rows:
-    """Return the rows of the whole body that arrays of this body hold.
+    """Return which rows of the whole body's arrays the arrays of this rank's body hold.
 
-    `kind` names the kind of their rows: "points", "images" (points and images), "bonds" (directed bonds), or "pairs".
+    `kind` names what a row belongs to: "points", "images" (points and images), "bonds" (directed bonds), or "pairs".
     """
     share, bonds, ghosts = body.share, body.bonds, body.ghosts
     if kind == "points":

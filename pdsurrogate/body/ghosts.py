@@ -34,10 +34,11 @@ class ReflectionPlane:
 
 @dataclass(frozen=True)
 class Ghosts:
-    """Ghosts of a body, stored after its own points in every array that holds both.
+    """Ghosts of a body, stored after the body's points in every array that holds both.
 
     An image in a plane moves with the point it mirrors: each displacement component is continued evenly or oddly about the displacement of
-    its plane, and its neighbourhood is that of the point, reflected. An image of an image has the products of both.
+    its plane, and its neighbourhood is that of the point, reflected. An image of an image has the products of the signs of both
+    reflections.
 
     Attributes
     ----------
@@ -59,7 +60,7 @@ class Ghosts:
         Parity and reflection for deformation gradients; they differ where gradients are not continued as displacements are, see
         `held_by_clamps`.
     parent : ndarray of int64, shape (m,)
-        Number, among points and ghosts, of the one that the ghost mirrors in `plane`: its source, or another ghost.
+        Number of the point or ghost that the ghost mirrors in `plane`: its source, or for an image of an image another ghost.
     planes : tuple of ReflectionPlane
     share_along : float or None
         Share of the source's gradient along a clamped plane that a ghost has, see `held_by_clamps`; None where it is continued oddly.
@@ -80,7 +81,7 @@ class Ghosts:
 
     @classmethod
     def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Ghosts:
-        """Return the images in planes, and images of images where planes meet, within a horizon of their planes.
+        """Return the ghosts of points: their images within a horizon beyond planes, and images of images where planes meet.
 
         Raise ValueError if points lie beyond a plane, or if a plane belongs to another dimension.
         """
@@ -125,7 +126,7 @@ class Ghosts:
         return len(self.source)
 
     def held_by_clamps(self, share: float) -> Ghosts:
-        """Return the same ghosts with gradients for a material that hardly changes its volume.
+        """Return these ghosts with another continuation of deformation gradients, for a material that hardly changes its volume.
 
         A mirror image has the volume ratio of its source. Under odd continuation of all components, as displacements have beyond a clamped
         plane, the stretch along the plane changes its sign and the one across does not: where the source has kept its volume, its image has
@@ -141,23 +142,23 @@ class Ghosts:
         return replace(self, gradient_parity=parity, gradient_reflection=reflection, share_along=share)
 
     def shifts(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-        """Return the term that `fill_positions` adds, shape (m, d), if every plane is displaced by u(X) = displacement + turn X.
+        """Return the shifts of the ghosts for `fill_positions`, shape (m, d), if every plane is displaced by u(X) = displacement + turn X.
 
-        `points` (n, d) are the body's own at rest. `turns` (planes, d, d) belong to planes that are odd in all components; a rotation Q has
-        turn Q - I.
+        `points` (n, d) are the reference positions of the body's points. `displacements` have shape (planes, d). `turns` (planes, d, d)
+        belong to planes that are odd in all components; a rotation Q has turn Q - I.
         """
         at_rest = self.points - self.parity * points[self.source]
         return at_rest + self.moved_by_planes(points, displacements, turns)
 
     def moved_by_planes(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-        """Return the displacement of the ghosts due to displaced planes, shape (m, d); see `shifts`."""
+        """Return the displacement of the ghosts that displaced planes cause while the points rest, shape (m, d); see `shifts`."""
         moved = np.einsum("mpd,pd->md", self.lever, displacements)
         if turns is not None:
             moved += np.einsum("mpr,prc,mpc->mr", self.lever, turns, self._feet(points))
         return moved
 
     def _feet(self, points: np.ndarray) -> np.ndarray:
-        """Return the places on every plane where each ghost is reflected, shape (m, planes, d), meaningful for planes that reflect it."""
+        """Return the points on the planes about which each ghost is reflected, shape (m, planes, d); defined for planes in `image`."""
         feet = np.repeat(self.points[:, None], len(self.planes), axis=1)
         for number, plane in enumerate(self.planes):
             # A ghost that a later plane reflects again had, before that, its source's place along the later plane's axis.
@@ -168,10 +169,10 @@ class Ghosts:
         return feet
 
     def gradient_shifts(self, turns: np.ndarray) -> np.ndarray | None:
-        """Return what the turns Q - I of the planes, shape (planes, d, d), add to the ghosts' gradients, by columns, shape (m, d d).
+        """Return the changes of the ghosts' gradients by turns Q - I (planes, d, d) of the planes; by columns, shape (m, d d).
 
-        Along a clamped plane the body stretches and turns with the plane, and so does the image. None if `share_along` is 1: a ghost then
-        has the gradient of its source, however its plane turns.
+        Along a clamped plane the body stretches and turns with the plane, and so does the image. Return None if `share_along` is 1: a
+        ghost then has the gradient of its source, however its plane turns.
         """
         if self.share_along == 1:
             return None
@@ -185,13 +186,13 @@ class Ghosts:
         return shifts.transpose(0, 2, 1).reshape(len(self), -1)
 
     def levers_on_planes(self, positions: np.ndarray, gradients: np.ndarray, forces: np.ndarray, moments: np.ndarray) -> np.ndarray:
-        """Return, for every plane, the sum of f (x) y over the places y where it exerts forces f on the body, shape (planes, d, d).
+        """Return the first moments of the forces of every plane on the body, sums of f (x) y, shape (planes, d, d).
 
-        They follow from virtual work: a plane that moves by W y, for example when it turns, moves its images by W at the places midway to
-        what they mirror, and changes their gradients by `gradient_shifts`; the energy changes by W : (f (x) y). `forces` (m, d) are minus
-        the derivatives of an energy by the positions of the ghosts, `moments` (m, d, d) its derivatives by their gradients, and `gradients`
-        (n + m, d, d) are continued by `fill_gradients`. The planes are taken from the last to the first, since contributions of images of
-        images are passed on to the images.
+        f is the force that the plane exerts on the body at the place y. The sums follow from virtual work: a plane that moves by W y, for
+        example when it turns, moves its images by W at the places midway to what they mirror, and changes their gradients by
+        `gradient_shifts`; the energy changes by W : (f (x) y). `forces` (m, d) are minus the derivatives of an energy by the positions of
+        the ghosts, `moments` (m, d, d) its derivatives by their gradients, and `gradients` (n + m, d, d) are continued by `fill_gradients`.
+        The planes are taken from the last to the first, since contributions of images of images are passed on to the images.
         """
         n, dimension = len(positions) - len(self), positions.shape[1]
         forces, moments = forces.copy(), moments.copy()
@@ -214,44 +215,44 @@ class Ghosts:
         return levers
 
     def fill_positions(self, positions: np.ndarray, shifts: np.ndarray) -> None:
-        """Write the positions of the ghosts: shift + P y_source."""
+        """Write the positions of the ghosts, shift + P y_source with the parity P, into `positions` (n + m, d)."""
         kernels.fill_vectors(positions, self.source, self.parity, shifts)
 
     def fill_displacements(self, displacements: np.ndarray) -> None:
-        """Write the displacements of the ghosts, P u_source, with the planes at rest."""
+        """Write the displacements of the ghosts for planes at rest, P u_source with the parity P, into `displacements` (n + m, d)."""
         kernels.fill_vectors(displacements, self.source, self.parity, np.zeros_like(self.parity))
 
     def fold_forces(self, forces: np.ndarray) -> None:
-        """Add the forces on ghosts to those on their sources, the transpose of `fill_displacements`."""
+        """Add the forces on ghosts to the forces on their sources, in place: the transpose of `fill_displacements`."""
         kernels.fold_vectors(forces, self.source, self.parity)
 
     def fill_gradients(self, gradients: np.ndarray) -> None:
-        """Write the deformation gradients of the ghosts, I + P (F_source - I) S.
+        """Write the deformation gradients of the ghosts, I + P (F_source - I) S with parity P and reflection S, into `gradients`.
 
-        On a body that is symmetric about the plane this equals (20) over the ghost's own horizon, without its cost.
+        On a body that is symmetric about the plane this equals F by theory (20) over the ghost's own horizon, at lower cost.
         """
         kernels.fill_matrices(gradients, self.source, self.gradient_parity, self.gradient_reflection, 1.0)
 
     def fill_changes(self, changes: np.ndarray) -> None:
-        """Write changes of the deformation gradients of the ghosts, P dF_source S."""
+        """Write the changes of the ghosts' deformation gradients, P dF_source S with parity P and reflection S, into `changes`."""
         kernels.fill_matrices(changes, self.source, self.gradient_parity, self.gradient_reflection, 0.0)
 
     def fold_moments(self, moments: np.ndarray) -> None:
-        """Add derivatives by the ghosts' gradients to those of their sources and clear them, the transpose of `fill_changes`."""
+        """Add moments (derivatives by F) of ghosts to those of their sources, and set them to zero: the transpose of `fill_changes`."""
         kernels.fold_matrices(moments, self.source, self.gradient_parity, self.gradient_reflection)
 
     def fill_shapes(self, shapes: np.ndarray) -> None:
-        """Write the shape tensors of the ghosts or their inverses, S K_source S."""
+        """Write the shape tensors of the ghosts (or their inverses), S K_source S with the reflection S, into `shapes`."""
         kernels.fill_symmetric(shapes, self.source, self.reflection)
 
     def fill(self, values: np.ndarray) -> None:
-        """Copy values without a direction from the sources to the ghosts."""
+        """Copy scalar values from the sources to the ghosts, in place."""
         if len(self):
             values[-len(self) :] = values[self.source]
 
 
 def _continuation(plane: ReflectionPlane, share: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return parity and reflection of gradients beyond a plane, and the weight of the plane's own gradient by rows, see `share_along`."""
+    """Return vectors (d,) that continue gradients beyond a plane: parity, reflection, and weight of the plane's own gradient by rows."""
     across, parity = np.arange(len(plane.parity)) == plane.axis, np.array(plane.parity, dtype=float)
     if share is None or (parity > 0).any():
         return parity, np.where(across, -1.0, 1.0), 1 - parity

@@ -63,7 +63,7 @@ cut neighbour extend half a cell farther.
 def interpolation(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
 ) -> tuple[sparse.csr_array, tuple[sparse.csr_array, ...]]:
-    """Return motion and deformation gradient at places in a body, from those of the points around them.
+    """Return matrices that map positions of a body's points to positions and deformation gradients at given places.
 
     A quadratic field is fitted to the points around a place that no hole or cut separates from it: quadratic motions are exact, with their
     gradients. The field is linear where the points are too few, in two rows, or such that a quadratic one would amplify their errors.
@@ -96,10 +96,10 @@ def interpolation(
 def fields_at(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
 ) -> tuple[tuple[sparse.csr_array, ...], tuple[sparse.csr_array, ...]]:
-    """Return maps to displacements and tensors at places in a body, from those of the points around them, component by component.
+    """Return matrices that interpolate displacements and tensors of a body's points to given places, one matrix for every component.
 
-    They are those of `interpolation`, except that in three dimensions the points near a plane of symmetry have images: displacements along
-    the plane use them; the one across does not, since its image moves with the plane.
+    They are the ``values`` of `interpolation`, except that in three dimensions the points near a plane of symmetry have images:
+    displacements along the plane use the images; the displacement across it does not, since an image moves with the plane.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def fields_at(
     -------
     displacements : tuple of d csr_array, shape (k, n)
     tensors : tuple of d^2 csr_array, shape (k, n)
-        Maps row by row, for tensors that are reflected in both directions, such as stresses and deformation gradients.
+        Matrices for the components 11, 12, ... of tensors of which both indices are reflected, such as stresses and deformation gradients.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def fields_at(
 def _polynomials(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None, mirrors: Sequence[ReflectionPlane] = ()
 ) -> list[sparse.csr_array]:
-    """Return the rows of the values and of the derivatives along the axes, for points and their images in planes; see `interpolation`."""
+    """Return the matrices from fields at points and images to values and derivatives along the axes at places; see `interpolation`."""
     distance, nearest = cKDTree(body.points).query(places)
     far = distance > OUTSIDE * body.cell.max()
     if far.any():
@@ -158,7 +158,7 @@ def _polynomials(
 
 
 def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[sparse.csr_array, ...]:
-    """Return the maps from the motion of points to that of places on the boundary: N of `Surface`, in the form of `Following`.
+    """Return the maps from the motion of points to the motion of nodes on the boundary: N of `Surface`, in the form of `Following`.
 
     A linear field is fitted to the points, at a corner to those near either side, so that the rows of N sum to 1 and have the place as
     their first moment. Where too few points lie along a normal, as in a sharp corner, it is fitted to all points within reach. `normals`
@@ -191,34 +191,35 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[s
 
 
 def _on_boundary(body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Sequence[ReflectionPlane] = ()) -> sparse.csr_array:
-    """Return the rows of nodes with the given normals, from points and images; without regard to the normals where that fails."""
+    """Return the map from points to boundary nodes, fitted to points and images along the normals, or around the node where that fails."""
     rows = _Surroundings(body, nodes, normals, mirrors).fit(1)[0]
     rest = np.flatnonzero(empty_rows(rows))
     return _folded(_filled(rows, _Surroundings(body, nodes[rest], mirrors=mirrors).fit(1)[0], rest), _Images(body, mirrors))
 
 
 def _mirrors(body: Body) -> list[ReflectionPlane]:
-    """Return the planes of symmetry of a body in three dimensions, across which only the normal motion is odd."""
+    """Return the planes of symmetry of a body in three dimensions (odd normal displacement, others even); none in the plane."""
     if body.dimension == 2:
         return []
     return [plane for plane in body.planes if all((sign < 0) == (axis == plane.axis) for axis, sign in enumerate(plane.parity))]
 
 
 def _reach(body: Body) -> float:
-    """Return the distance within which points contribute to a fit."""
+    """Return the distance from a place within which points of a body contribute to a polynomial fit."""
     return max(REACH * body.horizon, LEAST_REACH * body.cell.max())
 
 
 class _Images:
-    """Points of a body with their images in planes, as far as fits near the planes reach.
+    """Points of a body and their images in reflection planes, used by polynomial fits near the planes.
 
     Attributes
     ----------
     points : ndarray, shape (m, d)
+        Reference positions of the points, then of the images.
     source : ndarray of int, shape (m,)
-        Point that each one is, or is the image of.
+        Number of each point itself, or of the point that an image mirrors.
     signs : ndarray, shape (m, d)
-        -1 along the axes along which it is reflected, +1 along the others.
+        -1 along the axes along which an image is reflected, +1 along the others and for points.
     """
 
     def __init__(self, body: Body, planes: Sequence[ReflectionPlane]) -> None:
@@ -229,7 +230,7 @@ class _Images:
 
 
 def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = None) -> sparse.csr_array:
-    """Return the rows of points and images as rows of the points; images follow their sources with the given signs, by default evenly."""
+    """Return a map from points and images as a map from points alone: an image has its source's value times its sign, +1 by default."""
     if len(images.source) == images.count:
         return rows
     signs = np.ones(len(images.source)) if signs is None else signs
@@ -237,12 +238,12 @@ def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = 
 
 
 def too_few(body: Body) -> str:
-    """Return the words by which messages describe points that are too few to define a deformation."""
+    """Return words for error messages: which numbers of points are too few to define a deformation in the body's dimension."""
     return "three or in one row" if body.dimension == 2 else "four or in one layer"
 
 
 def empty_rows(rows: sparse.csr_array) -> np.ndarray:
-    """Return which rows have no entries."""
+    """Return flags of the rows of a sparse matrix that have no entries."""
     return np.diff(rows.indptr) == 0
 
 
@@ -255,10 +256,10 @@ def _filled(rows: sparse.csr_array, others: sparse.csr_array, numbers: np.ndarra
 
 
 class _Surroundings:
-    """Points around places, as far as nothing separates them, with their weights in a fit.
+    """Points around each of several places that no hole or cut separates from it, with their weights in a polynomial fit.
 
-    A weight is the volume times 1 - (distance / reach)^2. With normals it is the volume times the sum, over the normals, of 1 - (depth /
-    reach)^2 times a Gaussian of the distance sideways (`ALONG`), the depth being the distance along the normal.
+    A weight is the volume of the point times 1 - (distance / reach)^2, with `_reach`. With normals it is the volume times the sum, over the
+    normals, of 1 - (depth / reach)^2 times a Gaussian of the distance sideways (`ALONG`), the depth being the distance along the normal.
     """
 
     def __init__(self, body: Body, places: np.ndarray, normals: np.ndarray | None = None, mirrors: Sequence[ReflectionPlane] = ()) -> None:
@@ -283,7 +284,7 @@ class _Surroundings:
         self.offsets = (points[self.point] - places[self.place]) / self.reach
 
     def of(self, portion_of: np.ndarray | None, own: np.ndarray | None) -> _Surroundings:
-        """Keep, for each place k, the nearby points of material ``own[k]``, and scale their weights to sum to 1; for None keep all."""
+        """Keep only points of material ``own[k]`` around place k, scale their weights to sum to 1, and return self; for None keep all."""
         if portion_of is not None:
             kept = portion_of[self.source[self.point]] == own[self.place]
             self.place, self.point, self.offsets, weights = self.place[kept], self.point[kept], self.offsets[kept], self.weights[kept]
@@ -294,7 +295,10 @@ class _Surroundings:
         return np.bincount(self.place, terms, self.shape[0])
 
     def fit(self, degree: int) -> tuple[sparse.csr_array, ...]:
-        """Return the rows of the value and of the derivatives of a polynomial fitted by least squares; empty where points are too few."""
+        """Return matrices from values at points to value and derivatives at places, by a least-squares polynomial of a degree.
+
+        The row of a place is empty where points are too few.
+        """
         dimension = self.offsets.shape[1]
         powers = [chosen for order in range(degree + 1) for chosen in combinations_with_replacement(range(dimension), order)]
         terms = np.stack([self.offsets[:, chosen].prod(axis=1) for chosen in powers], axis=1)

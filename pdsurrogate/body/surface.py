@@ -14,7 +14,7 @@ from ..ranks import Share
 
 @dataclass(frozen=True)
 class Following:
-    """Linear map from the motion of points to the motion of places, applied to every component separately.
+    """Linear map from vectors at points of a body, such as displacements, to vectors at other places, component by component.
 
     Attributes
     ----------
@@ -26,24 +26,24 @@ class Following:
     rows: tuple[sparse.csr_array, ...]
 
     def __matmul__(self, vectors: np.ndarray) -> np.ndarray:
-        """Return the vectors at the places, shape (k, d), from those of the points (n, d); a single map accepts rows of any shape."""
+        """Return vectors at the places (k, d) from vectors at the points (n, d); with a single map, values of any shape (n, ...)."""
         if len(self.rows) == 1:
             return self.rows[0] @ vectors
         return np.stack([rows @ vectors[:, component] for component, rows in enumerate(self.rows)], axis=1)
 
     def __getitem__(self, places) -> Following:
-        """Return the map restricted to some of the places."""
+        """Return the map to the chosen places alone."""
         return Following(tuple(rows[places] for rows in self.rows))
 
     def __sub__(self, other: Following) -> Following:
         return Following(tuple(own - theirs for own, theirs in zip(self.rows, other.rows, strict=True)))
 
     def of_points(self, points: np.ndarray) -> Following:
-        """Return the map restricted to the motion of some of the points."""
+        """Return the part of the map that depends on the chosen points alone: its columns of these points."""
         return Following(tuple(rows[:, points].tocsr() for rows in self.rows))
 
     def points(self) -> np.ndarray:
-        """Return the numbers of the points whose motion moves any of the places."""
+        """Return the numbers of the points on which the motion of at least one place depends."""
         return np.unique(np.concatenate([rows.indices for rows in self.rows]))
 
     @property
@@ -79,11 +79,11 @@ class Surface:
         Name of the part of the boundary: left, right, bottom, top, back or front on that side of the bounding box, outline elsewhere on the
         outer boundary, and holes.0, holes.1, ... around holes.
     interpolation : Following
-        N. The row of a node is empty if the points near it do not define its motion, see `followed`.
+        Map N from the points to the nodes. The row of a node is empty if the points near it do not define its motion, see `followed`.
     groups : mapping of str to ndarray of int
         Numbers of the facets in each physical group of a mesh file.
     follow : ndarray of bool, shape (k,), optional
-        Nodes that have a row in the N of the whole body, if this surface belongs to a part of one.
+        Nodes that have a non-empty row in the map N of the whole body, if `interpolation` covers only the points of one rank.
     """
 
     nodes: np.ndarray
@@ -94,7 +94,7 @@ class Surface:
     follow: np.ndarray | None = None
 
     def of_share(self, share: Share) -> Surface:
-        """Return the surface with an interpolation from the points of a share alone."""
+        """Return the surface with its interpolation restricted to the points that this rank owns."""
         own = Following(tuple(share.own_columns(rows) for rows in self.interpolation.rows))
         return replace(self, interpolation=own, follow=self.followed())
 
@@ -115,11 +115,11 @@ class Surface:
         return np.linalg.norm(self.normals(), axis=1)
 
     def followed(self) -> np.ndarray:
-        """Return which nodes have enough points near them to define their motion, shape (k,)."""
+        """Return flags of the nodes that have enough points near them to define their motion, shape (k,)."""
         return np.diff(self.interpolation.rows[0].indptr) > 0 if self.follow is None else self.follow
 
     def encloses(self, places: np.ndarray) -> np.ndarray:
-        """Return which of the places (m, d) lie in the body."""
+        """Return flags of the places (m, d) that lie in the body, shape (m,)."""
         if self.nodes.shape[1] == 3:
             return _encloses_in_space(places, self.nodes[self.facets])
         first, second = self.nodes[self.facets].transpose(1, 0, 2)
@@ -141,7 +141,7 @@ class Surface:
 
 
 def encloses(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Return which of the places (m, 2) lie within closed chains of segments, whose starts and ends have shape (s, 2).
+    """Return flags of the places (m, 2) that lie within closed polygons, given by starts and ends of their segments, shape (s, 2) each.
 
     A place is inside if a ray from it towards larger x1 crosses the segments an odd number of times.
     """
@@ -155,14 +155,14 @@ def encloses(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.nda
 
 
 def _distances_to_segments(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Return the distance of each place to the segment of the same number."""
+    """Return the distance of place i to the segment from ``starts[i]`` to ``ends[i]``, for every i, shape (k,)."""
     along = ends - starts
     share = np.clip(((places - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
     return np.linalg.norm(places - starts - share[:, None] * along, axis=1)
 
 
 def _distances_to_triangles(places: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray) -> np.ndarray:
-    """Return the distance of each place to the triangle of the same number: to its plane if the place lies above it, else to its sides."""
+    """Return the distance of place i to triangle i, for every i: to its plane where the place projects into it, else to a side."""
     one, other, offset = second - first, third - first, places - first
     normal = np.cross(one, other)
     square = (normal**2).sum(axis=1)
@@ -173,9 +173,9 @@ def _distances_to_triangles(places: np.ndarray, first: np.ndarray, second: np.nd
 
 
 def _encloses_in_space(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Return which of the places (m, 3) lie within closed surfaces of triangles (f, 3, 3), which there subtend the full solid angle.
+    """Return flags of the places (m, 3) that lie within closed surfaces of triangles (f, 3, 3).
 
-    The angles are those of Van Oosterom and Strackee (1983).
+    The triangles subtend the full solid angle at such places; the angles are computed after Van Oosterom and Strackee (1983).
     """
     inside = np.zeros(len(places), dtype=bool)
     for number, place in enumerate(places):

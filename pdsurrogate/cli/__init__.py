@@ -1,4 +1,4 @@
-"""The command line: words and exit statuses, no physics; a table of the commands, each of which is loaded when it is called.
+"""Command line of pdsurrogate: the table of its commands, each loaded only when it is called, and the exit statuses.
 
 Exit status 0: done; 1: the run failed, and what it reached is saved; 2: bad input, one line on standard error; 130: interrupted, or
 ended by --max-time, and a checkpoint is left.
@@ -33,14 +33,14 @@ COMMANDS = {
 
 
 class Commands(TyperGroup):
-    """Group of commands that loads the one that is called, and reports wrong arguments as JSON if that command was to print JSON."""
+    """Group of commands that loads only the called command, and reports wrong arguments as JSON if ``--json`` is given."""
 
     def __init__(self, **options) -> None:
         super().__init__(**options)
         self.commands = {name: TyperCommand(name, help=text) for name, (_, text) in COMMANDS.items()}
 
     def resolve_command(self, ctx, args):
-        """Return the name, the command, loaded, and its arguments."""
+        """Return the name of the called command, the command itself, loaded from its module, and the arguments that follow."""
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None:
             function = getattr(import_module(f".{COMMANDS[name][0]}", __package__), name.replace("-", "_"))
@@ -48,7 +48,7 @@ class Commands(TyperGroup):
         return name, command, rest
 
     def invoke(self, ctx):
-        """Run a command; with ``--json`` its errors are printed as JSON too."""
+        """Run the called command; with ``--json`` print errors in its arguments as JSON, too."""
         settings.as_json, settings.printed = "--json" in (*getattr(ctx, "_protected_args", ()), *ctx.args), False
         try:
             return super().invoke(ctx)
@@ -77,7 +77,7 @@ def _before(
 
 
 def main() -> None:
-    """Run the command that the arguments of the process name."""
+    """Run the command given on the command line; a standard output that cannot be written ends with exit status 1."""
     end_soon_after_interrupts()
     try:
         try:

@@ -1,4 +1,4 @@
-"""Commands as functions, with the options that all or several of them have."""
+"""Building of commands from functions, and the options and checks that several commands share."""
 
 import importlib
 import inspect
@@ -31,7 +31,7 @@ Threads = Annotated[int | None, Option(help="Most threads of the kernels; by def
 
 
 def command(function: Callable) -> typer.core.TyperCommand:
-    """Return the command of a function, named like it, with the options that all commands have after its own."""
+    """Return the Typer command of a function, with the function's own options followed by the options of all commands, such as --json."""
     own, shared = (_command(one) for one in (function, _begin))
     body = own.callback
 
@@ -69,7 +69,7 @@ def _begin(
 
 
 class _OnStandardError(logging.Handler):
-    """Logging handler that prints records above the progress bar."""
+    """Logging handler that prints log messages on standard error, above the progress bar."""
 
     def emit(self, record: logging.LogRecord) -> None:
         err.print(f"{record.name}: {record.getMessage()}", markup=False, highlight=False, soft_wrap=True)
@@ -79,7 +79,7 @@ _log = _OnStandardError()
 
 
 def _import_laws(path: Path) -> None:
-    """Run a module, and add its laws to the table of laws; raise ValueError if it has none, or one that is named like another."""
+    """Import a Python file, and add the material laws that it defines to `LAWS`; raise ValueError for no law or a taken name."""
     if path.suffix != ".py" or not path.is_file():
         raise ValueError(f"--import {path}: there is no such Python file")
     folder = str(path.parent.resolve())
@@ -105,7 +105,7 @@ def _import_laws(path: Path) -> None:
 
 @contextmanager
 def warnings_as_lines() -> Iterator[None]:
-    """Print warnings for users, those of the package among them, as lines without their place in the source."""
+    """Print, during a context, UserWarnings and warnings of this package as single lines, without the file and line that issued them."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", OutsideDomainWarning)
         before = warnings.showwarning
@@ -121,7 +121,7 @@ def warnings_as_lines() -> Iterator[None]:
 
 
 def law_of(name: str, changes: list[str] | None = None) -> Law:
-    """Return a law by its name, with parameters given as KEY=VALUE."""
+    """Return the material law of a given name, with parameters changed by texts KEY=VALUE."""
     given = dict(parse_change(item) for item in changes or [])
     if "law" in given:
         raise ValueError(f"the law is given by its own option, not by --set law={given['law']}")
@@ -129,7 +129,10 @@ def law_of(name: str, changes: list[str] | None = None) -> Law:
 
 
 def check_folder(folder: Path | None, report: str = "", asked: dict | None = None, overwrite: bool = False) -> None:
-    """Check, before any work, that files can be written to a folder, and that a report there answers the same question."""
+    """Check, before any work, that files can be written to a folder and that an older report there has the settings `asked`.
+
+    With `overwrite` a report with other settings is allowed.
+    """
     if folder is not None:
         with bad_input(OSError):
             check_writable(folder)

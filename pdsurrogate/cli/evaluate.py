@@ -1,4 +1,4 @@
-"""The command that compares a force model with its law, and the tables of errors that ``fit`` prints as well."""
+"""Command ``evaluate``, which compares a surrogate with its material law; its tables of errors are also printed by ``fit``."""
 
 from typing import Annotated
 
@@ -40,7 +40,7 @@ def evaluate(
 
 
 def print_errors(report: dict) -> None:
-    """Print the errors of a bond force, or of an energy."""
+    """Print tables of the errors of a surrogate of a bond force or of an energy."""
     low, high = report["stretch_range"]
     which = f"stretches {low:g} to {high:g}, {report['n_samples']} states"
     force, rows = "off_surface" in report, {"all": report["on_surface"]}

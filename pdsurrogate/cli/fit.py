@@ -1,4 +1,4 @@
-"""The commands that find the parameters of laws from test data, and fit surrogates."""
+"""Commands ``identify``, which finds parameters of material laws from test data, and ``fit``, which fits surrogates."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -84,7 +84,7 @@ def identify(
 
 
 def print_identified(report: dict) -> None:
-    """Print parameters with their standard errors, and R^2 and the greatest difference by mode."""
+    """Print identified parameters with their standard errors, and for each mode of test R^2 and the greatest difference from the data."""
     form, cells = report.get("form", report["law"]["law"]), []
     for name, value in report["parameters"].items():
         error = report["standard_errors"][name]
@@ -103,7 +103,7 @@ def print_identified(report: dict) -> None:
 
 
 def differences_in_words(differences: dict) -> str:
-    """Return the greatest difference from the tests by mode, in per cent of the greatest stress of the mode."""
+    """Return a text of the greatest difference from the test data in each mode, in per cent of the greatest stress of the mode."""
     return ", ".join(
         f"{mode} no stress" if row["difference"] is None else f"{mode} {100 * row['difference']:+.2g} % at stretch {row['stretch']:g}"
         for mode, row in differences.items()
@@ -188,7 +188,10 @@ def fit(
 
 
 def _simulate_tests(path: Path, tests: Identified) -> dict:
-    """Simulate the tests with an artefact, print how far it is from them and from the law, draw all three, and return it for programs."""
+    """Simulate the material tests with a fitted artefact, print and draw its differences from the tests and from the law.
+
+    Return these differences and the simulated stresses for the output as JSON.
+    """
     with status(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)
         stress, off_law, outside = simulate_tests(surrogate, tests.data, tests.model)
@@ -214,17 +217,17 @@ def _simulate_tests(path: Path, tests: Identified) -> dict:
 
 
 class _TrainingBar(Bar):
-    """Progress of fits: the stage, the number and the count of the fit that has begun, and its iterations."""
+    """Progress bar of fits: the stage, which of several fits is running, and its iterations."""
 
     _begun, _iterations = ("", 0, 1), 0
 
     def begin(self, *stage_number_count) -> None:
-        """Show that a fit begins."""
+        """Show that a fit begins; the arguments are the stage, the number of the fit from 0, and the count of fits."""
         self._begun = stage_number_count
         self._show_fit(0.0)
 
     def iteration(self, done: int, most: int, loss: float) -> None:
-        """Show an iteration of the fit."""
+        """Show the number of iterations done, the greatest number, and the loss of the running fit."""
         self._iterations += 1
         rate = self.rate("iterations", self._iterations)
         self._show_fit(done / most, f"iteration {done} of at most {most}", f"loss {loss:.2e}{rate}")

@@ -1,4 +1,4 @@
-"""The commands that list and show laws, artefacts and scenes, and write a scene to start from."""
+"""Commands ``materials``, ``artifacts``, ``scenes`` and ``new``, which list laws, artefacts and scenes, and write a scene to start from."""
 
 import json
 import re
@@ -29,7 +29,7 @@ def materials() -> None:
 
 
 def _rows_of_law(law: type[Law]) -> Iterator[tuple[str, ...] | None]:
-    """Yield a row for each parameter of a law, and None after the last one."""
+    """Yield a table row for each parameter of a material law, and None, which draws a line, after the last row."""
     default = law()
     for number, field in enumerate(fields(law)):
         value = getattr(default, field.name)
@@ -97,7 +97,7 @@ def scenes(
 
 
 def _rows_of_scene(given: dict) -> Iterator[tuple[str, str]]:
-    """Yield a row for each key of a scene, and for each entry of a list of tables."""
+    """Yield a table row (key and value) for each key of a scene; a list of tables has a row for each entry."""
     for key, value in given.items():
         several = isinstance(value, list) and value and isinstance(value[0], dict)
         for name, entry in ((f"{key}.{number}", entry) for number, entry in enumerate(value)) if several else ((key, value),):

@@ -1,4 +1,4 @@
-"""The commands that measure force models against each other, and put them to hard cases."""
+"""Commands ``compare``, which measures speed and error of force models, and ``stress-test``, which runs hard cases with them."""
 
 from typing import Annotated
 

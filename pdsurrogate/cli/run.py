@@ -1,4 +1,4 @@
-"""The command that runs a scene, and the tables and lines on its result."""
+"""Command ``run``, which runs a scene, and functions that print its result."""
 
 import math
 from collections.abc import Sequence
@@ -90,7 +90,7 @@ def run(
 
 
 def how_to_resume(folder: Path | None) -> str:
-    """Return how the user can resume after an interrupt."""
+    """Return a text that tells the user how to resume an interrupted run, or why it cannot be resumed."""
     if folder is None:
         return "nothing was kept: give --out to be able to resume"
     if not (folder / NAME).is_file():
@@ -99,7 +99,7 @@ def how_to_resume(folder: Path | None) -> str:
 
 
 def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
-    """Warn of stability that was not checked, and of states outside the domain or the test data of a surrogate."""
+    """Print warnings if stability was not checked, or if states lay outside the domain or the test data of the surrogate."""
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips push" if scene.stretched else "Parts of the body are compressed"
         why, instead = f"{model.name} has no energy", "; it is with a force that has one, as bond-energy does"
@@ -124,7 +124,7 @@ def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
 
 
 class _Shown(Progress):
-    """Progress of a simulation, shown by a bar; the residual falls over many decades, so the bar counts decades."""
+    """Progress of a simulation on a progress bar; the bar shows the logarithm of the residual, which falls over many decades."""
 
     def __init__(self, scene: Scene, bar: Bar) -> None:
         self._scene, self._bar = scene, bar
@@ -135,7 +135,7 @@ class _Shown(Progress):
         note("Compiling kernels, once on this machine; later runs load them from the cache.")
 
     def level(self, number: int, parameter: float) -> None:
-        """Begin the bar of the next output."""
+        """Begin a new bar for the next level of stretch, or the next step of the loading parameter."""
         if self._scene.stretched:
             at = f"stretch {parameter:g} ({number + 1}/{len(self._scene.stretches)})"
         else:
@@ -144,7 +144,7 @@ class _Shown(Progress):
         self._bar.show(0.0, title=f"{self._scene.name}: {at}")
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        """Show how many of the decades between the greatest residual and the tolerance are done."""
+        """Show the residual, and as the share done how far its logarithm has come from the greatest residual to the tolerance."""
         self._first = max(self._first, residual, 1e-300)
         span = math.log10(self._first / tolerance)
         done = math.log10(self._first / max(residual, 1e-300)) / span if span > 0 else 1.0
@@ -152,19 +152,19 @@ class _Shown(Progress):
         self._bar.show(min(max(done, 0.0), 1.0), f"residual {residual:.1e}, {evaluations} evaluations{rate}")
 
     def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
-        """Show the share of a dynamic stage that is done."""
+        """Show the share done of a stage in dynamics, with the loading parameter and the number of broken bonds."""
         broken = f", {broken_bonds} bonds broken" if self._scene.fracture is not None else ""
         state = f"{'stretch ' if self._scene.stretched else 't = '}{parameter:.4f}{broken}{self._account}"
         self._bar.show(done, state, f"{self._scene.name}: dynamics")
 
     def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
-        """Keep the energies for the next call of `dynamics`."""
+        """Store the energies and the rate of steps as text, which the next call of `dynamics` shows."""
         rate = self._bar.rate("steps", steps)
         self._account = f", energies {strain_energy:.3g} strain, {kinetic_energy:.2g} kinetic{rate}"
 
 
 def print_result(result: Result) -> None:
-    """Print the result of a run: cells, outputs, cracks, the account of energy, and the time taken."""
+    """Print the result of a run: size of the cells, values at the outputs, cracks, error of the energy balance, and cost."""
     print_cells(result)
     if result.levels:
         (print_levels if result.scene.stretched else _print_outputs)(result)
@@ -183,7 +183,7 @@ def print_result(result: Result) -> None:
 
 
 def print_cells(result: Result) -> None:
-    """Print the size of the cells if it differs from the spacing asked for."""
+    """Print the spacing of a mesh, or the size of the cells if it differs from the spacing in the scene, and the horizon."""
     summary, asked, units = result.summary, result.scene.spacing, result.scene.units
     horizon = f"the horizon is {units.amount(summary['horizon'], 'length', '.6g')}"
     if result.scene.body.shape == "mesh":
@@ -194,7 +194,7 @@ def print_cells(result: Result) -> None:
 
 
 def print_levels(result: Result) -> None:
-    """Print the levels of a stretched body, with the exact solution or the reference if there is one."""
+    """Print a table of stress and lateral displacement at every stretch, with the exact solution or the reference if there is one."""
     units, levels = result.scene.units, result.levels
     compared = any("nominal_stress_reference" in level for level in levels)
     # The mean narrowing if the exact solution is homogeneous, else the greatest one.
@@ -215,7 +215,7 @@ def print_levels(result: Result) -> None:
 
 
 def print_grip(result: Result) -> None:
-    """Print which of two unequal cross-sections the nominal stress refers to."""
+    """Print to which grip's cross-section the nominal stress refers, if the cross-sections at the two grips differ."""
     units, areas, used = result.scene.units, result.summary["grip_areas"], result.levels[-1]["nominal_stress_grip"]
     other = next(edge for edge in areas if edge != used)
     if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
@@ -241,7 +241,10 @@ def _print_outputs(result: Result) -> None:
 
 
 def _force_columns(result: Result) -> dict[str, list[float]]:
-    """Return the non-negligible forces and moments of each region by heading; in the plane the moment only if there is no force."""
+    """Return, by heading, the columns of forces and moments of each region at all outputs, without negligible components.
+
+    In the plane a region has a column for the moment only if its forces are negligible.
+    """
     units, levels, columns = result.scene.units, result.levels, {}
     extent = float(np.ptp(result.body.points, axis=0).max())
     zero = LEAST_SHOWN * min(1.0, _greatest([value for level in levels for force in level["forces"].values() for value in force]))
@@ -280,13 +283,13 @@ def _title(result: Result) -> str:
 
 
 def _print_columns(title: str, columns: Sequence[tuple[str, Sequence[str]]]) -> None:
-    """Print a table of numbers column by column."""
+    """Print a table given by columns, each a heading with its cells."""
     headings, cells = zip(*columns, strict=True)
     print_table(title, headings, zip(*cells, strict=True), left=0)
 
 
 def _alike(columns: dict[str, list[float]]) -> list[tuple[str, list[str]]]:
-    """Return columns with their cells, all in the form that the greatest value needs."""
+    """Return columns of numbers as headings with cells of text, all in the number format that the greatest value needs."""
     greatest = _greatest([value for column in columns.values() for value in column])
     return [(heading, _figures(column, greatest)) for heading, column in columns.items()]
 
@@ -296,7 +299,7 @@ def _greatest(values: Sequence[float | None]) -> float:
 
 
 def _figures(values: Sequence[float | None], greatest: float) -> list[str]:
-    """Return the cells of a column, empty for None: with five decimals, or in powers of ten if the greatest value needs them."""
+    """Return numbers as cells of text, empty for None, with five decimals, or in powers of ten if `greatest` is too small or too large."""
     form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
     # Rounded first, so that no zero has a minus.
     return ["" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form) for value in values]

@@ -1,4 +1,4 @@
-"""The command that draws what a run has saved."""
+"""Command ``show``, which draws the saved results of a run and prints their history."""
 
 from functools import partial
 from pathlib import Path
@@ -59,7 +59,7 @@ def show(
 
 
 def _print_history(result: Result) -> None:
-    """Print the history at outputs in equilibrium, or its last rows: the stage, and forces and energies that are not zero."""
+    """Print the rows of the history in equilibrium, or else the last ten, with the columns that are not zero."""
     rows = [row for row in result.history if "time" not in row] or result.history[-10:]
     if not rows:
         return

@@ -1,4 +1,4 @@
-"""The command that runs many scenes, or fits many surrogates."""
+"""Command ``study``, which runs many scenes, or fits many surrogates."""
 
 from pathlib import Path
 from typing import Annotated
@@ -54,14 +54,14 @@ def study(
 
 
 class _Progress:
-    """Progress of a study, shown by a bar."""
+    """Progress of a study on a progress bar, which counts finished and failed runs."""
 
     def __init__(self, name: str, bar: Bar) -> None:
         self._name, self._bar = name, bar
         self._runs, self._ended, self._failed = 0, 0, 0
 
     def begin(self, runs: int, done: int, workers) -> None:
-        """Print the numbers of runs and workers, and show the bar."""
+        """Print the numbers of runs, of finished runs and of workers, and begin the bar."""
         if workers.caution:
             warn(f"{workers.caution}.")
         each = f"{workers.jobs} at a time, threads of each: {workers.threads}"
@@ -70,7 +70,7 @@ class _Progress:
         self._bar.count("runs", done, runs, title=self._name)
 
     def ended(self, place: str, failure: str | None) -> None:
-        """Count a run that has ended."""
+        """Show one more finished run, which failed unless `failure` is None."""
         self._failed += failure is not None
         self._ended += 1
         self._bar.count("runs", self._ended, self._runs, f"{self._failed} failed" if self._failed else "")

@@ -1,4 +1,4 @@
-"""Standard output and standard error: tables, JSON, remarks and progress; ends of a command, alone or on several ranks."""
+"""Output of commands on the terminal: tables, JSON, remarks and progress bars; ending of a command in one process or on several ranks."""
 
 import json
 import os
@@ -53,38 +53,38 @@ JSON has been printed."""
 
 
 def print_json(data) -> None:
-    """Print data for programs, if the user asked for JSON; of several ranks, the first prints."""
+    """Print data as JSON on standard output, if the user gave ``--json``; on several ranks only the first rank prints."""
     if settings.as_json and not err.quiet:
         settings.printed = True
         sys.stdout.write(json.dumps(data, indent=2) + "\n")
 
 
 def error_as_json(status: int, reason: str) -> None:
-    """Print the reason of an error as JSON, unless JSON has been printed: results give the reason themselves."""
+    """Print the reason of an error and the exit status as JSON, unless a result in JSON, which states the reason, was printed before."""
     if not settings.printed:
         print_json({"error": " ".join(reason.split()), "exit_status": status})
 
 
 def note(text: str) -> None:
-    """Print a remark on standard error, unless the user wants none."""
+    """Print a remark on standard error, unless the user gave ``--quiet``."""
     if not settings.quiet:
         err.print(escape(text), soft_wrap=True, highlight=False)
 
 
 def warn(text: str) -> None:
-    """Print on standard error what the user should look at."""
+    """Print a warning, in yellow, on standard error."""
     err.print(f"[yellow]{escape(text)}[/]", soft_wrap=True)
 
 
 def complain(text: str, prefix: str = ERROR) -> None:
-    """Print a line on standard error under the name of the program."""
+    """Print a line on standard error after a prefix, by default the name of the program in red."""
     err.print(prefix, escape(text), soft_wrap=True)
 
 
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str] | None], left: int | None = None, folds: Sequence[str] = (), **options
 ) -> None:
-    """Print a table.
+    """Print a table with a title, headings and rows of text on standard output.
 
     Parameters
     ----------
@@ -113,10 +113,10 @@ def print_table(
 
 
 def show(table: Table) -> None:
-    """Print a table with all its words and figures whole.
+    """Print a table without cutting any word or number.
 
-    Columns break between words where the terminal is narrow, and where that is not enough the table is wider than the terminal. Only
-    columns with ``overflow="fold"``, for paths, break anywhere.
+    On a narrow terminal cells break between words; if that is not enough, the table is wider than the terminal. Only columns with
+    ``overflow="fold"``, for paths, break anywhere.
     """
     for column in table.columns:
         if column.overflow != "fold":
@@ -129,13 +129,13 @@ def show(table: Table) -> None:
 
 
 class Rate:
-    """Rate of completed items since a count, in a second, or in a minute if fewer than one is completed in a second."""
+    """Rate at which items are completed, such as evaluations, per second, or per minute if it is less than one per second."""
 
     def __init__(self, items: str, count: float = 0.0) -> None:
         self._items, self._began, self._first = items, time.monotonic(), count
 
     def after(self, count: float) -> str:
-        """Return the rate at `count` items, with a comma before it; an empty text if it is not known yet."""
+        """Return a text such as ", 12 steps/s" for the rate up to `count` completed items; empty if the rate is not known yet."""
         elapsed, done = time.monotonic() - self._began, count - self._first
         if elapsed < SOONEST or done <= 0:
             return ""
@@ -144,9 +144,9 @@ class Rate:
 
 
 class Bar(Progress):
-    """Progress of one task: its title, share done, time elapsed and left; below them its ``state`` (counts, rate, residual, energy).
+    """Progress bar of one task: title, share done, time elapsed and left; on a second line its ``state`` (counts, rate, residual, energy).
 
-    A narrow terminal would cut the state if it stood in the same line. Nothing is drawn if standard error is no terminal.
+    On the first line a narrow terminal would cut the state. Nothing is drawn if standard error is no terminal.
     """
 
     def __init__(self, title: str = "") -> None:
@@ -157,14 +157,14 @@ class Bar(Progress):
             self.show(0.0, title=title)
 
     def get_renderables(self) -> Iterator[RenderableType]:
-        """Yield the lines of every task."""
+        """Yield what rich draws for each task: the line of the bar, then the line of the state if there is one."""
         for task in self.tasks:
             yield self.make_tasks_table([task])
             if task.fields["state"]:
                 yield Text(task.fields["state"])
 
     def show(self, share: float, state: str = "", title: str = "") -> None:
-        """Show the share done and a state in words; another title begins a new bar."""
+        """Show on the bar the share done, from 0 to 1, and a state in words; a new title begins a new bar."""
         if title not in ("", self._title) or not self.tasks:
             for task in self.task_ids:
                 self.remove_task(task)
@@ -173,23 +173,23 @@ class Bar(Progress):
         self.update(self.task_ids[0], completed=share, state=state)
 
     def rate(self, items: str, count: float) -> str:
-        """Return the rate of items since the first call under the title of the bar, as `Rate` has it."""
+        """Return the text of the rate of items (see `Rate.after`) since the first call with the present title of the bar."""
         self._rate = self._rate or Rate(items, count)
         return self._rate.after(count)
 
     def count(self, items: str, done: float, total: int, state: str = "", title: str = "") -> None:
-        """Show how many of all items are done, their rate, and a state in words."""
+        """Show on the bar how many of `total` items are done, the rate, and a state in words."""
         self.show(done / total, state, title)
         self.show(done / total, f"{int(done)} of {total} {items}{self.rate(items, done)}{state and f', {state}'}")
 
 
 def status(text: str) -> AbstractContextManager:
-    """Return a context with a line on what is being done; without it if standard error is no terminal."""
+    """Return a context that shows a line on the work in progress; it shows nothing in quiet mode or if standard error is no terminal."""
     return nullcontext() if settings.quiet or not err.is_terminal else err.status(escape(text))
 
 
 def share(ranks) -> None:
-    """Share the command among the ranks of a communicator, of which the first prints for all."""
+    """Note that the ranks of a communicator carry out this command together: only the first rank prints, and all end together."""
     global _ranks
     _ranks = ranks
     err.quiet = ranks.rank > 0
@@ -198,7 +198,7 @@ def share(ranks) -> None:
 
 
 def ended(status: int, reason: str, prefix: str = ERROR) -> typer.Exit:
-    """Return the exception that ends the command on all ranks, after one of them has printed the reason."""
+    """Print the reason of an error, on one rank only, and return the exception that ends the command with an exit status."""
     error_as_json(status, reason)
     complain(reason, prefix)
     if _ranks is not None and not _ranks.leave(SECONDS_BEFORE_THE_OTHERS) and err.quiet:
@@ -209,7 +209,7 @@ def ended(status: int, reason: str, prefix: str = ERROR) -> typer.Exit:
 
 @contextmanager
 def bad_input(*kinds: type[Exception], status: int = BAD_INPUT) -> Iterator[None]:
-    """Turn errors, by default those in what the user gave, into one line and an exit status."""
+    """Turn errors of given kinds, raised in a context, into one line on standard error and an exit status, by default 2 (bad input)."""
     try:
         yield
     except kinds as error:
@@ -219,7 +219,7 @@ def bad_input(*kinds: type[Exception], status: int = BAD_INPUT) -> Iterator[None
 
 @contextmanager
 def writing(folder) -> Iterator[None]:
-    """Turn errors in writing results, such as a full disk, into one line and exit status 1."""
+    """Turn an OSError raised in a context that writes results, such as a full disk, into one line on standard error and exit status 1."""
     try:
         yield
     except OSError as error:
@@ -230,7 +230,7 @@ def writing(folder) -> Iterator[None]:
 def end_soon_after_interrupts() -> None:
     """End the process soon after Ctrl-C, also while it compiles or factorises a matrix: Python itself waits until such a call returns.
 
-    A process that shares its command with others is not ended: they would wait for it.
+    One of several ranks is not ended: the other ranks would wait for it.
     """
     if threading.current_thread() is not threading.main_thread() or os.name == "nt":
         return

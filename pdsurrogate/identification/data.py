@@ -28,7 +28,7 @@ GRID = ("stretch", "lateral_stretch", "nominal_stress", "lateral_stress")
 
 @dataclass(frozen=True)
 class TestData:
-    """Rows of test data.
+    """Test data of rubber: in each row a mode of loading, two stretches, a measured nominal stress and a weight.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class TestData:
     weight : ndarray, shape (n,)
         Weights of the file, or 1.
     row : ndarray of int, shape (n,), optional
-        Numbers of the rows in the file, from 1, without header and comments; by default those of the rows here.
+        Numbers of the rows in the file, from 1, without header and comments; by default from 1 to n.
     """
 
     __test__ = False  # not a test case, whatever pytest thinks of the name
@@ -66,19 +66,19 @@ class TestData:
 
     @property
     def tests(self) -> np.ndarray:
-        """Number of the test of each row, shape (n,): both stresses of a biaxial state are one test, any other row is its own test."""
+        """Number of the test of each row, shape (n,): the rows of a biaxial state share a test, any other row is a test by itself."""
         states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
         _, tests = np.unique(states, axis=0, return_inverse=True)
         return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))
 
     def of(self, *modes: str) -> Self:
-        """Return the rows of the given modes; raise ValueError for a mode of which there are none."""
+        """Return the test data of the given modes of loading; raise ValueError for a mode without rows."""
         if unknown := sorted({*modes} - {*self.modes}):
             raise ValueError(f"{self.name}: no rows of {', '.join(unknown)}; there are {', '.join(sorted(self.modes))}")
         return self._taken(np.isin(self.mode, modes))
 
     def up_to(self, stretch: float) -> Self:
-        """Return the rows in which neither stretch exceeds a value; raise ValueError if there are none."""
+        """Return the rows in which neither of the two stretches exceeds `stretch`; raise ValueError if there are no such rows."""
         chosen = np.all(self.stretches <= stretch, axis=1)
         if not chosen.any():
             raise ValueError(f"{self.name}: no row has stretches of {stretch:g} or less")
@@ -88,13 +88,13 @@ class TestData:
         return type(self)(self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows])
 
     def row_in_words(self, number: int) -> str:
-        """Return row, mode, stretch and stress as text for a message; `number` counts the rows here, from 0."""
+        """Return the number in the file, mode, stretch and stress of a row as text for a message; `number` is the row's index, from 0."""
         first, second = self.stretches[number]
         at = f"stretches {first:g} and {second:g}" if self.mode[number] == BIAXIAL else f"stretch {first:g}"
         return f"row {self.row[number]} ({self.mode[number]}, {at}, nominal stress {self.nominal_stress[number]:g})"
 
     def balanced_weights(self) -> np.ndarray:
-        """Return weights that make the sum of squares the sum over modes of 1 - R^2: large stresses of a mode do not dominate the fit."""
+        """Return weights of the rows that make the sum of squared residuals the sum over modes of 1 - R^2, so that no mode dominates."""
         weights = self.weight.copy()
         for mode in self.modes:
             rows = self.mode == mode
@@ -108,7 +108,7 @@ class TestData:
         return weights
 
     def r_squared(self, predicted: np.ndarray) -> dict[str, float]:
-        """Return R^2 of predicted stresses for each mode with two different stresses."""
+        """Return, by mode, R^2 of predicted stresses, shape (n,), for the modes with at least two different stresses."""
         found = {}
         for mode in self.modes:
             rows = self.mode == mode
@@ -136,7 +136,7 @@ def load_test_data(reference: str | Path) -> TestData:
     Raises
     ------
     ValueError
-        If the file cannot be read, or a row is invalid; names the row.
+        If the file cannot be read, or a row is invalid; the message names the row.
 
     Examples
     --------
@@ -176,7 +176,7 @@ def load_test_data(reference: str | Path) -> TestData:
 
 
 def _rows(row, kind, where):
-    """Return the rows of mode, stretches, stress and weight that one row of a file stands for; raise ValueError for an invalid row."""
+    """Return tuples (mode, stretch, lateral stretch, stress, weight) for a row of a file: two if biaxial; raise ValueError if invalid."""
     numbers = {}
     for key in row.keys() - {"mode"}:
         try:

@@ -42,7 +42,7 @@ ROUNDS = 60
 """Most alternate fits of the weights and of the volume ratios that follow from them; a few are enough at the bulk moduli of rubber."""
 
 SAME_MODE = 0.01
-"""Greatest difference in log-stretch of a lateral stretch from that of a mode of loading to which the state is assigned."""
+"""Greatest difference in log-stretch between the lateral stretches of a state and of the mode of loading to which it is assigned."""
 
 
 @dataclass(eq=False, repr=False)
@@ -50,8 +50,8 @@ class EnergyRegressor(StressRegressor):
     """Isochoric energy fitted to nominal stresses, without a law.
 
     W is the sum of c_a/a^2 (l1^a + l2^a + l3^a - 3) over a dictionary of positive and negative exponents with |a| >= 1 and with c_a >= 0
-    (a separable energy, after Valanis and Landel). Where cross-validation shows that they predict better, W also has powers up to the third
-    of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3, with non-negative weights. Independently of the data, energy and stress vanish at rest, and W
+    (a separable energy, after Valanis and Landel). Where cross-validation shows an improvement, W also has powers up to the third of
+    I1bar - 3 and of I2bar^1.5 - 3 sqrt 3, with non-negative weights. Independently of the data, energy and stress vanish at rest, and W
     grows without bound; sums of l^a are convex functions of F for a >= 1 and of its cofactor for a <= -1, and the powers of invariants are
     polyconvex, so that W is polyconvex among deformations that keep the volume, and shear waves are stable in all states. Beyond the data
     W continues as these powers.
@@ -129,7 +129,7 @@ class EnergyRegressor(StressRegressor):
         return super().redrawn(random).set_params(offset=random.uniform(0, STEP))
 
     def fit(self, X, y, sample_weight=None, groups=None):
-        """Fit the weights.
+        """Fit the weights of the energy terms to nominal stresses.
 
         Parameters
         ----------
@@ -189,9 +189,9 @@ class EnergyRegressor(StressRegressor):
         return [[n1, n2, self.margin - offset] for n1, n2, offset in self.hull_.tolist()]
 
     def _chosen(self, X, y, root, groups) -> np.ndarray:
-        """Return the terms of the best dictionary, and set `cross_validation_`.
+        """Return the set of energy terms that cross-validates best, as rows of `terms_of`, and set `cross_validation_`.
 
-        The best range of exponents is chosen for each set of invariants, and then the best set.
+        The best range of exponents is chosen for each set of powers of invariants, and then the best of these sets.
         """
         self.cross_validation_, candidates = [], []
         for invariants in INVARIANTS:
@@ -209,7 +209,7 @@ class EnergyRegressor(StressRegressor):
         return _first_as_good(candidates)[0]
 
     def _left_out(self, X, y, root, groups, terms) -> float:
-        """Return the relative RMS error in all groups, each predicted by a fit to the others at constant volume."""
+        """Return the relative RMS error of stresses, in which each group is predicted by a fit to the other groups at constant volume."""
         columns, error, size, kinds = columns_of(isochoric(X, np.ones_like(y)), X[:, 0], terms), 0.0, 0.0, np.unique(groups)
         for kind in kinds if len(kinds) > 1 else ():
             left = groups == kind
@@ -219,7 +219,7 @@ class EnergyRegressor(StressRegressor):
         return float(np.sqrt(error / size)) if size > 0 else 0.0
 
     def _fitted(self, columns, y, root, terms) -> tuple[np.ndarray, np.ndarray]:
-        """Return the terms with a positive weight, and the weights."""
+        """Fit weights of energy terms to the stresses y; return the terms with a positive weight, at most `max_terms`, and the weights."""
         kept = np.arange(len(terms))
         while True:
             weights, shares = nonnegative(columns[:, kept], y, root)
@@ -230,7 +230,7 @@ class EnergyRegressor(StressRegressor):
             kept = np.delete(kept[some], shares[some].argmin())
 
     def _law_and_volume(self, terms, weights, X, volume) -> tuple[Ogden, np.ndarray]:
-        """Return the law with the given weights, and its volume ratios, or the given ones for states without a stress."""
+        """Return the law with given weights of terms, and its volume ratios in the states X, or `volume` where the law has no stress."""
         exponents, powers, invariants = parted(terms, weights)
         # A term of Ogden's law is mu_k/alpha_k (...): mu_k alpha_k is the weight.
         moduli, alphas = tuple((powers / exponents).tolist()), tuple(exponents.tolist())
@@ -245,7 +245,10 @@ class EnergyRegressor(StressRegressor):
 
 
 def nonnegative(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return non-negative weights of columns that fit y, and those of columns of unit size; `root` are roots of the weights of rows."""
+    """Return the non-negative weights with which columns fit y, and the weights of the columns scaled to unit norm.
+
+    `root` holds the square roots of the weights of the rows in the least-squares fit.
+    """
     columns = root[:, None] * columns
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0  # data at rest have no stress
@@ -254,31 +257,31 @@ def nonnegative(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[n
 
 
 def parted(terms: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Return the exponents, their weights, and the weights of the powers of invariants by (1 or 2, power)."""
+    """Split energy terms: return exponents of stretches, their weights, and the weights of powers of invariants by (1 or 2, power)."""
     plain = terms[:, 0] == 0
     invariants = {(int(which), int(power)): float(weight) for (which, power), weight in zip(terms[~plain], weights[~plain], strict=True)}
     return terms[plain, 1], weights[plain], invariants
 
 
 def _first_as_good(choices: list[tuple]) -> tuple:
-    """Return the first of the choices with their errors, which is the smallest, among those of nearly the least error."""
+    """Return the first pair (terms, error) of `choices`, ordered by size, whose error exceeds the least by at most the share `AS_GOOD`."""
     most = (1 + AS_GOOD) * min(error for _, error in choices) + 1e-9
     return next(choice for choice in choices if choice[1] <= most)
 
 
 def _name_of(term) -> str:
-    """Return the name of the weight of a term."""
+    """Return the name in reports of the weight of an energy term, a row of `terms_of`."""
     which, power = term
     return f"weight of {('exponent', 'I1bar - 3 to the power', 'I2bar^1.5 - 3 sqrt 3 to the power')[int(which)]} {power:g}"
 
 
 def stiffness_of(terms: np.ndarray, weights: np.ndarray) -> float:
-    """Return the shear modulus at rest of a sum of terms; of the invariants only I2bar^1.5 to the power 1 contributes."""
+    """Return the shear modulus at rest of weighted energy terms; of the powers of invariants only I2bar^1.5 to the power 1 contributes."""
     return float(weights[terms[:, 0] == 0].sum() / 2 + SECOND_AT_REST * weights[(terms == (2, 1)).all(axis=1)].sum())
 
 
 def isochoric(X: np.ndarray, volume: np.ndarray) -> np.ndarray:
-    """Return three isochoric principal stretches, shape (n, 3), of states with given volume ratios; free sides equal the thickness."""
+    """Return the three isochoric principal stretches, (n, 3), of states X with given volume ratios; free sides stretch as the thickness."""
     first, second = X.T
     lateral = np.where(free_sides(first, second), np.sqrt(volume / first), second)
     l1, l2 = first * volume ** (-1 / 3), lateral * volume ** (-1 / 3)
@@ -286,7 +289,7 @@ def isochoric(X: np.ndarray, volume: np.ndarray) -> np.ndarray:
 
 
 def ordered_logs(X: np.ndarray) -> np.ndarray:
-    """Return the logarithms of the two greater ones of the three stretches of incompressible states, the greatest first, shape (n, 2)."""
+    """Return the logarithms of the greatest and of the middle principal stretch of incompressible states X, shape (n, 2)."""
     logs = np.log(X)
     return -np.sort(-np.column_stack([logs, -logs.sum(axis=1)]), axis=1)[:, :2]
 
@@ -312,12 +315,12 @@ def _warn_of_few_modes(X: np.ndarray) -> None:
 
 
 def _second_of(first: float, lateral) -> float:
-    """Return the second of the `ordered_logs` of the state with stretches exp(first) and lateral(exp(first)), see `MODES`."""
+    """Return the logarithm of the middle stretch at stretches exp(first) along and lateral(exp(first)) across the stress, see `MODES`."""
     return float(ordered_logs(np.array([[np.exp(first), lateral(np.exp(first))]]))[0, 1])
 
 
 def half_planes(X: np.ndarray) -> np.ndarray:
-    """Return `EnergyRegressor.hull_` of stretches; for one mode of loading a segment of the line through rest."""
+    """Return the half-planes (`EnergyRegressor.hull_`) of the convex hull of states X; a segment of a line for one mode of loading."""
     logs = ordered_logs(X)
     off, along = line_through_rest(logs)
     if np.abs(logs @ off).max() < SAME_MODE:
@@ -328,27 +331,27 @@ def half_planes(X: np.ndarray) -> np.ndarray:
 
 
 def line_through_rest(logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return unit vectors across and along the line through rest that fits states best."""
+    """Return unit vectors across and along the line through the state at rest that fits points of log-stretches, shape (n, 2), best."""
     along, off = np.linalg.svd(np.vstack([logs, np.zeros((2, 2))]), full_matrices=False)[2]
     return off, along
 
 
 def dictionary(greatest: float, least: float, offset: float = 0.0) -> np.ndarray:
-    """Return exponents from -least to -1 and from 1 to greatest, with their absolute values increased by an offset."""
+    """Return the exponents of candidate energy terms, from -least to -1 and from 1 to greatest, with `offset` added to absolute values."""
     sizes = np.arange(LEAST_EXPONENT, max(greatest, least) + STEP / 2, STEP)
     return np.concatenate([-sizes[sizes <= least][::-1] - offset, sizes[sizes <= greatest] + offset])
 
 
 def terms_of(exponents, invariants=()) -> np.ndarray:
-    """Return terms as rows of two numbers: 0 and an exponent of the stretches, or 1 or 2 and the power of an invariant."""
+    """Return energy terms as rows (0, exponent of the stretches) or (1 or 2, power of this isochoric invariant), shape (n_terms, 2)."""
     return np.array([*((0.0, exponent) for exponent in exponents), *invariants])
 
 
 def columns_of(stretches: np.ndarray, first: np.ndarray, terms) -> np.ndarray:
-    """Return the nominal stress along the first stretch of each term with unit weight, shape (n_samples, n_terms).
+    """Return the nominal stress along the first stretch of each energy term with unit weight, shape (n_samples, n_terms).
 
-    `stretches` are isochoric, shape (n_samples, 3), the last one that of the thickness, which is free of stress; `first` are the stretches
-    along the stress with their part of the volume. `terms` are those of `terms_of`.
+    `stretches` are the isochoric principal stretches, shape (n_samples, 3), with the stress-free thickness last; `first` are the full
+    stretches along the stress, which include the change of volume. `terms` are rows of `terms_of`.
     """
     (which, powers), squares = terms.T, stretches**2
     (along, _, across), I1, I2 = squares.T[:, :, None], squares.sum(axis=1)[:, None], (1 / squares).sum(axis=1)[:, None]
@@ -361,12 +364,12 @@ def columns_of(stretches: np.ndarray, first: np.ndarray, terms) -> np.ndarray:
 
 
 def fifths_of(X) -> np.ndarray:
-    """Return cyclic numbers from 0 to 4 for the states in the order of their greatest stretch, the same for all rows of a state."""
+    """Return a fold for each row, 0 to 4 by turns in the order of the greatest stretch; rows of equal states have the same fold."""
     return np.unique(ordered_logs(X).round(9), axis=0, return_inverse=True)[1].ravel() % FOLDS
 
 
 def groups_of(X) -> np.ndarray:
-    """Return the mode of loading of each state; if most states are of no mode, parts of a biaxial grid by the greater stretch."""
+    """Return a group for each row: the mode of loading, or, if most rows have no mode, a fifth of the rows by the greater stretch."""
     first, second = X.T
     same = np.array([np.abs(np.log(second / lateral(first))) < SAME_MODE for lateral in MODES.values()])
     groups = np.where(same.any(axis=0), np.array(list(MODES))[same.argmax(axis=0)], BIAXIAL)

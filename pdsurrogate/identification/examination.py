@@ -49,14 +49,14 @@ REWEIGHTINGS = 12
 
 
 class TestDataWarning(UserWarning):
-    """Warning of test data, or a fit to them, that look wrong."""
+    """Warning that test data, or a fit to test data, look wrong."""
 
     __test__ = False
 
 
 @dataclass(frozen=True)
 class Examination:
-    """Remarks on a fit to test data.
+    """Result of the examination of test data and of a fit to the data.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Examination:
 
 
 def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False) -> StressRegressor:
-    """Fit a regressor to test data, with each mode weighted by its scatter, and examine data and fit (`examine`).
+    """Fit a regressor to test data, with modes weighted by their scatter, and examine data and fit (`examine`).
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     Raises
     ------
     ValueError
-        If a stress has the wrong sign, or a mode is described worse than by its mean stress; names row or mode.
+        If a stress has the wrong sign, or a mode is described worse than by its mean stress; the message names row or mode.
 
     Warns
     -----
@@ -116,7 +116,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
 
 
 def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegressor] = ()) -> Examination:
-    """Return remarks on errors in test data, or in a fit to them.
+    """Return refusals and remarks on errors in test data, or in a fit to the test data.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
 
 
 def wrong_signs(data: TestData) -> list[str]:
-    """Return a message about the rows whose stress has the wrong sign, if there are any.
+    """Return a list of one message about the rows whose stress has the wrong sign; an empty list if there are none.
 
     Isotropic rubber pulls along the greater of two stretches (Baker, Ericksen 1954): with a stress-free thickness the stress has the sign
     of log(stretch/thickness).
@@ -156,7 +156,7 @@ def wrong_signs(data: TestData) -> list[str]:
 
 
 def _some(found: list[str]) -> list[str]:
-    """Return the first few messages about rows."""
+    """Return the first `MOST_ROWS` of the messages about rows, followed by the number of those left out."""
     return found if len(found) <= MOST_ROWS else [*found[:MOST_ROWS], f"and {len(found) - MOST_ROWS} rows more"]
 
 
@@ -164,9 +164,9 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     """Return remarks on test data that look wrong for any law.
 
     The data are compared with an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little. Remarks
-    name the changes of a mode that reduce the residuals by the factor `enough`, and the rows that stand out after the best change. If rows
-    stand out before a change, changes are tried however small the other residuals are; if several of these rows are of one mode, a smaller
-    factor is enough.
+    name changes of the stresses of a mode that reduce the residuals by the factor `enough`, and rows that stand out after the best change.
+    If rows stand out before a change, changes are tried however small the other residuals are; if several of these rows are of one mode, a
+    smaller factor is enough.
     """
     best, predicted = data, _robust(data)[0]
     before, least = _size(data, predicted), enough * NOISE
@@ -198,7 +198,7 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
 
 
 def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[dict]:
-    """Return the rows with the greatest residuals of a fit, with both stresses and the residual in standard deviations."""
+    """Return the `most` rows with the greatest residuals of a fit: measured and fitted stress, and residual in standard deviations."""
     predicted = model.predict(data.stretches)
     standing = _standing(data, predicted)
     rows = np.argsort(-np.abs(np.nan_to_num(standing, nan=np.inf)))[:most]
@@ -224,7 +224,7 @@ SHIFTED = "the stresses look shifted by {shift:.3g}: at a stretch of 1 there sho
 
 
 class _Change(NamedTuple):
-    """Change of a mode, or of all modes, that may mend the data: the residual after it, the changed data, and a fit to them."""
+    """Change of the stresses of a mode, or of all modes, that may mend the data: residual after the change, changed data, and a fit."""
 
     size: float
     mode: str
@@ -286,31 +286,31 @@ def _robust(data: TestData, shifted: np.ndarray | None = None) -> tuple[np.ndarr
 
 
 def _relative(data: TestData, predicted, share: float) -> np.ndarray:
-    """Return differences relative to the greater stress and a share of the greatest one of the mode."""
+    """Return measured minus predicted stresses, over the sum of the greater of the two and `share` of the greatest stress of the mode."""
     greater = np.maximum(np.abs(data.nominal_stress), np.abs(predicted))
     return (data.nominal_stress - predicted) / (greater + share * _greatest_of_mode(data) + 1e-300)
 
 
 def _standing(data: TestData, predicted: np.ndarray) -> np.ndarray:
-    """Return the residuals of the rows in standard deviations of all rows."""
+    """Return the relative residuals of the rows in units of their standard deviation, which outliers do not change, shape (n,)."""
     residuals = _relative(data, predicted, RANGE)
     return residuals / _scale(residuals)
 
 
 def _scale(residuals) -> float:
-    """Return the standard deviation of residuals from their median, which outliers do not change; at least `NOISE`."""
+    """Return the standard deviation of residuals, estimated by the median absolute value against outliers; at least `NOISE`."""
     finite = np.abs(residuals[np.isfinite(residuals)])
     return max(1.4826 * float(np.median(finite)) if len(finite) else 1.0, NOISE)
 
 
 def _size(data: TestData, predicted: np.ndarray) -> float:
-    """Return the root mean square of the relative residuals without their greatest tenth."""
+    """Return the root mean square of the relative residuals of a fit, without the greatest tenth of the residuals."""
     kept = np.sort(np.abs(_relative(data, predicted, FLOOR)))[: max(1, int(np.ceil(0.9 * len(data))))]
     return max(float(np.sqrt((kept**2).mean())), 1e-6)
 
 
 def _greatest_of_mode(data: TestData) -> np.ndarray:
-    """Return the greatest absolute stress of the mode of each row."""
+    """Return for each row the greatest absolute stress among the rows of its mode of loading, shape (n,)."""
     modes, mode = np.unique(data.mode, return_inverse=True)
     greatest = np.zeros(len(modes))
     np.maximum.at(greatest, mode, np.abs(data.nominal_stress))
@@ -318,7 +318,7 @@ def _greatest_of_mode(data: TestData) -> np.ndarray:
 
 
 def _falling(data: TestData):
-    """Yield the numbers of rows whose stress is less than that at a smaller stretch of their mode, with a message."""
+    """Yield (row index, message) for each row whose stress is below the stress at the next smaller stretch of the same mode."""
     for mode in data.modes:
         if mode == BIAXIAL:
             continue
@@ -330,7 +330,7 @@ def _falling(data: TestData):
 
 
 def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):
-    """Yield a remark if another law, or an energy without a law, describes the data `BETTER` times better."""
+    """Yield a remark if another regressor, or an energy without a law, describes the test data `BETTER` times better than `model`."""
 
     def off(one: StressRegressor) -> float:
         missing = [1 - value for value in data.r_squared(one.predict(data.stretches)).values()]

@@ -1,4 +1,4 @@
-"""Regressor that finds the parameters of a material law."""
+"""Regressor that finds the parameters of a material law from test data."""
 
 from dataclasses import dataclass
 from heapq import nsmallest
@@ -25,7 +25,7 @@ EXPONENTS = -8.0, -5.0, -3.0, -2.0, -1.0, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 11.0
 
 
 def fitted_laws() -> list[str]:
-    """Return the names of the laws that a `LawRegressor` fits; the remaining one is that of an `EnergyRegressor`."""
+    """Return the names of the laws that a `LawRegressor` fits: all but the polyconvex law, which an `EnergyRegressor` finds."""
     return [name for name in LAWS if name != Polyconvex.name]
 
 
@@ -88,7 +88,7 @@ class LawRegressor(StressRegressor):
     bulk_modulus: float | None = None
 
     def fit(self, X, y, sample_weight=None):
-        """Fit the parameters.
+        """Fit the parameters of the law to nominal stresses.
 
         Parameters
         ----------
@@ -122,13 +122,13 @@ class LawRegressor(StressRegressor):
         return self
 
     def _names(self) -> list[str]:
-        """Return the names of the unknown parameters."""
+        """Return the names of the unknown parameters of the law, in the order of their values in the fit."""
         if self.law != Ogden.name:
             return ["shear_modulus", *LAWS[self.law].bounds]
         return [f"{what}_{number}" for what in ("modulus", "exponent") for number in range(1, self.n_terms + 1)]
 
     def _law_of(self, values: np.ndarray) -> Law:
-        """Return the law with given values of its unknown parameters; those of Ogden's moduli are absolute values."""
+        """Return the law with given values of its unknown parameters; moduli of Ogden's law are given by their absolute values."""
         if self.law != Ogden.name:
             return LAWS[self.law](float(values[0]), self._bulk(float(values[0])), *map(float, values[1:]))
         sizes, exponents = np.split(values, 2)
@@ -137,9 +137,9 @@ class LawRegressor(StressRegressor):
         return Ogden(modulus, self._bulk(modulus), tuple(moduli), tuple(exponents))
 
     def _bounds(self, start: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the bounds of the unknowns, and which of them are searched for in their logarithm: positive ones that range over decades.
+        """Return the lower and upper bounds of the unknown parameters, and a mask of the parameters searched for by their logarithm.
 
-        Ogden's exponents keep the signs that they have at the start.
+        The logarithm serves for positive parameters that range over decades. Ogden's exponents keep the signs that they have in `start`.
         """
         scale = max(np.abs(y).max(), 1e-300)
         if self.law != Ogden.name:
@@ -151,7 +151,7 @@ class LawRegressor(StressRegressor):
         return low, high, np.repeat([True, False], n)
 
     def _refined(self, start, X, y, root, stress):
-        """Return the parameters found from a start, the Jacobian by them, and scipy's result of the bounded least-squares fit."""
+        """Fit the parameters from `start`; return the parameters, the Jacobian of the residuals by parameters, and scipy's result."""
         *bounds, logarithmic = self._bounds(start, y)
 
         def value(searched):
@@ -173,7 +173,7 @@ class LawRegressor(StressRegressor):
         return values, found.jac / np.where(logarithmic, values, 1.0), found
 
     def _candidates(self, X, y, root):
-        """Yield the error and the values of the unknowns of a law other than Ogden's on a grid."""
+        """Yield (squared error, parameters) of a law other than Ogden's for each point of a grid, with the best shear modulus."""
         low, high, _ = self._bounds(np.empty(0), y)
         for shape in _grid(low[1:], high[1:]):
             try:
@@ -185,7 +185,7 @@ class LawRegressor(StressRegressor):
                 yield ((root * (modulus * unit - y)) ** 2).sum(), np.array([modulus, *shape])
 
     def _ogden_candidates(self, X, y, root):
-        """Yield the error and the values of the unknowns of Ogden's law for each set of exponents of a grid."""
+        """Yield (error, parameters) of Ogden's law for each set of exponents from a grid, with the best moduli."""
         grid = [value for value in EXPONENTS if abs(value) <= self.greatest_exponent]
         thickness, least = 1 / X.prod(axis=1), 1e-7 * max(np.abs(y).max(), 1e-300)
         # Stress of a term of unit stiffness, which is modulus times exponent.
@@ -198,7 +198,7 @@ class LawRegressor(StressRegressor):
 
 
 def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return candidates for the dimensionless parameters of a law, shape (number of candidates, number of parameters)."""
+    """Return a grid of candidates, between bounds, for the dimensionless parameters of a law, shape (n_candidates, n_parameters)."""
     per_axis = 60 if len(low) == 1 else 25
     # Dense about 0 where bounds contain it: most dimensionless coefficients of rubber lie there.
     spread = np.geomspace(1e-5, 1, per_axis // 2)

@@ -1,4 +1,4 @@
-"""Identifications as commands carry them out, and their reports, as dictionaries and as figures."""
+"""Identification of laws from test data for the commands, with reports as dictionaries and figures."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
@@ -24,10 +24,10 @@ EDGE = 1e-6
 
 
 def report(model: StressRegressor, data: TestData) -> dict:
-    """Return the data, the parameters with standard errors, and the errors of a fit as plain values, None in place of infinite ones.
+    """Return a report of a fit as plain values: the data, the parameters with standard errors (None where infinite), and the errors.
 
-    ``differences`` are those of the law with its bulk modulus, as in a simulation of the tests; ``volume_ratio`` is the greatest one, and
-    ``residuals`` lists the rows with the greatest residuals.
+    ``differences`` compare the tests with the law at its bulk modulus, as in a simulation of the tests; ``volume_ratio`` is the greatest
+    volume ratio, and ``residuals`` lists the rows with the greatest residuals.
     """
     predicted, volume = states(model.law_, data.stretches)
     errors = [float(value) if np.isfinite(value) else None for value in model.standard_errors_]
@@ -46,7 +46,7 @@ def report(model: StressRegressor, data: TestData) -> dict:
 
 
 def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
-    """Return the greatest difference of stresses, simulated or of a law, from those measured, by mode.
+    """Return, by mode, the greatest difference of given stresses (simulated or of a law) from the measured stresses.
 
     ``difference`` is relative to the greatest stress measured in the mode, and ``stretch`` is the stretch along the stress; both are None
     if the stress of a state is not finite.
@@ -62,7 +62,7 @@ def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
 
 
 def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray | None = None) -> Figure:
-    """Draw measured points, a line for each fitted law, and crosses for simulated stresses, in one panel for each mode."""
+    """Return a figure with a panel for each mode: points of the tests, a line for each fitted law, and crosses for simulated stresses."""
     modes = data.modes
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(2.6 * max(len(modes), 2), 2.9), layout="constrained")
@@ -90,7 +90,7 @@ def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray 
 
 
 def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to: Iterable[str] | None = None) -> list[dict]:
-    """Fit each law to some modes of loading, and return its errors in the others.
+    """Fit each law to some modes of loading, and return the errors of the fit in the other modes.
 
     Parameters
     ----------
@@ -125,9 +125,9 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
 
 
 def bulk_arguments(**given: float | None) -> dict[str, float]:
-    """Return those of the arguments `bulk_modulus` and `bulk_ratio` of a regressor that are given.
+    """Return the argument of a regressor that is not None, `bulk_modulus` or `bulk_ratio`, as a dictionary, empty if both are None.
 
-    Raise ValueError if both are given, or a bad one.
+    Raise ValueError if both are given, or a value is not positive and finite.
     """
     found = {key: value for key, value in given.items() if value is not None}
     if len(found) > 1:
@@ -139,7 +139,7 @@ def bulk_arguments(**given: float | None) -> dict[str, float]:
 
 
 def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]) -> StressRegressor:
-    """Return a regressor of a law, or for None of an energy without a law, fitted to test data; raise ValueError for other names."""
+    """Fit a law, or an energy without a law if `law` is None, to test data; return the regressor; raise ValueError for unknown names."""
     if law is not None and law not in LAWS:
         raise ValueError(f"unknown law {law!r}; there are {', '.join(sorted(LAWS))}")
     if law is not None and law not in fitted_laws():
@@ -151,7 +151,7 @@ def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]
 def identify(
     data: TestData, laws: Sequence[str], n_terms: int, bulk: dict[str, float], hold_out: bool, progress: Callable[[float, str], None]
 ) -> tuple[list[StressRegressor], list[dict], list[dict]]:
-    """Fit laws to test data.
+    """Fit several laws to test data, and report on each fit.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def identify(
     hold_out : bool
         Whether each mode is held out in turn from further fits.
     progress : callable
-        Called with the number of laws that are done and a description.
+        Called with the number of laws that are done and a description of the next fit.
 
     Returns
     -------
@@ -187,7 +187,7 @@ def identify(
 
 
 def examined(model: StressRegressor, data: TestData, others: Sequence[StressRegressor] = ()) -> dict:
-    """Return the `report` of a fitted regressor with the ``refusals`` and ``remarks`` of its examination."""
+    """Return the `report` of a fitted regressor, with the ``refusals`` and ``remarks`` of the examination of fit and data (`examine`)."""
     found = report(model, data)
     if isinstance(model, EnergyRegressor):
         found |= {"form": "polyconvex energy without a law", "cross_validation": model.cross_validation_}
@@ -214,7 +214,7 @@ class Identified(NamedTuple):
 
 
 def identified(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float], n_members: int | None, seed: int) -> Identified:
-    """Fit a law, or for None a free sum of energy terms, to test data; return the fit with its report and, if asked for, a committee."""
+    """Fit a law, or an energy without a law if `law` is None, to test data; return the fit, its report and a committee of `n_members`."""
     model = fitted(data, law, n_terms, bulk)
     found, members = examined(model, data), []
     if n_members:
@@ -226,11 +226,11 @@ def identified(data: TestData, law: str | None, n_terms: int, bulk: dict[str, fl
 
 
 def simulate_tests(force: ForceModel, data: TestData, model: StressRegressor) -> tuple[np.ndarray, float, int]:
-    """Simulate test data with a force model.
+    """Return the stresses of a force model in the states of test data, and their difference from a law fitted to the data.
 
     Returns
     -------
-    stress : ndarray
+    stress : ndarray, shape (n,)
         Nominal stresses.
     off_law : float
         Greatest difference from the law of `model`, relative to the greatest stress; NaN if a state has no stress.

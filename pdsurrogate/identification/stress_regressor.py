@@ -60,18 +60,18 @@ def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
 
 
 def states(law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return nominal stress and volume ratio J3 of the states of `nominal_stress`, each of shape (n,)."""
+    """Return nominal stress and volume ratio J3 of a law, each of shape (n,), at pairs of stretches as in `nominal_stress`."""
     first, second = np.asarray(stretches, dtype=float).T
     return homogeneous.sheet_states(law, first, np.where(free_sides(first, second), np.nan, second))
 
 
 def free_sides(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return which states are uniaxial tension or compression along the first stretch, bool, shape (n,)."""
+    """Return a mask, shape (n,), of the states that are uniaxial tension or compression along the first stretch with free sides."""
     return np.abs(np.log(second) + np.log(first) / 2) < FREE_SIDES
 
 
 def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
-    """Return the nominal stress in the limit of an infinite bulk modulus, shape (n,): J3 = 1, and the pressure from P33 = 0."""
+    """Return the nominal stress of a law, shape (n,), in the limit of an infinite bulk modulus: J3 = 1, and the pressure from P33 = 0."""
     first, second = stretches.T
     with np.errstate(all="ignore"):
         p, q, *_ = plane_stress.response(law, first**2 + second**2, first * second, np.ones_like(first))
@@ -107,7 +107,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         return clone(self)
 
     def forget(self) -> None:
-        """Delete the results of a fit, so that the regressor is unfitted."""
+        """Delete the results of a fit from the regressor, which is unfitted afterwards."""
         for key in [key for key in vars(self) if key.endswith("_")]:
             delattr(self, key)
 
@@ -120,7 +120,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         return X
 
     def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return stretches, stresses and roots of weights of the rows with a weight above zero, and the mask of these rows."""
+        """Check the data; return stretches, stresses and roots of weights for the rows of positive weight, and a mask of these rows."""
         self.forget()  # results of an earlier fit must not outlive a failed one
         self._validate_params()
         X, y = validate_data(self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True)
@@ -132,7 +132,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         return X[used], y[used], root[used], used
 
     def _bulk(self, shear_modulus: float) -> float:
-        """Return the bulk modulus of a law."""
+        """Return the bulk modulus of a law with a shear modulus: the parameter `bulk_modulus`, or `bulk_ratio` times the shear modulus."""
         return self.bulk_modulus or self.bulk_ratio * shear_modulus
 
     def _store(self, law: Law, names: Sequence[str], values, jacobian, squares: float, at_bound: Sequence[str] = ()) -> None:
@@ -156,7 +156,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
 def committee(
     regressor, X, y, n_members: int = 8, tests=None, random_state: int = 0, n_jobs: int = 1, sample_weight: np.ndarray | None = None
 ) -> list:
-    """Return copies of a regressor, each fitted to a random half of the tests; settings that the data leave open are drawn as well.
+    """Return copies of a regressor, each fitted to a random half of the tests, and with random values of settings that the data leave open.
 
     A stress, or the result of a run with the ``law_`` of each member, varies among the members as far as the data leave it open. The root
     mean square of the differences from the fit to all data estimates the standard deviation of the result (the delete-half jackknife);

@@ -1,4 +1,4 @@
-"""Learning bond forces and energies with scikit-learn; a simulation never imports this room."""
+"""Learning of bond forces and energies with scikit-learn; a simulation never imports this package."""
 
 from .bond_force import algorithm_1
 from .chebyshev import ChebyshevRegressor

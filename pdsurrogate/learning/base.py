@@ -1,6 +1,6 @@
-"""Base classes of the regressors of this room: checked training data, activations, and predictions in the shape of the targets.
+"""Base classes of the regressors that learn forces and energies: checked data, activations, predictions in the shape of the targets.
 
-Functions of pipelines that have names, and the columns that they read, are here as well.
+The module also holds `NamedFunction`, for functions in pipelines that state the names of the table columns that they read.
 """
 
 from collections.abc import Callable
@@ -62,7 +62,7 @@ def checked_samples(regressor: BaseEstimator, X, y, sample_weight=None) -> tuple
 
 
 def distinct_samples(X: np.ndarray, y: np.ndarray, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the rows to keep so that no sample repeats and none has weight 0, and their weights, None where all are 1.
+    """Return the indices of the distinct samples of positive weight, and the summed weight of each sample, or None if all weights are 1.
 
     Copies of a sample and one sample with the sum of their weights give the same training. Where nothing repeats and all weights are 1,
     all rows are kept in their order; elsewhere the samples kept are sorted. Raise ValueError if all weights are 0.
@@ -78,10 +78,10 @@ def distinct_samples(X: np.ndarray, y: np.ndarray, weights: np.ndarray | None = 
 
 
 class BaseRegressor(RegressorMixin, BaseEstimator):
-    """Base of regressors of one or several outputs, which predict one column where y had one dimension.
+    """Base class of regressors of one or several outputs; predictions have one dimension where the training targets had one.
 
     A subclass implements ``fit``, which takes its data from `_checked`, and ``_outputs``, which returns the outputs of X, shape
-    (n_samples, n_outputs). ``coef_`` or ``coefs_`` holds what was fitted.
+    (n_samples, n_outputs). A regressor is fitted once it has the attribute ``coef_`` or ``coefs_``.
     """
 
     def __sklearn_tags__(self):
@@ -99,7 +99,7 @@ class BaseRegressor(RegressorMixin, BaseEstimator):
         return outputs[:, 0] if self._single_output else outputs
 
     def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Return X, the columns of y, and the weights, if any."""
+        """Check parameters and data; return X, y in two dimensions (n_samples, n_outputs), and the sample weights or None."""
         self._validate_params()
         X, y, weights = checked_samples(self, X, y, sample_weight)
         self._single_output = y.ndim == 1
@@ -107,10 +107,10 @@ class BaseRegressor(RegressorMixin, BaseEstimator):
 
 
 class BasePerceptron(BaseRegressor):
-    """Base of regressors that are multilayer perceptrons: ``coefs_``, ``intercepts_`` and the parameter ``activation``."""
+    """Base class of multilayer perceptrons, which predict from ``coefs_``, ``intercepts_`` and the parameter ``activation``."""
 
     def _distinct(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Return the distinct samples, and their weights where not all are 1."""
+        """Check parameters and data; return X and y (n, n_outputs) of the distinct samples, and their weights, None where all are 1."""
         X, Y, weights = self._checked(X, y, sample_weight)
         kept, weights = distinct_samples(X, Y, weights)
         return X[kept], Y[kept], weights
@@ -120,9 +120,9 @@ class BasePerceptron(BaseRegressor):
 
 
 class NamedFunction:
-    """Function of a module whose ``repr`` is its name, with the names of the columns of X and y that it reads, None for any.
+    """Function defined in a module that states the names of the columns of X and y that it reads; None stands for any columns.
 
-    A pickle holds the module and the name only, as that of a plain function does.
+    The ``repr`` is the name of the function. A pickle holds only module and name, as the pickle of a plain function does.
     """
 
     __name__: str
@@ -143,24 +143,24 @@ class NamedFunction:
 
 
 def named(columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> Callable[[Callable], NamedFunction]:
-    """Return a decorator that makes a `NamedFunction` with these names of its columns and targets."""
+    """Return a decorator that turns a function into a `NamedFunction`, which reads these columns of X and these targets, columns of y."""
     return lambda function: NamedFunction(function, columns, targets)
 
 
 def columns_read(function) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
-    """Return the names of the columns of X and y that a function, or a partial of one, reads; None where it has no names."""
+    """Return the names of the columns of X and of y that a function (or its ``functools.partial``) reads; None where it states none."""
     function = getattr(function, "func", function)
     return getattr(function, "columns", None), getattr(function, "targets", None)
 
 
 def check_targets(y, names) -> None:
-    """Raise ValueError if a target does not have the named columns."""
+    """Raise ValueError unless the targets y have two dimensions and as many columns as there are names."""
     if np.shape(y)[1:] != (len(names),):
         raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
 
 
 def checked_columns(X, columns: tuple[str, ...], positive: tuple[str, ...]) -> np.ndarray:
-    """Return the columns of X; raise ValueError unless they are as many as are named, and the named ones positive."""
+    """Return X transposed, shape (n_columns, n); raise ValueError for missing columns, or values of `positive` columns not above 0."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != len(columns):
         raise ValueError(f"X must have the {len(columns)} columns {', '.join(columns)}, not shape {X.shape}")

@@ -1,4 +1,4 @@
-"""The bond force as a target: its samples, pipeline, errors, domain and surrogates."""
+"""Learning of the bond force of a sheet: training samples, pipeline, errors, domain and surrogates."""
 
 from collections.abc import Callable
 from typing import ClassVar
@@ -24,7 +24,7 @@ LENGTHS, ORIENTATIONS = 2, 5
 enough for a thousand gradients among 10,000 samples."""
 
 WIDE = (0.5, 4.0)
-"""Principal stretches of the default samples; the card of a surrogate trained on a smaller range reports its errors in this one as well."""
+"""Principal stretches of the default samples; the card of a surrogate trained on a smaller range states errors over this range as well."""
 
 
 class _BondForce(Target):
@@ -120,8 +120,8 @@ def algorithm_1(
     weight : str
         Weight function.
     nondimensional : bool
-        Whether lengths are in units of the horizon, and forces are t kappa/(w l mu). Otherwise lengths have the unit of the horizon, and
-        forces, by Eq. (2) on a full circular horizon, that of the shear modulus over the cube of the horizon's.
+        Whether lengths are in units of the horizon, and forces are t kappa/(w l mu). Otherwise lengths have the unit of `horizon`, and
+        forces are those of Eq. (2) on a full circular horizon, in the unit of the shear modulus over the cube of the unit of length.
     random_state : int
         Seed.
 
@@ -169,7 +169,7 @@ def algorithm_1(
 
 
 def stiffness_slopes(force: Callable, states: np.ndarray) -> np.ndarray:
-    """Return d t_n / d lambda_b at fixed dtheta, length, C33 and J, by central differences, shape (n,)."""
+    """Return the slopes d t_n / d lambda_b (bond force by bond stretch) of a force at fixed rotation, length, C33 and J, shape (n,)."""
     stretch = states[:, 0]
     low, high = (force(stretch * (1 + sign * SLOPE_STEP), *states[:, 1:].T)[:, 0] for sign in (-1, 1))
     return (high - low) / (2 * SLOPE_STEP * stretch)

@@ -22,8 +22,8 @@ class ChebyshevRegressor(BaseRegressor):
     Parameters
     ----------
     degree : int or tuple of int, default=6
-        Greatest total degree of a product; or one degree for each feature: the degrees in a product, each divided by that of its feature,
-        then add up to at most 1.
+        Greatest total degree of a product; or a greatest degree for each feature: the degrees of the features in a product, each divided
+        by the greatest degree of the feature, then add up to at most 1.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ChebyshevRegressor(BaseRegressor):
         self.degree = degree
 
     def fit(self, X, y, sample_weight=None):
-        """Fit the coefficients.
+        """Fit the coefficients of the polynomial by least squares.
 
         Parameters
         ----------
@@ -66,7 +66,7 @@ class ChebyshevRegressor(BaseRegressor):
         Raises
         ------
         ValueError
-            If the degrees make more than `MOST_TERMS` terms; names the greatest degree that does not.
+            If the degrees make more than `MOST_TERMS` terms; the message names the greatest degree that makes no more.
         """
         X, Y, weights = self._checked(X, y, sample_weight)
         if weights is not None:
@@ -86,7 +86,7 @@ class ChebyshevRegressor(BaseRegressor):
         return self._terms(X) @ self.coef_
 
     def _checked_powers(self, n_features):
-        """Return the degrees of each feature in each term."""
+        """Return the degree of each feature in each term, shape (n_terms, n_features); raise ValueError for invalid or too high degrees."""
         degrees = [self.degree] * n_features if isinstance(self.degree, Integral) else list(self.degree)
         if len(degrees) != n_features or not all(isinstance(value, Integral) and 0 <= value <= 24 for value in degrees):
             raise ValueError(f"degree must be one number from 0 to 24 for each of the {n_features} features, not {self.degree}")
@@ -100,7 +100,7 @@ class ChebyshevRegressor(BaseRegressor):
         return np.array(powers)
 
     def _terms(self, X):
-        """Return the values of all terms, shape (n_samples, n_terms)."""
+        """Return the values of all terms of the polynomial at X, shape (n_samples, n_terms)."""
         basis = np.polynomial.chebyshev.chebvander((X - self.centre_) / self.half_width_, self.powers_.max())
         terms = np.ones((len(X), len(self.powers_)))
         for feature in range(X.shape[1]):
@@ -109,7 +109,7 @@ class ChebyshevRegressor(BaseRegressor):
 
 
 def _powers(degrees, share):
-    """Yield the degrees of the features in each product; divided by their greatest they add up to at most `share`."""
+    """Yield each tuple of one degree per feature; the degrees, divided by the greatest `degrees`, add up to at most `share`."""
     if not degrees:
         yield ()
         return

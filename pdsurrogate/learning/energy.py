@@ -1,4 +1,4 @@
-"""The energy of a sheet under plane stress as a target: its invariants, features, samples and stability."""
+"""Learning of the energy of a sheet under plane stress: invariants, features, training samples and measures of stability."""
 
 import numpy as np
 
@@ -15,21 +15,21 @@ INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
 
 @named()
 def log_invariants(X) -> np.ndarray:
-    """Return log J and log(tr C/(2 J)), shape (n, 2)."""
+    """Return the features log J and log(tr C/(2 J)), shape (n, 2), of the invariants tr C and J, the columns of X."""
     trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([np.log(J), np.log(trace / (2 * J))], axis=1)
 
 
 @named()
 def rubber_energy_size(features) -> np.ndarray:
-    """Return (tr C + J^-2)/2, the size of a rubber's energy, from the features."""
+    """Return (tr C + J^-2)/2, shape (n,), the order of magnitude of the energy of rubber, from the features `log_invariants`."""
     x, u = features.T
     return np.exp(x + u) + np.exp(-2 * x) / 2
 
 
 @named(INVARIANTS, DERIVATIVES)
 def derivatives_by_features(X, y) -> np.ndarray:
-    """Return the energy and its derivatives by log J and log(tr C/(2 J)), from those by tr C and J."""
+    """Return the energy and its derivatives by log J and log(tr C/(2 J)), shape (n, 3), from energy and derivatives by tr C and J in y."""
     (trace, J), (energy, by_trace, by_J) = checked_derivatives(X, y, INVARIANTS, DERIVATIVES)
     by_ratio = trace * by_trace
     return np.stack([energy, J * by_J + by_ratio, by_ratio], axis=1)
@@ -37,7 +37,7 @@ def derivatives_by_features(X, y) -> np.ndarray:
 
 @named()
 def derivatives_by_invariants(X, z) -> np.ndarray:
-    """Return the energy and its derivatives by tr C and J, the inverse of `derivatives_by_features`."""
+    """Return the energy and its derivatives by tr C and J, shape (n, 3), from energy and derivatives by log J and log(tr C/(2 J)) in z."""
     trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
 
@@ -98,7 +98,7 @@ SHEET_ENERGY = _SheetEnergy()
 
 
 def _stability(energy, samples) -> tuple[float, float]:
-    """Return the least acoustic stiffness, and the least curvature by the log-stretches."""
+    """Return the least acoustic stiffness of a sheet and the least curvature of its energy by the log-stretches, over all samples."""
     first, second = samples.stretches.T
     m, n = (angles.reshape(-1, 1) for angles in np.meshgrid(*2 * [np.arange(0, np.pi, np.pi / 12)]))
     # F is diagonal here: m . F n and cof F : m (x) n.

@@ -34,15 +34,15 @@ AGREEMENT = 1e-5
 """Greatest difference of the layers from the predictions of the estimator, relative to the RMS: single precision of torch."""
 
 STATES = 4000
-"""Most states of the training set at which a surrogate is compared with the model that it was made of: 1 % of error in their RMS."""
+"""Most training states at which a surrogate is compared with the model that it was made of: the RMS difference is accurate to 1 %."""
 
 
 def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntBondForce, dict]:
-    """Return the surrogate of a fitted model of a bond force, and a report of its resampling.
+    """Return the surrogate made of a fitted model of a bond force, and a report on the error where the model had to be resampled.
 
     Networks of one to three hidden layers and `ChebyshevRegressor` are converted exactly, with scalings folded into their constants, and
-    the report is empty. Any other model is resampled onto a spline, of its own features if these are two or three, else of the isochoric
-    features.
+    the report is empty. Any other model is resampled onto a spline of the features of the model if these are two or three, else of the
+    isochoric features.
 
     The report names the model and the spline, and states the error of resampling (``rms`` and ``max`` over the RMS of the force, on states
     of the training set) and ``jump``, the greatest step of a discontinuous function relative to the RMS of its outputs. `states` are the
@@ -86,7 +86,7 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
 
 
 def best_of(model):
-    """Return the best fitted estimator of a search over parameters, and any other model unchanged.
+    """Return the best fitted estimator if the model is a search over parameters, or any other model unchanged.
 
     For a pipeline of a single step, with which a search can choose among models of several feature sets, return that step. Raise ValueError
     for a search that is not fitted, or keeps no fitted estimator.
@@ -148,7 +148,7 @@ def _checked_forces(function: Callable, *bond) -> np.ndarray:
 
 
 def _horizon_of(model: InputAwareTargetRegressor) -> float:
-    """Return the horizon of a fitted pipeline, in the unit of length of its samples."""
+    """Return the horizon of a fitted bond-force pipeline, in the unit of length of the training samples."""
     return model.regressor_[0].kw_args["horizon"]
 
 
@@ -161,13 +161,13 @@ def _plain_arrays() -> Iterator[None]:
 
 
 def _quietly(estimator, X) -> np.ndarray:
-    """Return the predictions of an estimator that may have been fitted to tables."""
+    """Return the predictions of an estimator for the array X, without scikit-learn's warning if it was fitted to a table."""
     with _plain_arrays():
         return np.asarray(estimator.predict(X), dtype=float)
 
 
 def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lower and upper ends of the features of the bonds of a domain and of given bonds, extended by a margin."""
+    """Return the lower and upper bounds of the features of all bonds in a domain and of the bonds `states`, extended by `MARGIN`."""
     logs = np.linspace(np.log(domain.least_stretch), np.log(domain.greatest_stretch), 25)
     bulk = np.exp(np.linspace(np.log(domain.least_bulk), np.log(domain.greatest_bulk), 3))
     angles, lengths = np.linspace(0.01, np.pi / 2 - 0.01, 13), (0.05, 1.0)
@@ -182,7 +182,7 @@ def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[n
 
 
 def regressor_of(model):
-    """Return the regressor within a fitted pipeline, below features and scalings; any other model as it is."""
+    """Return the innermost regressor of a fitted pipeline, without features and scalings; return any other model unchanged."""
     if not isinstance(model, InputAwareTargetRegressor):
         return model
     last = model.regressor_[-1]
@@ -190,7 +190,7 @@ def regressor_of(model):
 
 
 def title_of(regressor) -> str:
-    """Return the name of a regressor with the name of its inner estimator."""
+    """Return the class name of a regressor, followed by the class name of an inner estimator in brackets, if there is one."""
     inner = regressor.steps[-1][1] if hasattr(regressor, "steps") else None
     if inner is None and isinstance(regressor, MetaEstimatorMixin):
         inner = getattr(regressor, "best_estimator_", getattr(regressor, "estimator", None))
@@ -198,13 +198,13 @@ def title_of(regressor) -> str:
 
 
 def shift_and_scale(scaler: StandardScaler) -> tuple[np.ndarray, np.ndarray]:
-    """Return the shift and the scale of a fitted scaler: zeros and ones where it does not use them."""
+    """Return the shift and the scale of a fitted scaler, each of shape (n_features,): zeros or ones where the scaler does not use them."""
     count = scaler.n_features_in_
     return scaler.mean_ if scaler.with_mean else np.zeros(count), scaler.scale_ if scaler.with_std else np.ones(count)
 
 
 def scaled_parts(model) -> tuple[StandardScaler, Any, StandardScaler] | tuple[None, None, None]:
-    """Return the scaling, the regressor and the scaling of its outputs of a fitted pipeline with these steps; three None for another."""
+    """Return the feature scaler, the regressor and the output scaler of a fitted pipeline; three None for a model without these steps."""
     steps = [step for _, step in model.regressor_.steps[1:]] if isinstance(model, InputAwareTargetRegressor) else []
     scaling, last = steps if len(steps) == 2 else (None, None)
     if isinstance(scaling, StandardScaler) and isinstance(getattr(last, "transformer_", None), StandardScaler):
@@ -213,7 +213,7 @@ def scaled_parts(model) -> tuple[StandardScaler, Any, StandardScaler] | tuple[No
 
 
 def _polynomial_of(model):
-    """Return centre and half width of the features, and the coefficients of a polynomial on plain features and outputs, or None."""
+    """Return centres and half widths of the features and the coefficients of a fitted polynomial, all unscaled; None for other models."""
     scaling, regressor, target = scaled_parts(model)
     if not isinstance(regressor, ChebyshevRegressor):
         return None
@@ -227,7 +227,7 @@ def _polynomial_of(model):
 def network_of(estimator, features: np.ndarray) -> tuple[str, Layers] | None:
     """Return activation and layers of a fitted estimator that is a network the kernels evaluate; None for any other estimator.
 
-    Such are scikit-learn's ``MLPRegressor`` and estimators with the same ``coefs_``, ``intercepts_`` and ``activation``, and skorch's
+    Networks are scikit-learn's ``MLPRegressor``, other estimators with ``coefs_``, ``intercepts_`` and ``activation``, and skorch's
     regressors whose module is a sequence of linear layers with one kind of activation between; also as the last step of a pipeline whose
     other steps are affine, and with an affine transformation of the target. The layers are compared with the predictions of the estimator
     at `features`, shape (m, n), so that a module with another forward pass, or a step that is not affine, is not accepted.
@@ -245,11 +245,11 @@ def network_of(estimator, features: np.ndarray) -> tuple[str, Layers] | None:
 
 
 class NoNetwork(Exception):
-    """An estimator whose last step is no network with layers."""
+    """Exception for an estimator whose last step is not a network with layers."""
 
 
 def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
-    """Return activation and layers as if all steps were affine; raise `NoNetwork` for an estimator without layers."""
+    """Return activation and layers of a network, with all other steps folded in as if affine; raise `NoNetwork` if there are no layers."""
     if isinstance(estimator, Pipeline):
         first, rest = estimator.steps[0][1], estimator[1:]
         if not len(rest):
@@ -277,13 +277,13 @@ def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
 
 
 def _affine(transform, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return M and c of an affine transformation x -> x M + c."""
+    """Return the matrix M and the vector c of an affine transformation x -> x M + c of `count` features."""
     values = np.asarray(transform(np.vstack([np.zeros((1, count)), np.eye(count)])), dtype=float)
     return values[1:] - values[0], values[0]
 
 
 def layers_of_module(module) -> tuple[str, Layers]:
-    """Return the activation and the linear layers of a module of torch, in the order in which the module lists them."""
+    """Return the activation and the linear layers of a torch module; raise `NoNetwork` unless layers and one activation alternate."""
     leaves = [leaf for leaf in module.modules() if not list(leaf.children())]
     names = [type(leaf).__name__ for leaf in leaves]
     kinds = set(names[1::2])

@@ -1,4 +1,4 @@
-"""Samples, pipelines and surrogates by the name of a target; errors of fitted models, and whether they are small enough to use."""
+"""Training samples, pipelines and surrogates for the quantity to learn; errors of fitted models, and limits of errors for their use."""
 
 import warnings
 from bisect import bisect_left
@@ -27,7 +27,7 @@ from .sampling import checked_range, random_order
 from .target import InputAwareTargetRegressor, Samples, Target, relative_errors
 
 TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
-"""Targets by their names in public functions."""
+"""Targets, the quantities to learn, by their names in public functions."""
 
 MEMBER_STATES = 5_000
 """States in each set at which members of a committee, and fitted pipelines in a run, are compared with their laws: their RMS
@@ -35,7 +35,7 @@ is accurate to a percent, which suffices to reject a model."""
 
 
 def target_called(name: str) -> Target:
-    """Return the target with a name; raise ValueError for an unknown name."""
+    """Return the `Target`, the quantity to learn, that has a name in `TARGETS`; raise ValueError for an unknown name."""
     if not isinstance(name, str) or name not in TARGETS:
         raise ValueError(f"target must be one of {', '.join(TARGETS)}, not {name!r}")
     return TARGETS[name]
@@ -55,7 +55,7 @@ def training_samples(
     target: str = "bond-force",
     off_surface: float | None = None,
 ) -> Samples:
-    """Draw training samples of a law, uniform in log-stretch and in random order, a share of them near rest (theory, section 5).
+    """Draw training samples of a law in random order, uniform in log-stretch except for a share near rest (theory, section 5).
 
     Parameters
     ----------
@@ -116,8 +116,8 @@ def training_samples(
 def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), target: str = "bond-force") -> tuple[float, float]:
     """Return the part of a range of principal stretches in which a law is finite in all states of `training_samples`.
 
-    For a law that locks within the range, the logarithms of both bounds are reduced by one factor until the perturbed corners of the box
-    are short of the limit.
+    For a law that locks within the range, the logarithms of both bounds are reduced by a common factor until the most extreme training
+    states are short of the limit.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
 
 
 def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[LearntBondForce | LearntEnergy, dict]:
-    """Return the surrogate of a model, and the report of its resampling; raise ValueError for a pipeline of another target."""
+    """Return the surrogate of a fitted model and a report on its resampling; raise ValueError unless model and samples have one target."""
     model, target = best_of(model), samples.target
     found = target_of(model)
     if found is not None and found is not target:
@@ -266,7 +266,7 @@ def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[Lea
 
 
 def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBondForce | LearntEnergy:
-    """Return the force model of a fitted `surrogate_pipeline`, or of a search over one; its domain is that of its training states.
+    """Return the force model of a fitted `surrogate_pipeline`, or of a search over pipelines; the training states give the domain.
 
     Parameters
     ----------
@@ -309,13 +309,13 @@ def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBond
 
 
 class TooInexact(ValueError):
-    """A fitted model whose error against its law is too large."""
+    """Error raised for a fitted model that is too far from its law to be stored or run."""
 
 
 def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is stored as", purpose: str = "written") -> None:
     """Raise `TooInexact` if the error in the report of a model (`evaluate`) is above `MOST_STORED`; warn above `NOTED`.
 
-    `role` is the role of the law, and `purpose` the purpose for which the model is refused, in messages.
+    `what` (the model), `role` (of the law) and `purpose` (for which the model is refused) are words for the messages.
     """
     rms = errors["on_surface"]["rms"]
     if not rms <= MOST_STORED:
@@ -339,7 +339,7 @@ def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is store
 def cross_validate(
     model, samples: Samples, folds: int = 5, random_state: int = 0, n_jobs: int = 1, progress: Callable[[int], None] = lambda fold: None
 ) -> list[dict]:
-    """Fit clones of a pipeline to all but one fold of the samples each, and return the relative errors on the fold left out.
+    """Fit a clone of a pipeline for each fold to the samples outside the fold, and return the relative errors on the fold.
 
     Parameters
     ----------
@@ -390,7 +390,7 @@ def cross_validate(
 
 
 def _errors_left_out(model, train: Samples, test: Samples) -> dict[str, float]:
-    """Fit a model to samples and return its errors on other samples."""
+    """Fit a model to the samples `train` and return its relative errors on the samples `test`."""
     return test.target.errors(model.fit(train.X, train.y).predict(test.X), test)
 
 
@@ -461,10 +461,10 @@ def evaluate(
 
 
 def stated_against(model: LearntBondForce | LearntEnergy, law: Law, states: np.ndarray) -> LearntBondForce | LearntEnergy:
-    """Return a model with its errors against a law in its domain, as on the card of an artefact; raise `TooInexact` above the bound.
+    """Return a copy of a model that states its errors against a law, as an artefact's card does; raise `TooInexact` above `MOST_STORED`.
 
-    A run judges a fitted pipeline in this way as it does the artefact that `pdsurrogate.store` makes of it. `states` are the inputs that
-    the model was fitted to; those of a bond force include states off the surface.
+    So a run judges a fitted pipeline as it judges an artefact that `pdsurrogate.store` makes of the pipeline. `states` are the inputs that
+    the model was fitted to; for a bond force they include states off the plane-stress surface.
     """
     reach = model.domain.least_stretch, model.domain.greatest_stretch
     if isinstance(model, LearntEnergy):

@@ -1,4 +1,4 @@
-"""The isochoric energy W(I1bar, I2bar) as a target: samples at three stretches of product 1, features and stability."""
+"""Learning of the isochoric energy W(I1bar, I2bar): samples at three stretches of product 1, features and measures of stability."""
 
 from functools import partial
 from itertools import product
@@ -21,33 +21,33 @@ error is 1e-8 of the stiffness in double precision."""
 
 @named()
 def log_isochoric_invariants(X) -> np.ndarray:
-    """Return log(I1bar/3) and log(I2bar/3), shape (n, 2)."""
+    """Return the features log(I1bar/3) and log(I2bar/3), shape (n, 2), of the invariants I1bar and I2bar, the columns of X."""
     return np.log(np.stack(checked_columns(X, INVARIANTS, INVARIANTS[::-1]), axis=1) / 3)
 
 
 @named()
 def isochoric_energy_size(features) -> np.ndarray:
-    """Return (I1bar + I2bar)/6, the size of a rubber's energy, from the features."""
+    """Return (I1bar + I2bar)/6, shape (n,), the order of magnitude of the energy of rubber, from features log(I1bar/3) and log(I2bar/3)."""
     return np.exp(features).mean(axis=1)
 
 
 @named(INVARIANTS, DERIVATIVES)
 def isochoric_derivatives_by_features(X, y) -> np.ndarray:
-    """Return W and its derivatives by the logarithms of the invariants, from those by the invariants."""
+    """Return W and its derivatives by log(I1bar/3) and log(I2bar/3), shape (n, 3), from W and its derivatives by I1bar and I2bar in y."""
     (I1, I2), (W, by_1, by_2) = checked_derivatives(X, y, INVARIANTS, DERIVATIVES)
     return np.stack([W, I1 * by_1, I2 * by_2], axis=1)
 
 
 @named()
 def isochoric_derivatives_by_invariants(X, z) -> np.ndarray:
-    """Return W and its derivatives by the invariants, the inverse of `isochoric_derivatives_by_features`."""
+    """Return W and its derivatives by I1bar and I2bar, shape (n, 3), from W and its derivatives by log(I1bar/3) and log(I2bar/3) in z."""
     I1, I2 = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([z[:, 0], z[:, 1] / I1, z[:, 2] / I2], axis=1)
 
 
 @named()
 def isochoric_feature_names(transformer, input_features):
-    """Return the names of the features, as scikit-learn requests them."""
+    """Return the names of the features of the isochoric energy, in the form that scikit-learn's transformers require."""
     return np.asarray(ISOCHORIC_FEATURES, dtype=object)
 
 
@@ -128,9 +128,9 @@ ISOCHORIC_ENERGY = _IsochoricEnergy()
 
 
 def _least_acoustic(derivatives, squares) -> float:
-    """Return the least second derivative of W along F (a (x) n), a and n unit vectors across each other, over |F a|^2.
+    """Return the least second derivative of W along changes F (a (x) n) of F, over |F a|^2, with perpendicular unit vectors a and n.
 
-    These are the rank-one changes that keep the volume; a positive value means that shear waves are stable.
+    All rank-one changes that keep the volume are of this kind, so that shear waves are stable if the value is positive.
     """
     random, least = np.random.default_rng(0), np.inf
     for _ in range(DIRECTIONS):

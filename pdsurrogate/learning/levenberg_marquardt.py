@@ -1,7 +1,7 @@
-"""The Levenberg-Marquardt algorithm for any network, and multilayer perceptrons trained by it, as a scikit-learn regressor.
+"""The Levenberg-Marquardt algorithm for any network, and a scikit-learn regressor of multilayer perceptrons trained by the algorithm.
 
-`scipy.optimize.least_squares` holds the whole Jacobian of all samples and outputs; here the normal equations are summed from parts of it.
-scikit-learn's pipelines do not pass on the progress of the regressors in them, so a listener is a variable of the context.
+`scipy.optimize.least_squares` holds the whole Jacobian of all samples and outputs; here the normal equations are summed over outputs.
+scikit-learn's pipelines do not pass on the progress of their regressors, so a function to be called on progress is a context variable.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -38,7 +38,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Call `listener` after each iteration of a training in this context, with the iteration, the most iterations and the loss."""
+    """Context in which ``listener(iteration, most iterations, loss)`` is called after each iteration of a training."""
     before = _listener.set(listener)
     try:
         yield
@@ -49,11 +49,12 @@ def listening(listener: Listener) -> Iterator[None]:
 def accepted_steps(
     regressor, number: int, weights: np.ndarray, loss_of: Callable[[np.ndarray], float], normal_equations: Callable
 ) -> Iterator[tuple[np.ndarray, float]]:
-    """Yield the weights and the loss after each of at most ``max_iter`` accepted steps, and report them to a listener.
+    """Minimise a loss by Levenberg-Marquardt steps: yield weights and loss after each of at most ``max_iter`` accepted steps.
 
     Training `number` of the ``n_init`` of a regressor starts from `weights`. ``normal_equations(weights)`` returns J^T J and J^T r of the
     residuals r. The damping, relative to the diagonal of J^T J, is raised until the loss falls, and lowered after the step. The training
-    ends early where no damping makes a step an improvement: the loss is then at its least to rounding.
+    ends early where no damping makes a step an improvement: the loss is then at its least to rounding. A listener set by `listening` is
+    called after each step.
     """
     loss, damping, most, listener = loss_of(weights), regressor.initial_damping, regressor.max_iter, _listener.get()
     for iteration in range(number * most + 1, (number + 1) * most + 1):
@@ -98,7 +99,7 @@ class LevenbergMarquardtRegressor(BasePerceptron):
     n_iter_no_change : int, default=50
         Iterations without a better validation error before training stops.
     tol : float, default=1e-4
-        Relative improvement of the validation error that counts as one.
+        Least relative decrease of the validation error that counts as an improvement.
     n_init : int, default=1
         Trainings from different first weights, of which the one with the least validation error is kept.
     initial_damping : float, default=1e-2
@@ -197,7 +198,7 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         return self
 
     def _train(self, first, fitted, watched, number):
-        """Return the least validation loss of a training, the weights that had it, and the number of iterations."""
+        """Train from the weights `first`; return the least validation loss, the weights at this loss, and the number of iterations."""
         best, kept, improved, iteration = np.inf, first, 0, 0
         for iteration, (weights, loss) in enumerate(accepted_steps(self, number, first, fitted.loss, fitted.normal_equations), 1):
             current = watched.loss(weights) if len(watched.X) else loss
@@ -209,7 +210,7 @@ class LevenbergMarquardtRegressor(BasePerceptron):
 
 
 class _Part:
-    """A part of the samples, and the errors there of a fully connected network, as functions of one vector of its weights."""
+    """Training or validation samples, and the error of a fully connected network on them as a function of the vector of all weights."""
 
     def __init__(self, sizes, activation, X, Y, share, rows):
         self.activation, self.X, self.Y = activation, X[rows], Y[rows]
@@ -219,7 +220,7 @@ class _Part:
         self.root = 1.0 if share is None or not len(rows) else np.sqrt(share[rows] / share[rows].mean())[:, None]
 
     def first_weights(self, random):
-        """Return random weights; the first output is the mean target."""
+        """Return the vector of random initial weights; the biases of the output layer are the mean targets."""
         parts = []
         for layer, (n_in, n_out) in enumerate(self.shapes):
             output = layer == len(self.shapes) - 1
@@ -228,17 +229,17 @@ class _Part:
         return np.concatenate(parts)
 
     def layers(self, weights):
-        """Return the weights of all layers, and their biases."""
+        """Split the vector of all weights: return the weight matrices of the layers, and the bias vectors of the layers."""
         layers = zip(np.split(weights, self.starts[1:-1]), self.shapes, strict=True)
         return zip(*((layer[:-n_out].reshape(n_in, n_out).copy(), layer[-n_out:].copy()) for layer, (n_in, n_out) in layers), strict=True)
 
     def loss(self, weights):
-        """Return the mean squared error."""
+        """Return the mean squared error of the network with given weights on these samples."""
         outputs = network_outputs(self.X, zip(*self.layers(weights), strict=True), self.activation)
         return ((self.root * (outputs - self.Y)) ** 2).mean()
 
     def normal_equations(self, weights):
-        """Return J^T J and J^T r of the residuals r = root (outputs - Y), summed over samples and outputs."""
+        """Return J^T J and J^T r for residuals r = sqrt(sample weight) (outputs - Y) and their derivatives J by the network's weights."""
         coefs, intercepts = self.layers(weights)
         inputs, slopes, values, root = [], [], self.X, self.root
         for W, b in zip(coefs[:-1], intercepts[:-1], strict=True):
@@ -268,7 +269,7 @@ class _Part:
         return normal, gradient
 
     def _fill(self, jacobian, coefs, inputs, slopes, delta):
-        """Write the derivatives by the weights of the hidden layers; `delta` are those by the arguments of the last one's activation."""
+        """Write derivatives of an output by the hidden layers' weights; `delta` has the derivatives by the last activation's arguments."""
         for layer in range(len(slopes) - 1, -1, -1):
             start, (n_in, n_out) = self.starts[layer], self.shapes[layer]
             block = jacobian[:, start : start + n_in * n_out].reshape(len(jacobian), n_in, n_out)

@@ -31,7 +31,7 @@ AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
 def bond_force_pipeline(
     regressor=None, features: str | None = None, horizon: float = 1.0, weight: str | None = None, shear_modulus: float = 1.0
 ) -> InputAwareTargetRegressor:
-    """Return an unfitted pipeline for bond forces; see `pdsurrogate.surrogate_pipeline`."""
+    """Return an unfitted pipeline that predicts bond forces; `pdsurrogate.surrogate_pipeline` explains the arguments."""
     features = "symmetric" if features is None else features
     if not isinstance(features, str) or features not in FEATURE_SETS:
         raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")
@@ -53,7 +53,7 @@ def bond_force_pipeline(
 
 
 def _for_two_outputs(regressor):
-    """Return a regressor of both outputs at once; raise ValueError for an object that is not a regressor."""
+    """Return the regressor, wrapped in `MultiOutputRegressor` if it fits one target only; raise ValueError for no regressor."""
     if isinstance(regressor, type) or not (hasattr(regressor, "fit") and hasattr(regressor, "predict")) or not is_regressor(regressor):
         title = regressor.__name__ if isinstance(regressor, type) else type(regressor).__name__
         more = "; give an instance of it" if isinstance(regressor, type) else ""
@@ -62,7 +62,7 @@ def _for_two_outputs(regressor):
 
 
 def _takes_two_outputs(regressor) -> bool:
-    """Return whether a regressor fits two targets at once, by its tag; scikit-learn's MLPRegressor does although its tag says no."""
+    """Return whether a regressor fits two targets at once, by its scikit-learn tag; MLPRegressor counts although its tag denies it."""
     if hasattr(regressor, "steps"):
         return _takes_two_outputs(regressor.steps[-1][1])
     if is_search(regressor):
@@ -83,7 +83,7 @@ def feature_set_of(model) -> str:
 
 
 def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransformer:
-    """Return a transformer from the five bond quantities to a feature set."""
+    """Return a scikit-learn transformer from the five bond quantities (`COLUMNS`) to the features of a named feature set."""
     return FunctionTransformer(
         feature_values,
         kw_args={"features": features, "horizon": horizon},
@@ -94,7 +94,7 @@ def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransfor
 
 @named()
 def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.ndarray:
-    """Return the values of a feature set, shape (n, n_features)."""
+    """Return the features of a named feature set, shape (n, n_features), for bonds X with the columns `COLUMNS`."""
     a, b, U_mm, J, C33, length = _bond_state(X)
     chosen = FEATURE_SETS[features]
     return np.stack(chosen.inputs(chosen.shared(a, b, J, C33), a, b, U_mm, J, C33, length / horizon), axis=1)
@@ -102,10 +102,10 @@ def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.n
 
 @named(COLUMNS, OUTPUTS)
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
-    """Return the outputs of a feature set that correspond to bond forces; the regressor is trained on them.
+    """Return the outputs of a feature set, shape (n, 2), that correspond to bond forces y, as training targets of the regressor.
 
-    Outputs that vary by rounding only are made constant: scaled to unit variance they would be noise to fit. Outputs of a bond without
-    shear are NaN where they are derivatives by the shear, which its force does not determine.
+    Outputs that vary by rounding only are made constant: scaled to unit variance they would be noise to fit. An output that is a
+    derivative by the shear is NaN for a bond without shear, because the force of this bond does not determine the derivative.
     """
     a, b, U_mm, J, C33, length = _bond_state(X)
     check_targets(y, OUTPUTS)
@@ -127,7 +127,7 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
 
 @named()
 def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
-    """Return bond forces from the outputs of a feature set, the inverse of `outputs_of_force`."""
+    """Return the bond forces, shape (n, 2), that correspond to outputs z of a feature set; the inverse of `outputs_of_force`."""
     a, b, U_mm, J, C33, length = _bond_state(X)
     chosen = FEATURE_SETS[features]
     T_nn, T_nm, _ = chosen.traction(chosen.shared(a, b, J, C33), z[:, 0], z[:, 1], a, b, U_mm, J, C33)
@@ -136,7 +136,7 @@ def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
 
 
 def _bond_state(X):
-    """Return a, b, U_mm, J, C33 and length of bonds; raise ValueError for quantities that no bond has."""
+    """Return the stretch components a = U_nn, b = U_nm and U_mm, J, C33 and length of bonds; raise ValueError for impossible bonds."""
     stretch, rotation, length, C33, J = checked_columns(X, COLUMNS, ("stretch", "C33", "J"))
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     if not (a > 0).all():

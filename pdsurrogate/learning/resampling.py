@@ -11,8 +11,8 @@ from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.spline import SUPPORT
 
 TOLERANCE = 1e-5
-"""Error of resampling, relative RMS of the force, at which it ends: below that of single precision in the sums of a run, and far below that
-of any fit."""
+"""Error, relative RMS of the force, at which resampling ends: below the error of single precision in the sums of a run, and far below the
+error of any fit."""
 
 CELLS = {2: (8, 16, 32, 64), 3: (6, 12, 24)}
 """Cells along a feature to try in this order, by the number of features."""
@@ -46,7 +46,7 @@ shear of bonds determines the outputs less and less."""
 
 
 class Spline(NamedTuple):
-    """Cubic spline of equal cells: `low` and `step` by feature, and `coefficients` by output."""
+    """Cubic spline on a grid of equal cells: lower end `low` and cell size `step` of each feature, and `coefficients` of each output."""
 
     low: np.ndarray
     step: np.ndarray
@@ -54,7 +54,7 @@ class Spline(NamedTuple):
 
 
 def fitted_spline(function: Callable, low: np.ndarray, high: np.ndarray, cells: int) -> tuple[Spline, np.ndarray]:
-    """Return the least-squares spline of a function over a box, and its samples, shape (samples along a feature, …, 2).
+    """Return the least-squares spline of a function over a box, and the sampled function values, shape (samples along a feature, …, 2).
 
     `function` returns outputs, shape (m, 2), of features, shape (m, n). Raise ValueError, with the place, for a value that is not finite.
     """
@@ -75,16 +75,16 @@ def fitted_spline(function: Callable, low: np.ndarray, high: np.ndarray, cells: 
 
 
 def _grid(low, high, count) -> np.ndarray:
-    """Return the places of a grid over a box, shape (count^n, n)."""
+    """Return the points of a regular grid with `count` points along each of the n axes of a box, shape (count^n, n)."""
     axes = [np.linspace(*ends, count) for ends in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(low))
 
 
 def greatest_jump(function: Callable, low: np.ndarray, high: np.ndarray, values: np.ndarray) -> float:
-    """Return the greatest change of a function that remains when intervals between neighbouring samples are halved, relative to its RMS.
+    """Return the greatest jump of a function, relative to its RMS, found by halving the intervals of greatest change between samples.
 
-    Nothing remains for a continuous function; for a piecewise constant one the greatest step near the samples. `values` are the samples
-    of `fitted_spline`.
+    The result is nearly 0 for a continuous function, and the greatest step near the samples for a piecewise constant function. `values`
+    are the sampled function values that `fitted_spline` returns.
     """
     n, count = len(low), values.shape[0]
     features = _grid(low, high, count).reshape(*[count] * n, n)
@@ -106,9 +106,9 @@ def greatest_jump(function: Callable, low: np.ndarray, high: np.ndarray, values:
 
 
 def resampled(function: Callable, low, high, error: Callable[[Spline], float]) -> tuple[Spline, float]:
-    """Return a spline of as many cells as `TOLERANCE` needs, and the jump of the function (0 if it is continuous).
+    """Return a spline of a function with as many cells as `TOLERANCE` needs, and the jump of the function (0 if it is continuous).
 
-    ``error(spline)`` is the error of resampling.
+    ``error(spline)`` returns the error of the spline; more cells are tried only while they reduce the error enough (`WORTHWHILE`).
     """
     n, best, least = len(low), None, np.inf
     for cells in CELLS[n]:
@@ -125,7 +125,7 @@ def resampled(function: Callable, low, high, error: Callable[[Spline], float]) -
 
 
 def isochoric_outputs_of(force: Callable) -> Callable:
-    """Return the function from the isochoric features to their outputs that fits a bond force best, by least squares over directions.
+    """Return a function from isochoric features to outputs that fits a given bond force best, by least squares over bond directions.
 
     ``force(stretch, rotation, length, C33, J)`` is dimensionless, shape (m, 2). The states have J3 = 1 and bonds of half the horizon. An
     isotropic force has the same outputs in all directions of a bond.

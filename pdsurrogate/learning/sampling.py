@@ -20,7 +20,7 @@ OUTPUTS = ("t_n", "t_tau")
 def wide_bonds(
     law: Law, n_samples: int, stretch_range: tuple[float, float], near_rest: float, off_surface: float, random_state: int
 ) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Return X, y and the design of the wide samples (theory, section 5), uniform in log-stretch, in the order in which they are drawn.
+    """Draw bond-force samples uniform in log-stretch (theory, section 5): return X, y and their design, with states near rest first.
 
     The share `off_surface` of the states is off the plane-stress surface: lambda_b, dtheta and C33 are perturbed independently, by amounts
     that shrink with the strain, and the force is the exact one of the perturbed values.
@@ -56,15 +56,15 @@ def wide_bonds(
 
 
 def random_order(n_samples: int, near_rest: float, random_state: int) -> np.ndarray:
-    """Return a random order for samples of a design, whose first samples are those near rest: folds would differ without it."""
+    """Return a random order of row numbers for drawn samples: without it the samples near rest come first, and folds would differ."""
     return np.arange(n_samples) if near_rest == 0 else np.random.default_rng([random_state, 1]).permutation(n_samples)
 
 
 def log_stretches(random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
     """Return logarithms of principal stretches, shape (n_samples, 2), uniform within their bounds except for a share near rest.
 
-    The share `near_rest` has strains from 0.1 % to 30 %, uniform in the logarithm of the strain. Nearer bounds limit the strain, and it
-    begins at a tenth of the limit where that is less than 0.1 %.
+    The share `near_rest` has strains from 0.1 % to 30 %, uniform in the logarithm of the strain. Where a bound limits the strain further,
+    and a tenth of this limit is less than 0.1 %, strains begin at this tenth.
     """
     logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
     n_near = int(near_rest * n_samples)
@@ -77,15 +77,15 @@ def log_stretches(random: np.random.Generator, n_samples: int, low: float, high:
 
 
 PERTURBATION = {"log_stretch": 0.15, "rotation": 0.08, "log_C33": 0.35, "full_from_strain": 0.2}
-"""Greatest perturbations of a bond off the surface, and the log-strain from which they have their full size.
+"""Greatest perturbations of a bond off the plane-stress surface, and the log-strain from which perturbations have their full size.
 
-In a run J and C33 of a bond are means over two points, so that bonds leave the surface, the farther the greater the strain is (theory,
-section 5).
+In a run J and C33 of a bond are means over two points, so that bonds leave the plane-stress surface, the farther the greater the strain is
+(theory, section 5).
 """
 
 
 def bond_states_reached(law: Law, low: float, high: float) -> bool:
-    """Return whether a law is finite in all states of `wide_bonds` between two log-stretches; the corners of the box decide."""
+    """Return whether a law is finite in all states of `wide_bonds` with log-stretches from `low` to `high`, by a test of the extremes."""
     # The perturbation stretches one direction at constant area; its rotation adds a little, for which the factors 1.3 and 1.1 allow.
     stretch, thickness = 1.3 * PERTURBATION["log_stretch"], 1.1 * PERTURBATION["log_C33"]
     states = product((low, high), (low, high), (-stretch, 0, stretch), (-thickness, 0, thickness))
@@ -96,7 +96,7 @@ def bond_states_reached(law: Law, low: float, high: float) -> bool:
 
 
 def range_of_stretches(trace, J) -> tuple[float, float]:
-    """Return the least and the greatest principal stretch of states of a sheet with tr C and J."""
+    """Return the least and the greatest principal stretch that occur among states of a sheet, from tr C and J of each state."""
     total, difference = np.sqrt(trace + 2 * J), np.sqrt(np.maximum(trace - 2 * J, 0))
     return float((total - difference).min() / 2), float((total + difference).max() / 2)
 
@@ -104,9 +104,9 @@ def range_of_stretches(trace, J) -> tuple[float, float]:
 def stretches_of_strain(
     random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return principal stretches in a range; the greatest strain |lambda - 1|, that of the first, is in a bin, uniform in its logarithm.
+    """Draw pairs of principal stretches whose greatest strain |lambda - 1| lies in the bin `strains`, uniform in its logarithm.
 
-    The first stretch is a compression or an extension, where the range has both at random.
+    The first stretch has the greatest strain: a compression or an extension, at random where both are between `low` and `high`.
     """
     greatest = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
     compressive = (random.random(n_samples) < 0.5) | (1 + greatest > high)
@@ -116,7 +116,7 @@ def stretches_of_strain(
 
 @named()
 def force_factor(length, horizon: float, weight: str, shear_modulus: float):
-    """Return w l mu/kappa, the factor from a dimensionless bond force to that of Eq. (2) on a full circular horizon."""
+    """Return w l mu/kappa, by which a dimensionless bond force is multiplied to give the force of Eq. (2) on a full circular horizon."""
     function = WEIGHT_FUNCTIONS[weight]
     return function.function(length, horizon) * length * shear_modulus / (function.moments[0] * horizon**4)
 
@@ -135,7 +135,7 @@ def checked_range(stretch_range) -> tuple[float, float]:
 
 
 def on_surface(law, stretch_1, stretch_2, angle):
-    """Return U_nn, U_nm, J and the C33 of plane stress of bonds at an angle to the principal axes."""
+    """Return U_nn, U_nm, J, and C33 under plane stress, of bonds at an angle to the axes of two principal stretches."""
     cos, sin = np.cos(angle), np.sin(angle)
     J = stretch_1 * stretch_2
     C33 = plane_stress.thickness_stretch_squared(law, stretch_1**2 + stretch_2**2, J)
@@ -143,7 +143,7 @@ def on_surface(law, stretch_1, stretch_2, angle):
 
 
 def force_on_bonds(law, U_nn, U_nm, J, C33, length):
-    """Return X and y (columns `COLUMNS` and `OUTPUTS`) of bonds in given states."""
+    """Return inputs X and exact bond forces y of a law (columns `COLUMNS` and `OUTPUTS`) for bonds in given states."""
     T_nn, T_nm, _ = plane_stress.bond_traction(law, U_nn, U_nm, J, C33)
     stretch = np.hypot(U_nn, U_nm)
     X = np.stack([stretch, np.arctan2(U_nm, U_nn), length, C33, J], axis=1)

@@ -1,4 +1,4 @@
-"""Settings of a fit to a law, as the command ``pdsurrogate fit`` and studies have them."""
+"""Settings with which a surrogate is fitted to a law, for the command ``pdsurrogate fit`` and for studies."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ and Ogden's law and the full network, 2e-6 to 4e-5 RMS off."""
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Settings of a fit; the default of those that are None depends on what is fitted.
+    """Settings with which a surrogate is fitted to a law; None stands for a default that depends on what is fitted.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class FitSettings:
     samples : int, optional
         Number of samples, by default 8000, or 1000 for an energy.
     least, greatest : float, optional
-        Principal stretches of the samples, by default 0.5 (0.25 for an energy) and 4, or as far as the law goes.
+        Principal stretches of the samples, by default 0.5 (0.25 for an energy) and 4, or as far as the law is finite.
     iterations : int, optional
         Most iterations of the training of a network, by default 1000, or 500 for an energy.
     folds : int
@@ -50,7 +50,7 @@ class FitSettings:
     Raises
     ------
     ValueError
-        If settings exclude each other; names them.
+        If settings exclude each other; the message names them.
     """
 
     energy: bool = False
@@ -78,20 +78,20 @@ class FitSettings:
 
     @property
     def target(self) -> str:
-        """Name of the target."""
+        """Name of the quantity to learn: isochoric-energy or bond-force."""
         return "isochoric-energy" if self.energy else "bond-force"
 
     @property
     def n_samples(self) -> int:
-        """Number of training samples."""
+        """Number of training samples: the setting `samples`, or the default of the quantity to learn."""
         return self.samples or TARGETS[self.target].n_samples
 
     def _range(self, low: float, high: float) -> tuple[float, float]:
-        """Return the bounds that are given, with `low` and `high` in the place of those that are None."""
+        """Return the bounds of the principal stretches, `least` and `greatest`, with `low` and `high` in the place of None."""
         return low if self.least is None else self.least, high if self.greatest is None else self.greatest
 
     def pipeline(self) -> tuple[InputAwareTargetRegressor, str]:
-        """Return the unfitted pipeline and its description."""
+        """Return the unfitted pipeline of these settings and its description in words; raise ValueError for settings that do not fit."""
         if self.energy and (given := [key for key in ("features", "degree") if getattr(self, key) is not None]):
             raise ValueError(f"{given[0]} is of bond forces; for the network of an energy choose units")
         if self.units is None and not self.energy:
@@ -126,7 +126,7 @@ class FitSettings:
         return pipeline, f"{features} features, polynomial of degree {_words(degrees)}"
 
     def design(self, law: Law) -> Samples:
-        """Return training samples of a law, over the range given, or as far as the law goes."""
+        """Draw training samples of a law over the stretches of the settings; default bounds are reduced to where the law is finite."""
         reach = reachable_stretches(law, self._range(*TARGETS[self.target].stretch_range), self.target)
         return training_samples(law, self.n_samples, self._range(*reach), random_state=self.seed, target=self.target)
 
@@ -178,7 +178,7 @@ class FitSettings:
 
 
 def _numbers(value: int | Sequence[int] | str, key: str) -> tuple[int, ...]:
-    """Return degrees or units as a tuple; raise ValueError if they are not whole numbers."""
+    """Return degrees or units, given as a number, a sequence or text, as a tuple; raise ValueError if they are not whole numbers."""
     if isinstance(value, int):
         return (value,)
     try:
@@ -188,5 +188,5 @@ def _numbers(value: int | Sequence[int] | str, key: str) -> tuple[int, ...]:
 
 
 def _words(numbers: Sequence[int]) -> str:
-    """Return numbers with commas between."""
+    """Return numbers as text with commas between them."""
     return ",".join(map(str, numbers))

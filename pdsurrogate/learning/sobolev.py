@@ -100,7 +100,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     }
 
     def fit(self, X, y, sample_weight=None):
-        """Fit the network.
+        """Fit the network to values, or to values and their derivatives by the features.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         return outputs
 
     def _train(self, function, first, number):
-        """Return the last loss of a training from `first` parameters, the last parameters, and the number of iterations."""
+        """Train the network from the parameters `first`; return the last loss, the last parameters, and the number of iterations."""
         steps, waiting = [(first, function.loss(first))], self.n_iter_no_change
         for step in accepted_steps(self, number, first, function.loss, function.normal_equations):
             steps.append(step)
@@ -194,15 +194,16 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
 
 
 def values_and_slopes(X, W, b, v, activation: str, columns: int) -> np.ndarray:
-    """Return v . a(W x + b) and, with more columns than one, its derivatives by the features, shape (n, columns)."""
+    """Return outputs v . a(W x + b) of a network with activation a and, in further columns, their derivatives by features, (n, columns)."""
     value, slope, _ = ACTIVATIONS[activation](X @ W + b)
     return np.column_stack([value @ v, (slope * v) @ W.T])[:, :columns]
 
 
 class _Function:
-    """v . a(W x + b) + constant and its gradient as a function of one vector of parameters, compared with weighted samples.
+    """Network v . a(W x + b) + constant with its gradient and its loss at weighted samples, as functions of the vector of parameters.
 
-    With an anchor it has no constant; its value at the origin is subtracted, and so are the derivatives there by the features in ``flat``.
+    With an anchor the network has no constant; the value at the origin is subtracted, and so are the derivatives there by the features in
+    ``flat``.
     """
 
     def __init__(self, regressor, X, Y, weights):
@@ -231,7 +232,7 @@ class _Function:
         return A.T @ A + np.diag(self.penalty), A.T @ residuals.ravel() + self.penalty * theta
 
     def _at_samples(self, function, theta):
-        """Return outputs or their derivatives at the samples, shape (n, columns, ...), less value and chosen derivatives at the origin."""
+        """Return `function` (outputs or Jacobian) at the samples, (n, columns, ...), less value and ``flat`` derivatives at the origin."""
         values = function(theta, self.X, self.columns)
         if self.anchored:
             origin = function(theta, np.zeros((1, self.d)), 1 + self.d)[0]
@@ -250,7 +251,7 @@ class _Function:
         return outputs
 
     def _jacobian(self, theta, X, columns):
-        """Return the derivatives of the outputs by the parameters, shape (n, columns, n_parameters)."""
+        """Return the derivatives of value and gradient of the network by its parameters, shape (n, columns, n_parameters)."""
         W, b, v, _ = self.parts(theta)
         value, slope, curvature = ACTIVATIONS[self.activation](X @ W + b)
         slope_v, curvature_v = slope * v, curvature * v

@@ -1,4 +1,4 @@
-"""Artefacts of fitted models, with full cards."""
+"""Storing of fitted models as artefacts, with cards that hold their material, domain, training and errors."""
 
 import platform
 from collections.abc import Sequence
@@ -36,14 +36,14 @@ class CardText:
     cross_validation : list of dict, optional
         Errors by fold, as `pdsurrogate.cross_validate` returns them.
     search : list of dict, optional
-        Parameters that a search tried, and their errors; by default the table of the model if that is a search.
+        Parameters that a search tried, and their errors; by default the table of the fitted model if this is a search.
     identification : dict, optional
         Report of the identification of the law (`pdsurrogate.identification.report`).
 
     Raises
     ------
     TypeError, ValueError
-        If a card cannot hold a value; names the value.
+        If a card cannot hold a value; the message names the value.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def store(
     text: str | CardText,
     members: Sequence[tuple] = (),
 ) -> Path:
-    """Write the artefact of a fitted model with a full card.
+    """Write a fitted model as an artefact, with a card of its material, domain, training and errors.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def store(
     version : str or None
         Version, which never changes once written; None for the next one.
     text : str or CardText
-        Purpose of the artefact in a sentence; or that with tables and the identification of the law for the card.
+        Purpose of the artefact in a sentence; or a `CardText` with this sentence, tables and the identification of the law.
     members : sequence of tuple, optional
         Committee in the same artefact: for each member its fitted model, the samples that it was fitted to, and its law. Runs use
         `model`; ``NAME#3`` is the third member, and ``NAME#all`` reports the deviation of the members as well.
@@ -180,7 +180,7 @@ def store(
 
 
 def _check_members(members: Sequence[tuple], target: Target) -> None:
-    """Raise TypeError or ValueError for invalid members of a committee of a target."""
+    """Raise TypeError or ValueError unless committee members are tuples of a fitted model, samples of the target, and a law."""
     if not isinstance(members, list | tuple):
         raise TypeError(f"members must be a list of tuples, each a fitted model, its samples and its law, not {kind_of(members)}")
     if members and not target.has_committees:
@@ -197,7 +197,7 @@ def _check_members(members: Sequence[tuple], target: Target) -> None:
 def _surrogate_and_entry(
     model, samples: Samples, law: Law, title: str, n_samples: int = REPORTED_STATES
 ) -> tuple[LearntBondForce | LearntEnergy, dict, dict]:
-    """Return the surrogate of a fitted model, the report of its resampling, and its material, domain and errors for the card.
+    """Return the surrogate of a fitted model, a report on its resampling, and the card's entries material, domain and errors.
 
     Raise `TooInexact` for a surrogate that is too far from its law.
     """
@@ -209,7 +209,7 @@ def _surrogate_and_entry(
 
 
 def search_table(search) -> list[dict]:
-    """Return the table of a fitted search over parameters for a card: the parameters, and mean and spread of their scores."""
+    """Return, for a card, the table of a fitted search over parameters: a dictionary of parameters, mean score and spread for each try."""
     found = search.cv_results_
     scores = "mean_test_score" if "mean_test_score" in found else f"mean_test_{search.refit}"
     rows = zip(found["params"], found[scores], found[scores.replace("mean", "std")], strict=True)
@@ -237,6 +237,6 @@ def _plain(parameters: dict) -> dict:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of the packages that influence an artefact."""
+    """Return, by name, the versions of Python and of the packages that influence an artefact."""
     others = {package: metadata.version(package) for package in ("numpy", "scipy", "scikit-learn", "joblib")}
     return {"python": platform.python_version(), "pdsurrogate": __version__, **others}

@@ -34,7 +34,7 @@ REPORTED_STATES, REPORT_SEED = 20_000, 1_000_003
 """States in each set of a report of errors, enough for an RMS accurate to a percent, and their seed, which no training samples use."""
 
 ANCHOR = (0.0, 0.0)
-"""Features of an energy at rest, where it is zero."""
+"""Features of the state at rest, where an energy is zero."""
 
 STRAIN_BINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0)
 """Bounds of the bins of greatest principal strain in error reports: two or three in a decade, up to the strain at a stretch of 4."""
@@ -46,9 +46,9 @@ def is_search(model) -> bool:
 
 
 def weighted_part(estimator) -> tuple[str, object]:
-    """Return the name of sample weights in ``fit`` of an estimator, and the regressor that they are for.
+    """Return the name of the argument of an estimator's ``fit`` for sample weights, and the inner regressor that receives the weights.
 
-    In a pipeline the name is prefixed with that of the last step, however deeply pipelines are nested.
+    In a pipeline the argument's name is prefixed with the name of the last step, however deeply pipelines are nested.
     """
     if isinstance(estimator, Pipeline):
         name, last = estimator.steps[-1]
@@ -64,8 +64,8 @@ def weighted_part(estimator) -> tuple[str, object]:
 class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     """Fit a regressor to ``func(X, y)`` and predict with ``inverse_func(X, ...)``.
 
-    Like `sklearn.compose.TransformedTargetRegressor`, but with transformations that depend on the inputs, such as a division by a known
-    size of the target. Chosen transformed outputs can be made exactly zero at one input, by subtracting the prediction there.
+    The class is like `sklearn.compose.TransformedTargetRegressor`, but with transformations that depend on the inputs, such as a division
+    by a known size of the target. Chosen transformed outputs can be made exactly zero at an input, by subtracting the prediction there.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         return {key: value for key, value in super().__getstate__().items() if key != "training_inputs_"}
 
     def predict(self, X):
-        """Predict the target, shape as in training."""
+        """Predict the target at inputs X, in the shape of the training target."""
         check_is_fitted(self)
         X = validate_data(self, in_order(X, columns_read(self.func)[0], "X"), reset=False)
         z = self.regressor_.predict(X)
@@ -235,7 +235,7 @@ class Samples:
         return len(self.X)
 
     def take(self, rows: np.ndarray) -> Samples:
-        """Return the samples of the given rows."""
+        """Return the samples with the given row numbers, with the same design and target."""
         stretches = None if self.stretches is None else self.stretches[rows]
         return Samples(self.X[rows], self.y[rows], self.design, self.target, stretches)
 
@@ -243,8 +243,8 @@ class Samples:
 class Target:
     """A quantity that surrogates learn; the instances are `BOND_FORCE`, `SHEET_ENERGY` and `ISOCHORIC_ENERGY`.
 
-    A fitted pipeline carries its target by the names of the columns that its transformation of the target reads. Attributes and methods
-    that are declared here without a value are those that every target has of its own.
+    The target of a pipeline is recognised by the names of the columns that the pipeline's transformation of the target reads. Each
+    subclass or instance defines the attributes and methods that are declared here without a value.
 
     Attributes
     ----------
@@ -318,7 +318,7 @@ class Target:
         return isinstance(model, InputAwareTargetRegressor) and columns_read(model.func)[0] == self.columns
 
     def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
-        """Return the report of `pdsurrogate.evaluate`."""
+        """Return the errors of a model against a law over a range of stretches, in the form that `pdsurrogate.evaluate` returns."""
         samples = self.draw(law, n_samples, stretch_range, random_state=random_state, **self._reported)
         bins, shared = [], np.random.default_rng(random_state + 1)
         for number, strains in enumerate(strain_bins(*stretch_range)):
@@ -335,7 +335,7 @@ class Target:
         }
 
     def domain(self, law: Law, samples: Samples) -> Domain:
-        """Return the domain of a surrogate that is fitted to samples of a design."""
+        """Return the domain in which a surrogate fitted to the samples holds, from the states and the design of the samples."""
         found, design = self.domain_of_states(law, samples.X), samples.design
         bulk = found.least_bulk, found.greatest_bulk
         if design.get("off_surface"):
@@ -348,12 +348,12 @@ class Target:
         return Domain(least, greatest, *bulk, hull)
 
     def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
-        """Return reports over further ranges of stretches for the card, by title."""
+        """Return further error reports of a surrogate for its card, over other ranges of stretches, by title; none by default."""
         return {}
 
 
 class EnergyTarget(Target):
-    """Energy as a function of two invariants, learnt by a network together with its derivatives by them.
+    """Energy as a function of two invariants, learnt by a network together with its derivatives by the invariants.
 
     Attributes
     ----------
@@ -389,7 +389,7 @@ class EnergyTarget(Target):
     _stresses: Callable[..., np.ndarray]
 
     def _samples_at(self, law: Law, stretches: np.ndarray, design: dict) -> Samples:
-        """Return the samples at given principal stretches."""
+        """Return the samples of a law at given principal stretches, shape (n, 2) or (n, 3)."""
         return Samples(*self._states(law, stretches), design, self, stretches)
 
     def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int) -> Samples:
@@ -443,7 +443,7 @@ class EnergyTarget(Target):
 
 
 def checked_derivatives(X, y, columns: tuple[str, str], outputs: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the columns of X, checked to be positive, and those of y."""
+    """Return X and y transposed; raise ValueError for wrong numbers of columns or for invariants X that are not positive."""
     check_targets(y, outputs)
     return checked_columns(X, columns, columns[::-1]), y.T
 
@@ -456,6 +456,6 @@ def relative_errors(predicted: np.ndarray, exact: np.ndarray) -> dict[str, float
 
 
 def strain_bins(low: float, high: float) -> list[tuple[float, float]]:
-    """Return the bins of greatest principal strain up to that of a range of stretches, at which the last bin ends."""
+    """Return the bins (least, greatest) of greatest principal strain up to the strain at the stretches `low` and `high`."""
     reach = max(high - 1, 1 - low)
     return [(least, min(greatest, reach)) for least, greatest in pairwise(STRAIN_BINS) if least < reach * (1 - 1e-9)]

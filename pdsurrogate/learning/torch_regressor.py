@@ -17,7 +17,7 @@ from .base import ACTIVATIONS, COUNT, POSITIVE, SHARE, BasePerceptron
 class TorchMLPRegressor(BasePerceptron):
     """Multilayer perceptron for regression, trained by Adam on the squared error, with early stopping and a decaying rate.
 
-    For networks too large for `LevenbergMarquardtRegressor`; needs the ``torch`` extra to fit.
+    The class is for networks too large for `LevenbergMarquardtRegressor`; a fit needs the ``torch`` extra of the package.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class TorchMLPRegressor(BasePerceptron):
     }
 
     def fit(self, X, y, sample_weight=None):
-        """Train the network.
+        """Train the network with torch and skorch.
 
         Parameters
         ----------

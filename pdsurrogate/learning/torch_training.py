@@ -14,10 +14,10 @@ from .export import layers_of_module
 
 
 class Algebraic(torch.nn.Module):
-    """x / sqrt(1 + x^2)."""
+    """Activation x / sqrt(1 + x^2) as a torch module."""
 
     def forward(self, x):
-        """Return the values."""
+        """Return the activation of each element of x."""
         return x * torch.rsqrt(1 + x * x)
 
 
@@ -25,15 +25,15 @@ ACTIVATIONS = {"algebraic": Algebraic, "logistic": torch.nn.Sigmoid, "tanh": tor
 
 
 class WeightedSquares(torch.nn.Module):
-    """Mean squared error; the last column of the targets holds the weights of the samples."""
+    """Loss function: mean squared error, weighted by the last column of the targets, which holds the weights of the samples."""
 
     def forward(self, outputs, targets):
-        """Return the loss."""
+        """Return the weighted mean squared error of outputs, shape (n, d), against targets, shape (n, d + 1)."""
         return (targets[:, -1:] * (outputs - targets[:, :-1]) ** 2).mean()
 
 
 def train(regressor, X, Y, weights):
-    """Return weights, biases, the number of epochs and the validation loss of a network, NaN without a validation part.
+    """Train a network; return its weights, biases, number of epochs, and least validation loss (NaN without a validation part).
 
     The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`.
     """

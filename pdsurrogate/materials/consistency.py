@@ -1,4 +1,4 @@
-"""Checks that the derivatives stated by a law are those of its energy, and that it has its moduli and no stress when undeformed.
+"""Checks of a law: its derivatives are those of its energy; undeformed, it has the moduli that it states and no stress.
 
 Learnt forces, stresses and tangents use the stated derivatives alone, so a mistake in one of them shows nowhere else.
 """
@@ -34,7 +34,7 @@ _consistent: set = set()
 
 
 def check_consistency(law: Law) -> None:
-    """Check a law against itself, once in a process for each class and each set of parameters.
+    """Check the derivatives of a law against its energy, and its undeformed state, once per process for each class and set of parameters.
 
     Raise ValueError if a derivative is not that of the energy, or if the undeformed law has a stress or other moduli; the message names the
     derivative, the law's value and the right one.
@@ -94,10 +94,11 @@ def _check_stretches(law, parameters) -> None:
 
 
 def _compare(law, expression, values, arguments, derivatives, modulus) -> np.ndarray:
-    """Compare rows of `values` with central differences of other rows, and return the rows of the first state.
+    """Compare the derivatives that a law states with central differences, raise ValueError for a wrong one, and return results at rest.
 
-    `arguments` are those of `values` by name. A derivative is given by its name, its row, the weights of the rows that it differentiates,
-    and the direction of change. All states are evaluated at once, since a law may be a sum of many terms.
+    ``values(*arguments)`` returns the rows (energy and derivatives); the first state is at rest. Each of `derivatives` is a tuple of its
+    name, its row, the weights of the rows that it differentiates, and the direction in which the arguments change. All states are
+    evaluated at once, since a law may be a sum of many terms.
     """
     states = np.stack(list(arguments.values()))
     sizes = [STEPS[:, None] * np.maximum(np.abs(np.asarray(way) @ states), 1.0) for *_, way in derivatives]

@@ -41,7 +41,9 @@ def sheet_invariants(state):
 
 @inlined
 def of_sheet_invariants(state, isochoric, volumetric):
-    """Return the response of a sheet from the derivatives of W(I1bar, I2bar) + U(J3); theory (7) with U^3 reduced by Cayley-Hamilton.
+    """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(I1bar, I2bar) + U(J3).
+
+    The expressions are those of theory (7) with U^3 of the stretch tensor reduced by Cayley-Hamilton.
 
     ``d1`` and ``d2`` are J3/2 times the derivatives of the two invariants by J3 at fixed F in the plane, which makes the residual J3
     dPsi/dJ3, the plane-stress condition (paper, Eq. (9), with the exponent of its first term corrected to +2/3).
@@ -70,7 +72,7 @@ def of_sheet_invariants(state, isochoric, volumetric):
 
 @inlined
 def sheet_stretches(state):
-    """Return logarithms and squares of the isochoric principal stretches, those in the plane first, from tr C, J in the plane and J3."""
+    """Return logarithms and squares of the isochoric principal stretches of a sheet, thickness last, from tr C, in-plane J and J3."""
     trace, J, J3 = state
     half = trace / 2
     # cosh and sinh of the difference of the logarithms; a trace below 2 J can only be a rounding error.
@@ -87,7 +89,7 @@ def sheet_stretches(state):
 
 @inlined
 def of_sheet_stretches(state, stretches, sums, volumetric):
-    """Return the response of a sheet from the derivatives of W(x1, x2, x3) + U(J3).
+    """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(x1, x2, x3) + U(J3).
 
     The principal stresses are P_a = (g_a - g_3)/lambda_a, the pressure eliminated by P33 = 0; p lambda_a^2 + q = g_a - g_3 for both.
     """
@@ -105,26 +107,26 @@ def of_sheet_stretches(state, stretches, sums, volumetric):
 
 @inlined
 def _held(state):
-    """Return the state with C33 = 1."""
+    """Return the state (tr C, J, J3) of a sheet with J3 = J, which means C33 = 1."""
     return state[0], state[1], state[1]
 
 
 @inlined
 def _stress_rows(state, found):
-    """Return the rows of `PLANE_STRAIN` from those of plane stress at C33 = 1: q gains J3 dPsi/dJ3, which is zero in plane stress."""
+    """Return the results of `PLANE_STRAIN` from the plane-stress results `found` at C33 = 1: q gains J3 dPsi/dJ3, zero in plane stress."""
     p, q, across, _, energy = found
     return p, q + across, state[2] / state[1] - 1, 1 / state[1], energy
 
 
 @inlined
 def _isochoric_rows(state, found):
-    """Return the rows of `ISOCHORIC_PLANE_STRAIN` from those of plane stress at C33 = 1."""
+    """Return the results of `ISOCHORIC_PLANE_STRAIN` from the plane-stress results `found` at C33 = 1."""
     p, q, across, _, energy = found
     return p, q + across, across, energy
 
 
 def _of_held_sheet(rows: int, result: Callable, isochoric: bool) -> Response:
-    """Return the response with the rows ``result(state, found)``, `found` being those of plane stress at C33 = 1."""
+    """Return a `Response` for plane strain with the results ``result(state, found)``, with the plane-stress results `found` at C33 = 1."""
 
     @inlined
     def invariants(state):
@@ -147,7 +149,7 @@ def _of_held_sheet(rows: int, result: Callable, isochoric: bool) -> Response:
 
 @inlined
 def _solid_invariants(state):
-    """Return I1bar and I2bar from tr C, tr cof C and J."""
+    """Return the isochoric invariants I1bar and I2bar of a solid from its state (tr C, tr cof C, J)."""
     trace, cofactor_trace, J = state
     c = inverse_cube_root(J * J)
     return c * trace, c * c * cofactor_trace
@@ -155,7 +157,7 @@ def _solid_invariants(state):
 
 @inlined
 def _of_solid_invariants(state, isochoric, volumetric):
-    """Return (p, q, r, energy) from the derivatives of W(I1bar, I2bar) + U(J)."""
+    """Return the stress coefficients p, q, r and the energy of a solid from the derivatives of W(I1bar, I2bar) + U(J)."""
     trace, cofactor_trace, J = state
     W, W1, W2, _, _, _ = isochoric
     U, dU, _ = volumetric
@@ -169,7 +171,7 @@ def _of_solid_invariants(state, isochoric, volumetric):
 
 @inlined
 def _solid_stretches(state):
-    """Return logarithms and squares of the isochoric principal stretches, the one farthest from the others last.
+    """Return logarithms and squares of the isochoric principal stretches of a solid, with the stretch farthest from the others last.
 
     The eigenvalues of C are mean + 2 sqrt(spread) cos(phi + 2 pi k/3) with cos(3 phi) = c. The greatest, for c > 0, or else the least is
     given by the root y = cos(arccos(abs(c))/3) of 4 y^3 - 3 y = abs(c): between sqrt(3)/2 and 1, where Newton's method reaches rounding in
@@ -178,7 +180,7 @@ def _solid_stretches(state):
     Nearly equal stretches, as roots of a cubic, are only known to some 6e-6 and are separated by as much. But they belong to invariants
     within 1e-11 of the given ones, of which energy and stress are smooth functions: these are accurate to 2e-11, and to rounding at
     distinct stretches (``tests/materials/test_responses.py``). The single coefficients are less accurate: at three equal stretches r is off
-    by some 1e-5, which p and q compensate.
+    by some 1e-5, and compensating errors in p and q keep the stress accurate.
     """
     trace, cofactor_trace, J = state
     mean = trace / 3
@@ -203,7 +205,7 @@ def _solid_stretches(state):
 
 @inlined
 def _of_solid_stretches(state, stretches, sums, volumetric):
-    """Return (p, q, r, energy) from the derivatives of W(x1, x2, x3) + U(J).
+    """Return the stress coefficients p, q, r and the energy of a solid from the derivatives of W(x1, x2, x3) + U(J).
 
     The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U'; the polynomial in the squared stretches through them, by divided
     differences, has p, q J and r as coefficients.
@@ -220,10 +222,10 @@ def _of_solid_stretches(state, stretches, sums, volumetric):
 
 
 PLANE_STRESS = Response(5, 2, sheet_invariants, of_sheet_invariants, sheet_stretches, of_sheet_stretches, curvature=True)
-"""Response of (trace, J, J3): p, q, the residual J3 dPsi/dJ3 of P33 = 0 at fixed F in the plane, its derivative by J3, and Psi."""
+"""Response of (trace, J, J3) for plane stress: p, q, residual J3 dPsi/dJ3 of P33 = 0 at fixed in-plane F, its J3 derivative, and Psi."""
 
 PLANE_STRAIN = _of_held_sheet(5, _stress_rows, isochoric=False)
-"""Response of (trace, J, J3) with the rows of the plane-stress one, so that kernels can use either.
+"""Response of (trace, J, J3) for plane strain, with the rows of `PLANE_STRESS`, so that kernels can use either response.
 
 p, q and the energy are those at J3 = J, whatever J3 is passed; the condition P33 = 0 is replaced by J3/J - 1 = 0, with its derivative by
 J3.

@@ -17,18 +17,18 @@ STEP = 1e-7
 
 @dataclass(frozen=True)
 class HomogeneousState:
-    """A homogeneous state in the plane.
+    """Stretches, stresses and energy density of a body under homogeneous loading along the axes x1 and x2.
 
     Attributes
     ----------
     stretch, lateral_stretch, thickness_stretch : float
         Principal stretches along x1, along x2, and through the thickness.
     volume_ratio : float
-        J3.
+        J3, deformed over undeformed volume.
     nominal_stress, lateral_stress : float
         P11 and P22, in the same unit as the shear modulus.
     energy_density : float
-        Per undeformed volume, same unit.
+        Strain energy per undeformed volume, in the same unit as the shear modulus.
     """
 
     stretch: float
@@ -41,7 +41,7 @@ class HomogeneousState:
 
 
 def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stress") -> HomogeneousState:
-    """Return the state of a sheet at two given in-plane stretches; `plane` is one of `SHEETS`."""
+    """Return the homogeneous state of a sheet at two given in-plane stretches, in plane "stress" or "strain"."""
     if plane not in SHEETS:
         raise ValueError(f"plane must be {' or '.join(SHEETS)} for two given stretches of a sheet, not {plane}")
     for value in (stretch, lateral_stretch):
@@ -57,7 +57,7 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stre
 
 
 def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousState:
-    """Return the state in tension or compression along x1 with free sides: P22 = 0, and P33 = 0 in plane stress and three dimensions.
+    """Return the homogeneous state in tension or compression along x1 with free sides: P22 = 0, and P33 = 0 except in plane strain.
 
     `plane` is a name of `PLANES`.
     """
@@ -75,19 +75,19 @@ def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousStat
 
 
 def _root(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Return the zeros of increasing functions of positive numbers, by differences; NaN where a function ends before."""
+    """Return the zeros of increasing functions of positive numbers, with slopes by differences; NaN where a function is not finite."""
     found = newton(lambda x: (function(x), (function((1 + STEP) * x) - function(x)) / (STEP * x)), start, 1e-8)
     with np.errstate(all="ignore"):
         return np.where(np.isfinite(function(found)), found, np.nan)
 
 
 def equibiaxial(law: Law, stretch: float) -> HomogeneousState:
-    """Return the state at equal stretches along x1 and x2."""
+    """Return the homogeneous state of a sheet under plane stress at equal stretches along x1 and x2."""
     return biaxial(law, stretch, stretch)
 
 
 def pure_shear(law: Law, stretch: float) -> HomogeneousState:
-    """Return the state at a stretch along x1 and a fixed width (lateral stretch 1)."""
+    """Return the homogeneous state of a sheet under plane stress at a stretch along x1 and a fixed width (lateral stretch 1)."""
     return biaxial(law, stretch, 1.0)
 
 
@@ -98,9 +98,9 @@ def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> 
     ----------
     law : Law
     stretch : ndarray, shape (n,)
-        Along the stress.
+        Stretches along the stress.
     lateral_stretch : ndarray, shape (n,)
-        Across it, in the plane; NaN where nothing holds the sides, which then have no stress, nor has the thickness.
+        Stretches across the stress, in the plane; NaN for free sides, which have no stress. The thickness is always free of stress.
 
     Returns
     -------

@@ -19,12 +19,12 @@ from ..html_tables import html_facts
 
 @dataclass(frozen=True)
 class Law(ABC):
-    """A slightly compressible isotropic hyperelastic law.
+    """Base class of slightly compressible isotropic hyperelastic laws.
 
     Parameters
     ----------
     shear_modulus : float
-        Shear modulus in the undeformed state, in any unit of stress; everything else is computed in units of it.
+        Shear modulus in the undeformed state, in any unit of stress; energies and stresses are computed in units of the shear modulus.
     bulk_modulus : float
         Bulk modulus in the undeformed state, in the same unit.
     """
@@ -32,7 +32,7 @@ class Law(ABC):
     name: ClassVar[str]
     reference: ClassVar[str]
     bounds: ClassVar[dict[str, tuple[float, float]]] = {}
-    """Bounds of the parameters other than the two moduli, within which they are identified from test data."""
+    """Bounds within which an identification from test data searches the parameters other than the two moduli."""
 
     above: ClassVar[dict[str, float]] = {}
     """Values that parameters other than the two moduli must exceed."""
@@ -57,16 +57,16 @@ class Law(ABC):
         self.check()
 
     def check(self) -> None:  # noqa: B027  (most laws have no such parameter)
-        """Raise ValueError if a parameter other than the moduli is invalid."""
+        """Raise ValueError if a parameter of this law other than the moduli is invalid; by default check nothing."""
 
     @property
     def parameters(self) -> np.ndarray:
-        """Dimensionless parameters, float64, in the order of the law's expressions; by default K/mu and those of `shape`."""
+        """Dimensionless parameters, float64, in the order in which the law's expressions read them; by default K/mu and then `shape`."""
         return np.array([self.bulk_modulus / self.shear_modulus, *self.shape.values()])
 
     @staticmethod
     def volumetric(J3, parameters):
-        """Return U and its derivatives (U, U', U'') at a volume ratio; by default K/8 (J3 - 1/J3)^2, the paper's Eq. (6)."""
+        """Return the volumetric energy U and its derivatives (U, U', U'') at a volume ratio; by default U = K/8 (J3 - 1/J3)^2, Eq. (6)."""
         K = parameters[0]
         inverse = 1 / J3
         square = inverse * inverse
@@ -78,15 +78,15 @@ class Law(ABC):
 
     @property
     def shape(self) -> dict[str, float]:
-        """Dimensionless parameters that the bond force at given (a, b, J, C33) depends on; by default those other than the two moduli."""
+        """Dimensionless parameters, by name, on which the bond force in a given state depends; by default all but the two moduli."""
         return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
 
     def scaled(self, factor: float) -> Self:
-        """Return the material with all its moduli multiplied by a factor, for example for another unit of stress."""
+        """Return a copy of the law with all moduli multiplied by a factor, for example for another unit of stress."""
         return replace(self, shear_modulus=self.shear_modulus * factor, bulk_modulus=self.bulk_modulus * factor)
 
     def describe(self) -> dict:
-        """Return name and parameters in the form used by scenes and cards."""
+        """Return name and parameters of the law as a dictionary, in the form used by scenes and cards."""
         return {"law": self.name, **{field.name: getattr(self, field.name) for field in fields(self)}}
 
     def _repr_html_(self) -> str:
@@ -107,19 +107,19 @@ def checked_law(law) -> Law:
 
 
 class InvariantLaw(Law):
-    """A law W(I1bar, I2bar) + U(J3) of the isochoric invariants.
+    """Base class of laws W(I1bar, I2bar) + U(J3) of the isochoric invariants.
 
-    A subclass defines `isochoric`, and `volumetric` if it has its own: static methods that are plain elementwise expressions.
+    A subclass defines `isochoric`, and `volumetric` if U is not the default: static methods that are plain elementwise expressions.
     """
 
     @staticmethod
     @abstractmethod
     def isochoric(I1, I2, parameters):
-        """Return W and its derivatives (W, W1, W2, W11, W12, W22) at the isochoric invariants."""
+        """Return W and its derivatives by the isochoric invariants I1bar and I2bar, (W, W1, W2, W11, W12, W22)."""
 
 
 class PrincipalStretchLaw(Law):
-    """A law W + U(J3) whose isochoric part W is a sum of terms of one form in the isochoric principal stretches.
+    """Base class of laws W + U(J3) whose isochoric part W is a sum of terms of one form in the isochoric principal stretches.
 
     Ogden's law is such a sum, and so is a quadrature over directions on the sphere. A subclass defines `terms`, and `coefficients` and
     `term` as static methods that are plain elementwise expressions.
@@ -138,10 +138,10 @@ class PrincipalStretchLaw(Law):
     @staticmethod
     @abstractmethod
     def coefficients(parameters, k):
-        """Return the constants of term k, a tuple of numbers."""
+        """Return the constants of term k of W, a tuple of numbers read from the law's `parameters`."""
 
     def sums(self, stretches: tuple, parameters: np.ndarray) -> list:
-        """Return the sums (W, g1, g2, g3, h) over all terms at (x1, x2, x3, s1, s2, s3), see `term`."""
+        """Return the sums over all terms of (W, g1, g2, g3, h) at stretches given as (x1, x2, x3, s1, s2, s3), as in `term`."""
         terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(int(parameters[1])))
         return [sum(parts) for parts in zip(*terms, strict=True)]
 

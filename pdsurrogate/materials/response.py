@@ -58,7 +58,7 @@ class Response:
     isochoric: bool = False
 
     def __call__(self, law: Law, *state) -> tuple:
-        """Evaluate a law on NumPy arrays; the result is dimensionless."""
+        """Return the dimensionless response of a law, a tuple of `rows` values, in states given as NumPy arrays or numbers."""
         state, parameters = tuple(np.asarray(value, dtype=float) for value in state), law.parameters
         volumetric = self._volumetric(law)(state[self.volume], parameters)
         if isinstance(law, InvariantLaw):
@@ -67,7 +67,7 @@ class Response:
         return self.of_stretches(state, stretches, law.sums(stretches, parameters), volumetric)
 
     def block(self, law: Law) -> CFunc:
-        """Return the response of a law compiled as a block function (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
+        """Return the response of a law as a function compiled for blocks of states (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
 
         Raise ValueError if the law's derivatives are not those of its energy (`check_consistency`).
         """
@@ -80,39 +80,39 @@ class Response:
         return block_function_of(_principal_block, STRESS_RESPONSE, *parts, *shared)
 
     def _volumetric(self, law: Law) -> Callable:
-        """Return the function of U and its derivatives."""
+        """Return the function of (J3, parameters) for U and its derivatives in this response: zeros if the response is isochoric."""
         return _nothing if self.isochoric else law.volumetric
 
 
 def _nothing(J3, parameters):
-    """Return zeros in the place of U and its derivatives."""
+    """Return zeros in the place of U, U' and U'' for a response that leaves the volumetric energy out."""
     return 0.0, 0.0, 0.0
 
 
 def volume_energy_block(law: Law) -> CFunc:
-    """Return the block function of a law's U and U' from the volume ratio in the first row of the states."""
+    """Return a function, compiled for blocks of states, of a law's U and U' from the volume ratio in the first row of the states."""
     check_consistency(law)
     return block_function_of(_volume_block, STRESS_RESPONSE, law.volumetric, _energy, 0, 0)
 
 
 def volume_residual_block(law: Law) -> CFunc:
-    """Return the block function of J3 U' and its derivative by J3, in the rows of a response in plane stress for P33 = 0 and its slope."""
+    """Return a function, compiled for blocks of states, of J3 U' and its derivative by J3, in rows 2 and 3 as in `PLANE_STRESS`."""
     return block_function_of(_volume_block, STRESS_RESPONSE, law.volumetric, _residual, 2, 2)
 
 
 def _energy(J3, volumetric):
-    """Return U and U'."""
+    """Return U and U' from the tuple (U, U', U'') of a volumetric energy."""
     return volumetric[0], volumetric[1]
 
 
 def _residual(J3, volumetric):
-    """Return J3 U' and its derivative by J3."""
+    """Return J3 U' and its derivative by J3 from the tuple (U, U', U'') of a volumetric energy."""
     _, dU, ddU = volumetric
     return J3 * dU, dU + J3 * ddU
 
 
 def _volume_block(volumetric, of_volume, volume, row):
-    """Build the block function of two results of U, written from one row on; J3 is in row `volume` of the states."""
+    """Build the function that writes two results of U for a block of states, from row `row` on; J3 is in row `volume` of the states."""
 
     def response(states, parameters, result):
         widest_vectors()
@@ -127,7 +127,7 @@ def _volume_block(volumetric, of_volume, volume, row):
 
 
 def _invariant_block(isochoric, invariants, of_invariants, volumetric, n_rows, volume):
-    """Build the block function of an `InvariantLaw`."""
+    """Build the function that writes the response of an `InvariantLaw` for a block of states."""
 
     def response(states, parameters, result):
         widest_vectors()
@@ -144,7 +144,7 @@ def _invariant_block(isochoric, invariants, of_invariants, volumetric, n_rows, v
 
 
 def _principal_block(coefficients, term, stretches, of_stretches, curvature, volumetric, n_rows, volume):
-    """Build the block function of a `PrincipalStretchLaw`."""
+    """Build the function that writes the response of a `PrincipalStretchLaw` for a block of states."""
 
     def response(states, parameters, result):
         widest_vectors()

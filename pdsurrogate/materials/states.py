@@ -43,7 +43,7 @@ def principal_stretches(F: np.ndarray) -> np.ndarray:
 
 
 def cofactor(F: np.ndarray) -> np.ndarray:
-    """Return det F times F^-T."""
+    """Return the cofactor of F, det F times F^-T, in the shape of F."""
     if F.shape[-1] == 2:
         return np.flip(F, (-2, -1)) * [[1, -1], [-1, 1]]
     # The columns are cross products of those of F.
@@ -59,27 +59,27 @@ def invariants(F) -> tuple:
 
 
 def stretch_squares(trace: float, area_ratio: float) -> np.ndarray:
-    """Return the squares of the principal stretches at tr C and det F in the plane and constant volume, shape (3,)."""
+    """Return the squares of the three principal stretches, shape (3,), of a sheet of constant volume from tr C and det F in the plane."""
     half = trace / 2
     root = np.sqrt(max(half**2 - area_ratio**2, 0.0))
     return np.array([half - root, half + root, area_ratio**-2])
 
 
 class Solid:
-    """State of a body in three dimensions, from which those of sheets derive.
+    """Stresses and energies of a solid in three dimensions by any law; the states of sheets are subclasses.
 
-    `response` and `isochoric_response` are the expressions of the state. Kernels use them compiled; the methods evaluate them in NumPy.
+    `response` and `isochoric_response` are expressions, which kernels use compiled; the methods evaluate these expressions in NumPy.
     """
 
     response, isochoric_response = expressions.SOLID, expressions.ISOCHORIC_SOLID
     invariants = staticmethod(invariants)
 
     def isochoric_state(self, F) -> tuple:
-        """Return the arguments of `isochoric_response` from F."""
+        """Return the invariants of F that are the arguments of `isochoric_response`, each of shape (...)."""
         return invariants(F)
 
     def volume_ratio(self, law: Law, *invariants):
-        """Return J3, which is the last one of the `invariants` of F, shape (...)."""
+        """Return the volume ratio J3, shape (...), from the `invariants` of F: the last of them, det F, except under plane stress."""
         return np.broadcast_arrays(*(np.asarray(value, float) for value in invariants))[-1]
 
     def first_piola_stress(self, law: Law, F):
@@ -114,7 +114,7 @@ class Solid:
         return law.shear_modulus * stress, law.shear_modulus * (energy + law.volumetric(volume_ratio, law.parameters)[0])
 
     def _stress(self, F, rows, bulk_stress):
-        """Return the dimensionless stress (..., 3, 3) from the rows of `isochoric_response` before the energy."""
+        """Return the dimensionless stress (..., 3, 3) from `rows`, the results of `isochoric_response` other than the energy, and U'."""
         p, q, r = (value[..., None, None] for value in (rows[0], rows[1] + bulk_stress, rows[2]))
         return p * F + q * cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F))
 
@@ -129,7 +129,7 @@ class Solid:
 
 
 class PlaneStrain(Solid):
-    """State of a sheet that is held in its thickness: C33 = 1."""
+    """Stresses and energies of a sheet in plane strain, whose thickness is held: C33 = 1."""
 
     response = expressions.PLANE_STRAIN
     isochoric_response = expressions.ISOCHORIC_PLANE_STRAIN
@@ -139,7 +139,7 @@ class PlaneStrain(Solid):
         return trace, J, J
 
     def in_plane_stress(self, F, p, q):
-        """Return P = p F + q F^-T in the plane, shape (..., 2, 2)."""
+        """Return the in-plane stress P = p F + q F^-T, shape (..., 2, 2), from its coefficients p and q, shape (...)."""
         F = np.asarray(F, dtype=float)
         return p[..., None, None] * F + (q / invariants(F)[1])[..., None, None] * cofactor(F)
 
@@ -153,7 +153,7 @@ class PlaneStrain(Solid):
 
 
 class PlaneStress(PlaneStrain):
-    """State of a sheet whose thickness is free: P33 = 0."""
+    """Stresses and energies of a sheet in plane stress, whose thickness is free: P33 = 0."""
 
     response = expressions.PLANE_STRESS
 
@@ -182,7 +182,7 @@ class PlaneStress(PlaneStrain):
         return J3
 
     def thickness_stretch_squared(self, law: Law, trace, area_ratio):
-        """Return C33 = (J3/J)**2 of the state."""
+        """Return C33 = (J3/J)**2, the squared stretch of the thickness under plane stress, shape (...)."""
         return (self.volume_ratio(law, trace, area_ratio) / area_ratio) ** 2
 
     def energy_at(self, law: Law, F, volume_ratio):
@@ -236,14 +236,14 @@ class PlaneStress(PlaneStrain):
 
 
 def _power_derivatives(exponents: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first and second derivatives, (3, n) and (3, 3, n), of a sum of products of powers of three numbers."""
+    """Return the first and second derivatives, (3, n) and (3, 3, n), by three numbers `state` of a sum of products of their powers."""
     terms = np.prod(state ** exponents[:, :, None], axis=1)
     twice = exponents[:, :, None] * (exponents[:, None] - np.eye(3))
     return exponents.T @ terms / state, np.einsum("kij,kn->ijn", twice, terms) / (state * state[:, None])
 
 
 def newton(function: Callable[[np.ndarray], tuple], start: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the zeros of increasing functions of positive numbers, up to a last relative step of `tolerance`.
+    """Return the zeros of increasing functions of positive numbers by Newton's method, up to a last relative step of `tolerance`.
 
     ``function(x)`` returns values and slopes. A number at most halves or doubles in one step, so it stays positive from any start. Beyond
     a law's limit the value is NaN, and the number grows: a state with a larger volume may lie within the limit.
@@ -269,5 +269,5 @@ SHEETS = ("stress", "strain")
 
 
 def dimension_of(plane: str) -> int:
-    """Return the dimension, 2 or 3, of bodies in the named state."""
+    """Return the dimension, 2 or 3, of bodies in a state named in `PLANES`."""
     return 2 if plane in SHEETS else 3

@@ -1,4 +1,4 @@
-"""Laws of the isochoric principal stretches: sums of powers, and a network of chains in all directions."""
+"""Laws of the isochoric principal stretches: sums of powers, and a network of molecular chains in all directions."""
 
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -97,7 +97,7 @@ class Ogden(PrincipalStretchLaw):
                 )
 
     def _stiffness(self) -> float:
-        """Shear modulus at rest."""
+        """Return the shear modulus at rest that follows from the moduli and exponents."""
         return sum(modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)) / 2
 
     def scaled(self, factor: float) -> Self:
@@ -130,7 +130,7 @@ class Ogden(PrincipalStretchLaw):
 
 @dataclass(frozen=True)
 class Polyconvex(Ogden):
-    """Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + sum_k a_k x^k + sum_k b_k y^k + U(J3).
+    """Polyconvex law, Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + sum_k a_k x^k + sum_k b_k y^k + U(J3).
 
     Here l are the isochoric principal stretches, x = I1bar - 3 and y = I2bar^1.5 - 3 sqrt 3.  With a_k and b_k that are not negative,
     moduli that have the signs of their exponents, and exponents of size 1 or more, every term is polyconvex: the invariants among all
@@ -224,7 +224,7 @@ class Polyconvex(Ogden):
 
 @cache
 def directions() -> np.ndarray:
-    """Return Lebedev's quadrature in the frame of the principal stretches: rows (weight, r1^2, r2^2, r3^2), weights summing to 1.
+    """Return Lebedev's quadrature over directions r of chains in the principal frame: rows (weight, r1^2, r2^2, r3^2), weights sum to 1.
 
     The stretch of a chain depends on squares only, so directions that differ by signs are merged; the rest is symmetric in the three axes,
     which makes the law isotropic.

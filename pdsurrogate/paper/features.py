@@ -1,4 +1,4 @@
-"""The paper's five features of a bond, with the components of the force along and across the deformed bond as outputs."""
+"""Feature set "paper": the paper's five features of a bond as inputs, the bond force along and across the deformed bond as outputs."""
 
 import numpy as np
 from numba import types
@@ -39,18 +39,18 @@ def shared(a, b, J, C33):
 
 
 def inputs(shared, a, b, U_mm, J, C33, length):
-    """Return lambda_b, dtheta, l_b/delta, C33, det F."""
+    """Return the paper's five features of a bond: stretch lambda_b, rotation dtheta, relative length l_b/delta, C33, det F."""
     return shared[0], arctangent(b, a), length, C33, J
 
 
 def traction(shared, o1, o2, a, b, U_mm, J, C33):
-    """Return T_nn and T_nm from t_n and t_tau, along and across the deformed bond; T_mm is unknown and set to 0."""
+    """Return stress components T_nn and T_nm from the force components t_n, t_tau along and across the deformed bond; T_mm is set to 0."""
     inverse = shared[1]
     return (o1 * a - o2 * b) * inverse, (o1 * b + o2 * a) * inverse, like(a, 0.0) * o1
 
 
 def outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Return t_n and t_tau, the inverse of `traction`."""
+    """Return the force components t_n, t_tau along and across the deformed bond from T_nn and T_nm: the inverse of `traction`."""
     inverse = shared[1]
     return (T_nn * a + T_nm * b) * inverse, (T_nm * a - T_nn * b) * inverse
 

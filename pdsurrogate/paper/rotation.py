@@ -11,7 +11,7 @@ from ..engine.passes import Pass, share_of
 
 @Pass
 def convected_rotations(chunk, chunks, gradients, records):
-    """Replace the rotation (cos, sin) in the points' records by the convected one, from F by columns (n, 4)."""
+    """Overwrite the rotation (cos, sin) in the points' records with the convected rotation of F, given by columns, shape (n, 4)."""
     first, last = share_of(gradients.shape[0], chunk, chunks)
     for i in range(first, last):
         F11, F21, F12, F22 = gradients[i, 0], gradients[i, 1], gradients[i, 2], gradients[i, 3]

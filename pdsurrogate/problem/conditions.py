@@ -1,4 +1,4 @@
-"""Conditions and loads of a body made from those of a scene: held points, planes of reflection, supports, forces, and checks of them."""
+"""Boundary conditions and loads of a body, made from the entries of a scene, and checks of them."""
 
 import math
 import warnings
@@ -21,13 +21,13 @@ from .programme import Prescription, Stage
 from .regions import BodyRegions, text_of
 
 RIGID = 1e3
-"""Stiffness of rigid regions over that of the rest in a first guess, which is then brought to where they can be."""
+"""Stiffness of rigid regions over that of the rest of the body in a first guess; the guess is then moved until they are rigid."""
 
 SAMPLES = 5
 """Values of the parameter in each stage at which prescriptions are compared: amplitudes that agree at all of these are the same."""
 
 LEAST_SPREAD = 1e-6
-"""Singular value of the constraints below which a rigid motion is free: two points a thousandth of the body apart yield more."""
+"""Singular value of the constraints below which a rigid motion counts as free: two points a thousandth of the body apart yield more."""
 
 ON_A_PLANE = 1e-6
 """Distance in spacings within which a facet counts as lying in a plane of reflection."""
@@ -36,7 +36,7 @@ ON_A_PLANE = 1e-6
 def conditions_of(
     scene: Scene, prescriptions: list[Prescription], regions: BodyRegions, loads: Loads | None, stages: tuple[Stage, ...], rigid: np.ndarray
 ) -> Loading:
-    """Return the conditions of a body.
+    """Return the boundary conditions and loads of a body, with the paths of its held parts, and check them.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def conditions_of(
     loads : Loads or None
     stages : tuple of Stage
     rigid : ndarray of int
-        Points of the regions that move as one body; those next to a plane are held as the plane is.
+        Points of all rigid regions; those next to a reflection plane are held like the plane.
 
     Raises
     ------
@@ -101,13 +101,16 @@ def conditions_of(
 
 
 def _check_crossed(body: Body, key: str, edge: str, crossed: bool) -> None:
-    """Raise ValueError if no rank finds that bonds cross an edge held by reflection."""
+    """Raise ValueError if on no rank bonds cross an edge or face that is held by reflection."""
     if not body.share.any(crossed):
         raise ValueError(f"{key}: no bond of the body crosses its {words_for(edge, body)}; do holes take all that is there?")
 
 
 def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> Held:
-    """Return the points that a prescription holds, in a programme that may be `moving` in dynamics."""
+    """Return the points that a prescription holds, as a part of the boundary conditions.
+
+    In a programme with dynamics (`moving`) a support at a place between points is refused with ValueError.
+    """
     body, share = regions.body, regions.body.share
     points = regions.points(one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key)
     found = {}
@@ -125,7 +128,10 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
 
 
 def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
-    """Refuse amplitudes that are not zero at rest, and conditions that move a point differently: it would go with the later one."""
+    """Raise ValueError if an amplitude is not zero at rest, or two held parts prescribe different motions of a point.
+
+    The later part would otherwise override the earlier one without notice.
+    """
     samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
     every, error = Loading(body, "t", 0.0, (), [], held, None), 1e-9 * body.spacing
     try:
@@ -148,7 +154,10 @@ def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
 
 
 def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:
-    """Refuse pieces of the body that can move or turn as a whole, or make one motion only: they have no equilibrium, or many."""
+    """Raise ValueError if a piece of the body can move or turn as a whole: it would have no equilibrium, or many.
+
+    With `only` no other rigid motion than this one is checked.
+    """
     body, share = loading.body, loading.body.share
     count, piece = loading.pieces()
     extent = body.extent
@@ -174,7 +183,7 @@ def _check_held(loading: Loading, key: str, advice: str, only: str | None = None
 
 
 def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
-    """Return words for the rigid motions, see `rigid_motions`, that constraints of shape (k, motions) leave free."""
+    """Return descriptions of the rigid motions (see `rigid_motions`) that constraints, rows of shape (k, motions), leave free."""
     # The rank of R with R^T R = A^T A, which is small however many places there are.
     rank = np.linalg.matrix_rank(np.linalg.qr(rows / np.sqrt(max(1, len(rows))), mode="r"), tol=LEAST_SPREAD)
     if rank == rows.shape[1]:
@@ -184,7 +193,10 @@ def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
 
 
 def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modulus: float) -> None:
-    """Refuse held parts that move apart faster than the slowest shear waves: the result would depend on the motion at the start."""
+    """Raise ValueError if held parts move apart faster than shear waves: the result would depend on the motion at the start.
+
+    The wave speed follows from the shear modulus `modulus` and the density of each stage in dynamics.
+    """
     units = scene.units
     unit = f" {units.length}/{units.time}" if units.length and units.time else ""
     for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
@@ -204,7 +216,7 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
 
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:
-    """Return the greatest difference of the velocities of any two held parts, in a component, during a stage in dynamics."""
+    """Return the greatest difference of velocity between two held points, in any component, during a stage in dynamics."""
     share, places, fastest = loading.body.share, loading.body.points[loading.point], 0.0
     for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
         changes = loading.moves(motion.at(end), places) - loading.moves(motion.at(begin), places)
@@ -237,7 +249,7 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads | None:
 
 
 def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:
-    """Return the facets that a traction or pressure acts on; raise ValueError where one lies in a plane of reflection."""
+    """Return the facets that a traction or pressure acts on; raise ValueError if one lies in a reflection plane."""
     facets, surface = regions.facets(load.region, key), regions.surface()
     for plane in body.planes:
         distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
@@ -249,7 +261,7 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
 
 
 def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points that a dead load acts on and its forces on them (theory (43))."""
+    """Return the own points that a dead load (traction, force or body force) acts on, and its forces on them (theory (43))."""
     if load.kind == "traction":
         facets, surface = _facets_of(key, load, body, regions), regions.surface()
         corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
@@ -271,10 +283,10 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
 
 
 def edge_of(plane: ReflectionPlane) -> str:
-    """Return the name of the edge that a plane holds."""
+    """Return the name of the edge or face of the body that lies in a reflection plane."""
     return next(edge for edge, place in EDGES.items() if place == (plane.axis, plane.side))
 
 
 def words_for(edge: str, body: Body) -> str:
-    """Return the name of an edge or face in messages."""
+    """Return the words that messages use for an edge of a sheet or a face of a solid, as "left edge"."""
     return f"{edge} {'edge' if body.dimension == 2 else 'face'}"

@@ -1,4 +1,4 @@
-"""Several processes that share one run: their communicator, the points that each of them owns, and sums over all of them."""
+"""Runs shared by several processes (ranks): their communicator, the points that each rank owns, and sums over all ranks."""
 
 from .communicator import ALONE, Communicator, NotUnderMPI, communicator
 from .share import Halo, Rows, Share, bisected, bond_counts

@@ -15,15 +15,15 @@ LAUNCHED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "PMIX_SIZE")
 
 
 _PAUSE = 0.01
-"""Seconds between two checks whether all ranks have ended."""
+"""Seconds between two checks in `Communicator.leave` whether all ranks have ended."""
 
 
 class NotUnderMPI(RuntimeError):
-    """Several processes were started, but MPI is not in use, so that none of them can reach the others."""
+    """Error for several processes that were started without MPI in use, so that they cannot exchange messages."""
 
 
 class Communicator:
-    """All ranks of a run: those of MPI, or one process, which loads nothing of MPI.
+    """Messages between all ranks of a run: the processes of MPI, or one process, which loads nothing of MPI.
 
     Parameters
     ----------
@@ -62,11 +62,11 @@ class Communicator:
         return self._world.allgather(value) if self._mpi else [value]
 
     def to_each(self, values: Sequence) -> list:
-        """Send one value to every rank, and return the values that all ranks send to this one."""
+        """Send one of the given values to each rank, and return the values that this rank receives, both in the order of the ranks."""
         return self._world.alltoall(list(values)) if self._mpi else list(values)
 
     def total(self, here):
-        """Return the sum over all ranks of a number, of each of a few numbers, or of an array of doubles."""
+        """Return the sum over all ranks of a number, of each number of a tuple, or of an array, on every rank."""
         if not self._mpi:
             return here
         values = np.asarray(here)
@@ -77,7 +77,7 @@ class Communicator:
         return tuple(sums.tolist()) if isinstance(here, tuple) else sums.item()
 
     def greatest(self, here: float | np.ndarray) -> float:
-        """Return the greatest number of all ranks, or entry of their arrays; NaN if one of them is, and 0 for arrays without entries."""
+        """Return the greatest of the numbers, or entries of arrays, on all ranks; NaN if any is NaN, and 0 for an array without entries."""
         most = float(np.max(here)) if np.size(here) else 0.0
         if not self._mpi:
             return most
@@ -86,7 +86,7 @@ class Communicator:
         return float(found.max())  # the MPI standard does not define the maximum of a NaN, NumPy does
 
     def agree(self, error: Exception | None) -> None:
-        """Raise, on every rank, an error that any rank has found; `error` is the one found on this rank."""
+        """Raise on every rank the first error that any rank has found; `error` is the error found on this rank, or None."""
         if not self.total(int(error is not None)):
             return
         # All ranks raise the error of the first rank that has one.
@@ -98,7 +98,7 @@ class Communicator:
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Run a block on every rank; if it raises an error on one, raise that of the first such rank on all ranks."""
+        """Context whose errors all ranks raise: if its block fails on any rank, every rank raises the error of the first such rank."""
         error = None
         try:
             yield
@@ -124,9 +124,9 @@ class Communicator:
         self._mpi.Request.Waitall(requests)
 
     def leave(self, seconds: float) -> bool:
-        """Return whether all ranks have ended, each within some seconds of the first, and finalise MPI if so.
+        """Wait for all ranks to end, for some seconds at most; if they do, finalise MPI and return True, else return False.
 
-        If not, a rank that exits with a status other than 0 aborts the others, and MPI reports that.
+        After False a rank that exits with a status other than 0 aborts the others, and MPI reports that.
         """
         if not self._mpi:
             return True

@@ -1,4 +1,4 @@
-"""The share of a body that one rank works on: points of its own, and a halo of points that other ranks own; division into shares."""
+"""Division of a body among ranks: the share of each, with points of its own and a halo of points that other ranks own."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from .communicator import ALONE, Communicator
 
 
 class Halo:
-    """Rows that other ranks own, and the messages that copy them from there.
+    """Halo of an array: its rows that other ranks own, and the messages that copy their values from these ranks or back.
 
     Parameters
     ----------
     ranks : Communicator
     names : ndarray of int, shape (k,)
-        Name of every row that is here, the same on all ranks that have it.
+        Number that identifies every local row on all ranks.
     owners : ndarray of int, shape (k,)
         The rank that owns each row.
 
     Attributes
     ----------
     rows : ndarray of int
-        Rows of the halo.
+        Local numbers of the rows of the halo.
     """
 
     def __init__(self, ranks: Communicator, names: np.ndarray, owners: np.ndarray) -> None:
@@ -35,19 +35,19 @@ class Halo:
         self._send = {rank: order[np.searchsorted(names, asked, sorter=order)] for rank, asked in enumerate(wanted) if len(asked)}
 
     def fill(self, *fields: np.ndarray) -> None:
-        """Copy the rows of the halo from their owners; a field may have more rows, for images."""
+        """Copy the rows of the halo in each field, in place, from the ranks that own them; a field may have more rows, for images."""
         for field in fields:
             for rows, values in self._exchanged(field, self._send, self._receive):
                 field[rows] = values
 
     def fold(self, field: np.ndarray) -> None:
-        """Add the rows of the halo to those of their owners and set them to zero, the transpose of `fill`."""
+        """Add the rows of a field's halo to the rows on their owners, in place, and set the halo to zero: the transpose of `fill`."""
         for rows, values in self._exchanged(field, self._receive, self._send):
             field[rows] += values
         self.clear(field)
 
     def clear(self, field: np.ndarray) -> None:
-        """Set the rows of the halo to zero."""
+        """Set the rows of a field's halo to zero, in place."""
         field[self.rows] = 0
 
     def _exchanged(self, field: np.ndarray, send: dict[int, np.ndarray], receive: dict[int, np.ndarray]) -> list[tuple]:
@@ -60,14 +60,15 @@ class Halo:
 
 
 class Rows:
-    """Rows of arrays of the whole body, of which this rank owns some and may have copies of others.
+    """Correspondence between an array's rows on this rank, own ones or copies, and its rows for the whole body.
 
     Parameters
     ----------
     ranks : Communicator
     numbers : ndarray of int, shape (k,)
-        Number in the whole body of every row that is here.
+        Number in the whole body of every row on this rank.
     own : ndarray of bool, shape (k,)
+        True for rows that this rank owns.
     total : int
         Number of rows of the whole body.
 
@@ -80,7 +81,7 @@ class Rows:
         self._ranks, self.numbers, self.own, self.total = ranks, numbers, own, total
 
     def gather(self, values: np.ndarray) -> np.ndarray | None:
-        """Return an array in the order of the whole body, on the first rank; None on the others."""
+        """Return, on the first rank, the array of the whole body from the own rows of all ranks; None on the other ranks."""
         if self._ranks.size == 1:
             return values
         numbers, rows = self._ranks.gather(self.numbers[self.own]), self._ranks.gather(values[self.own])
@@ -92,7 +93,7 @@ class Rows:
         return whole
 
     def hand_out(self, whole: np.ndarray | None) -> np.ndarray:
-        """Return the rows that are here, the inverse of `gather`; `whole` is None on ranks other than the first."""
+        """Return this rank's rows of an array of the whole body, given on the first rank; `whole` is None on the other ranks."""
         if self._ranks.size == 1:
             return whole
         numbers = self._ranks.gather(self.numbers)
@@ -100,15 +101,15 @@ class Rows:
 
 
 class Share:
-    """Points of a body that one rank works on: its own, and those of its halo. In a single process all points are its own.
+    """Points of a body that one rank works on: its own points, and a halo of points owned by other ranks.
 
-    Points are numbered in the order of the whole body, points of the halo between its own, so that sums over bonds are taken in the same
-    order on any number of ranks, to the same bits. Values summed over all bonds of a point are right on owned points, and are copied from
-    there to the halo.
+    In a single process all points are its own. Points are numbered in the order of the whole body, with those of the halo in between, so
+    that sums over bonds are taken in the same order on any number of ranks, to the same bits. Values summed over all bonds of a point are
+    right on owned points, and are copied from there to the halo.
 
-    Reductions take one of two kinds of argument. `dot` and `sum` take an array with a row for every point that is here, and count each
-    point of the body once. `total`, `greatest` and `any` take what has been formed of the points and bonds that are here: a number, a few
-    of them, or a small array.
+    Reductions over ranks take one of two kinds of argument. `dot` and `sum` take an array with a row for every local point, and count each
+    point of the body once. `total`, `greatest` and `any` take results of the local points and bonds: a number, a tuple of numbers, or a
+    small array.
 
     Parameters
     ----------
@@ -123,16 +124,16 @@ class Share:
     Attributes
     ----------
     own : ndarray of bool, shape (n,)
-        Marks the points that this rank owns. A pair belongs to the owner of its first point, so ``own[first]`` marks the pairs that are
-        counted here.
+        True for the points that this rank owns. A pair belongs to the owner of its first point, so ``own[first]`` is True for the pairs
+        that this rank counts.
     divided : bool
-        True if several ranks have the body.
+        True if several ranks share the body.
     leads : bool
-        True on the one rank that counts values that all ranks have.
+        True on the first rank, the only one to count values that all ranks have.
     agree, everywhere, total, greatest : callable
-        Those of the communicator.
+        Methods of `Communicator`.
     fill, fold, clear, gather : callable
-        Those of the `Halo` and the `Rows` of the points.
+        Methods of `Halo` and `Rows`, for arrays with a row for each point.
     numbers, owners, size, ranks
     """
 
@@ -151,14 +152,15 @@ class Share:
         return cls(np.arange(n), np.zeros(n, dtype=np.int32), n)
 
     def any(self, flags):
-        """Return whether a flag is set on any share, or, of an array of flags, which are."""
+        """Return whether a flag is true on any rank; for an array of flags, return the array of these answers."""
         found = self.total(np.asarray(flags, dtype=np.int64)) > 0
         return found if np.ndim(flags) else bool(found)
 
     def dot(self, first: np.ndarray, second: np.ndarray, weights: np.ndarray | None = None) -> float:
-        """Return the inner product of two arrays (n, d), every point with its weight (n,).
+        """Return the inner product of two arrays (n, d) over all points of the body, with optional weights (n,) of the points.
 
-        NumPy sums it rather than BLAS, whose threads would wait for those of the kernels, and whose sum depends on their number.
+        NumPy computes the sum rather than BLAS, whose threads would wait for the threads of the kernels, and whose result depends on the
+        number of threads.
         """
         if self.divided:
             weights = self._weights if weights is None else self._weights * weights
@@ -167,9 +169,9 @@ class Share:
         return self.total(float(np.einsum("n,nc,nc->", weights, first, second)))
 
     def sum(self, values: np.ndarray, in_order: bool = False) -> float:
-        """Return the sum of all entries of an array by points.
+        """Return the sum over the whole body of an array with a row for each local point.
 
-        In order, it has the same bits on any number of ranks; this brings all entries to one rank.
+        With `in_order` the sum has the same bits on any number of ranks, since all entries are gathered on one rank.
         """
         if not in_order:
             return self.total(float(values[self._own].sum()))
@@ -177,13 +179,13 @@ class Share:
         return self.ranks.to_all(None if whole is None else float(whole.sum()))
 
     def joined(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return rows that belong to points here, together with the rows of all other shares."""
+        """Return the rows of all ranks together, without rows of halo points; the rows of a rank belong to its given local `points`."""
         return np.concatenate(self.everywhere(rows[self.own[points]]))
 
     def pieces(self, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
-        """Return the number of pieces into which bonds connect the points of the body, and the piece of every point here, shape (n,).
+        """Return the number of pieces into which bonds connect the points of the whole body, and the piece of each local point, shape (n,).
 
-        Pieces of a share are joined where a point of its halo is in one of them, and in another of its owner.
+        Local bonds are given by their ends `first` and `second`. Pieces on two ranks are joined where a halo point of one rank is in both.
         """
         count, label = connected(len(self.own), first, second)
         if not self.divided:
@@ -202,7 +204,10 @@ class Share:
         return int(np.count_nonzero(least < self.size)), rank_of[piece[label]]
 
     def own_columns(self, rows):
-        """Return linear maps (k, n) from the points of the whole body, restricted to those owned here; the shares sum to the maps."""
+        """Return the columns, for local points, of a sparse matrix (k, points of the whole body), with 0 in columns of halo points.
+
+        The sum over ranks of the products with local vectors is then the product for the whole body.
+        """
         if not self.divided:
             return rows
         found = (rows.tocsc()[:, self.numbers] @ sparse.diags_array(self._weights)).tocsr()
@@ -210,7 +215,7 @@ class Share:
         return found
 
     def with_rows_of_others(self, rows):
-        """Return a sparse matrix (n, n), of which the rows of own points are given, with the rows of the halo copied from their owners."""
+        """Return a sparse matrix (n, n) of the local points with the rows of its halo points replaced by those of their owners."""
         if not self.divided:
             return rows
         entries = rows.tocoo()
@@ -224,19 +229,19 @@ class Share:
         return sparse.csr_array((value[here], (row[here], column[here])), shape=rows.shape)
 
     def beside_halo(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """Return the numbers of the pairs with an end in the halo or in an image; none where one process has the body."""
+        """Return the numbers of the pairs, given by their ends, with an end that is a halo point or an image; none in a single process."""
         n = len(self.own)
         return np.flatnonzero(~self.own[first] | (second >= n) | ~self.own[np.minimum(second, n - 1)]) if self.divided else first[:0]
 
     def local(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the points of this share that have the given numbers in the whole body, in rising order."""
+        """Return the local numbers, rising, of the points with the given numbers in the whole body, as far as this rank has them."""
         places = np.searchsorted(self.numbers, numbers)
         places[places == len(self.numbers)] = 0
         return np.unique(places[self.numbers[places] == numbers])
 
 
 def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
-    """Return the number of connected components of n points joined by the given bonds, and the component of every point, shape (n,).
+    """Return the number of connected components of n points joined by bonds with ends `first`, `second`, and each point's, shape (n,).
 
     Only the bonds given here count: ranks do not communicate, unlike in `Share.pieces`.
     """
@@ -245,20 +250,21 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
 
 
 def bond_counts(points: np.ndarray, horizon: float, chosen: slice = slice(None)) -> np.ndarray:
-    """Return the number of points within the horizon of each chosen point, itself included, to which its cost is proportional."""
+    """Return the number of points within the horizon of each chosen point, itself included, as a measure of its cost of computation."""
     counted = cKDTree(points).query_ball_point(points[chosen], horizon * (1 + 1e-9), return_length=True)
     return np.asarray(counted, dtype=float)
 
 
 def bisected(points: np.ndarray, weights: np.ndarray, parts: int) -> np.ndarray:
-    """Return the number of the part of every point, shape (n,).
+    """Divide points into parts of nearly equal cost by recursive bisection: return the part of every point, shape (n,).
 
     Parameters
     ----------
     points : ndarray, shape (n, d)
     weights : ndarray, shape (n,)
-        Costs, whose sums are nearly equal in all parts.
+        Cost of each point.
     parts : int
+        Number of parts.
 
     References
     ----------

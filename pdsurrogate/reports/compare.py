@@ -43,14 +43,17 @@ SHIPPED = {("symmetric", 20): "neo-hookean@1", ("isochoric", 4): "neo-hookean@2"
 
 @dataclass(frozen=True)
 class Candidate(TimedModel):
-    """Force model in one precision, with the changes to the scene that it needs."""
+    """Force model in one precision to be compared, with its title and the changes (KEY=VALUE) that it needs in the scene."""
 
     title: str
     changes: tuple[str, ...]
 
 
 class Plan(NamedTuple):
-    """Force model to be loaded or fitted, and its precisions; ``{size}`` in the title is replaced by the model's size."""
+    """Force model to be compared: its title, a function that loads or fits it, its precisions, and changes to the scene.
+
+    ``{size}`` in the title stands for the model's size.
+    """
 
     title: str
     made: Callable[[], ForceModel]
@@ -59,9 +62,9 @@ class Plan(NamedTuple):
 
 
 def plans(law: Law, quick: bool) -> Iterator[Plan]:
-    """Yield the force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes to be fitted now.
+    """Yield plans of all force models to be compared for a material law: exact models, NOSB, BA-NOSB, and surrogates of several sizes.
 
-    For the default Neo-Hookean law the shipped networks are used as they are.
+    Surrogates are fitted to the law; for Neo-Hookean rubber the shipped networks are used as they are.
     """
     shipped = isinstance(law, NeoHookean)
     samples = learning.training_samples(law, 3000 if quick else 8000, learning.reachable_stretches(law), random_state=0)
@@ -103,12 +106,12 @@ def plans(law: Law, quick: bool) -> Iterator[Plan]:
 
 
 def _share_of(progress: Progress, stage: str, number: int, of: int, what: str) -> Callable[[float, str], None]:
-    """Return a function that reports the share of one of several models in a stage that is done, and a text."""
+    """Return a function that reports to `progress` the share done, from 0 to 1, of item `number` of `of` in a stage, with a text."""
     return lambda share, text="": progress(stage, number + share, of, f"{what}: {text}" if text else what)
 
 
 def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Candidate]:
-    """Return the planned models in each of their precisions, fitted where necessary."""
+    """Return the force models to be compared for a law, loaded or fitted, one candidate for each precision."""
     planned, found = list(plans(law, quick)), []
     for number, plan in enumerate(planned):
         told = _share_of(progress, FITTING, number, len(planned), plan.title.format(size="").removesuffix(", "))
@@ -121,9 +124,9 @@ def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Ca
 
 
 def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
-    """Return the force errors of the kernel in its own precision, on and off the plane-stress surface, and the least stiffness slope.
+    """Return a surrogate's errors against the exact law, on and off the plane-stress surface, and its least stiffness slope.
 
-    The result is empty if the model has no bond force.
+    The errors are those of the compiled kernel in its own precision. For other models the result is empty.
     """
     if isinstance(entry.model, EnergySurrogate):
         # An energy gives the stress on the surface only, since C33 is not among its inputs.
@@ -141,7 +144,7 @@ def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
 
 
 class _Levels(Silent):
-    """Progress of a run: reports the number of finished levels, and the residual of the current one."""
+    """Receiver of a run's progress that reports the share of finished levels, with the residual of the current level as text."""
 
     def __init__(self, levels: int, told: Callable[[float, str], None]) -> None:
         self._levels, self._told, self._done = levels, told, 0
@@ -154,7 +157,7 @@ class _Levels(Silent):
 
 
 def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[float, str], None]) -> dict:
-    """Return the greatest errors at the levels of the paper's section 6.2, with the number of evaluations and the seconds."""
+    """Run the uniaxial scene of the paper's section 6.2 with a candidate; return its greatest errors, evaluations and seconds."""
     changes = [f"spacing={spacing}", f"precision={entry.precision}", *entry.changes]
     scene = load_scene("uniaxial", changes, material=law.describe())
     try:
@@ -196,7 +199,7 @@ def compare(
     Raises
     ------
     ValueError
-        If there are fewer threads.
+        If `threads` is greater than the number of available threads.
     """
     law, body = law or NeoHookean(), sheet()
     spacing, patience, n_samples = (0.05, 10.0, 2000) if quick else (0.02, 200.0, 20_000)
@@ -240,12 +243,12 @@ COLUMNS = {
 
 
 def table(report: dict) -> tuple[list[str], list[list[str]]]:
-    """Return the header and the rows of the comparison."""
+    """Return the header and the rows of the table of a comparison, as texts, one row for each model and precision."""
     return list(COLUMNS), [[_cell(form, row) for form in COLUMNS.values()] for row in report["models"]]
 
 
 def _cell(form: str, row: dict) -> str:
-    """Return an entry, with errors of the scene in per cent; ``-`` for a figure that a model does not have."""
+    """Return the text of a table cell from a format and a model's figures; ``-`` for a missing figure, "failed" if its scene failed."""
     percent = {key: 100 * row[key] for key in ("scene_stress_error", "scene_displacement_error") if key in row}
     try:
         return form.format(**{**row, **percent})
@@ -262,7 +265,7 @@ def caution(rows: list[dict]) -> str:
 
 
 def pareto_figure(report: dict) -> Figure:
-    """Draw force error against cost; models without a bond force are drawn as vertical lines."""
+    """Return a figure of the models' errors off the plane-stress surface against their cost; models without such an error are lines."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(8.6, 4.4), layout="constrained")
         axis, floor = figure.subplots(), 1e-9

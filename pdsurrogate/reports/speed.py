@@ -37,12 +37,12 @@ ROWS = 2
 
 
 def sheet() -> Body:
-    """Return the body on which models are compared, that of the paper's section 6.2, with 7,500 points."""
+    """Return the body on which the speed of models is measured: the sheet of the paper's section 6.2, with 7,500 points."""
     return Body.rectangle(3.0, 1.0, 0.02, 0.063)
 
 
 def bench_positions(body: Body, law: Law) -> np.ndarray:
-    """Return positions at uniaxial stretch 2 with a smooth wave added, so that every bond has its own state."""
+    """Return positions of a body's points, shape (n, 2), at uniaxial stretch 2 with smooth waves, so that the states of bonds differ."""
     state = homogeneous.uniaxial(law, 2.0)
     x1, x2 = body.points.T
     wave = 0.2 * body.horizon
@@ -52,7 +52,7 @@ def bench_positions(body: Body, law: Law) -> np.ndarray:
 
 @dataclass(frozen=True)
 class TimedModel:
-    """Force model in one precision on a body."""
+    """Force model in one precision on a body, whose evaluations are timed."""
 
     model: ForceModel
     precision: str
@@ -65,9 +65,9 @@ def measure_speed(
     """Measure the nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
 
     All cases are timed in turns of some milliseconds. A core may be shared with other work, which comes and goes; a processor that runs two
-    threads on a core then takes half as long again. Therefore reference arithmetic that needs no memory is timed just before and after
-    every timing, on as many threads. Only timings beside which it ran at full speed are used, and their medians are returned; the models'
-    own times play no part in the selection.
+    threads on a core then needs half as much time again. Therefore reference arithmetic that needs no memory is timed just before and after
+    every timing, on as many threads. Only timings are used around which the arithmetic ran at full speed, and their medians are returned;
+    the models' own times play no part in the selection.
 
     Parameters
     ----------
@@ -82,8 +82,8 @@ def measure_speed(
     -------
     list of dict
         For each case ``ns_per_directed_bond_1`` and ``ns_per_directed_bond_all``, ``ns_bond_pass_1`` and ``ns_bond_pass_all``,
-        ``thread_speedup``, ``arithmetic_speedup`` (gain of the arithmetic from threads beside the same timings), ``disturbance_1`` and
-        ``disturbance_all`` (time of the arithmetic there over its best), and the medians of all timings,
+        ``thread_speedup``, ``arithmetic_speedup`` (gain of the arithmetic from threads around these timings), ``disturbance_1`` and
+        ``disturbance_all`` (time of the arithmetic around these timings over its best), and the medians of all timings,
         ``ns_per_directed_bond_1_at_any_time`` and ``ns_per_directed_bond_all_at_any_time``.
     """
     threads = sorted({1, most_threads()})
@@ -127,9 +127,10 @@ def measure_speed(
 
 
 def _turns_of(case: TimedModel, law: Law, count: int, yardstick: Callable[[], float]) -> Callable[[], list[tuple[float, float, float]]]:
-    """Return a function that takes one turn of timings of a case on a number of threads.
+    """Return a function that times a force model several times on `count` threads and returns a list of timings.
 
-    A timing is the seconds of the whole evaluation, of the bond pass, and of the slower reference arithmetic before or after them.
+    A timing holds the seconds of the whole evaluation, of the bond pass, and of the reference arithmetic (`yardstick`) before or after
+    them, whichever was slower.
     """
     positions, out = bench_positions(case.body, law), np.empty_like(case.body.points)
     with thread_count(count):
@@ -157,9 +158,9 @@ def _turns_of(case: TimedModel, law: Law, count: int, yardstick: Callable[[], fl
 
 @Pass
 def arithmetic(thread, chunk, chunks, rounds, buffers):
-    """Evaluate a polynomial on a block of single-precision numbers, `rounds` times, shared among the chunks of `buffers`.
+    """Do reference arithmetic: evaluate a polynomial on a block of single-precision numbers `rounds` times, shared among threads.
 
-    The block stays in the first-level cache, so that the gain from threads is that where only the processor limits it.
+    The block stays in the first-level cache, so that memory does not limit the gain from threads.
     """
     widest_vectors()
     rows = block_rows(buffers[thread])
@@ -176,7 +177,7 @@ def arithmetic(thread, chunk, chunks, rounds, buffers):
 
 
 def _arithmetic_on(count: int) -> Callable[[int], float]:
-    """Return a function that times rounds of arithmetic on a number of threads; it must be called with that number in use."""
+    """Return a function that returns the seconds of a number of rounds of `arithmetic`; call it while `count` threads are in use."""
     buffer = aligned_rows((count, ROWS, BLOCK), np.float32, 0.5)
 
     def seconds(rounds: int) -> float:

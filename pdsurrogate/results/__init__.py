@@ -1,4 +1,4 @@
-"""Results of simulations: measured quantities, storage and figures."""
+"""Results of simulations: measured quantities, storage in folders, and figures."""
 
 from .result import Result, load_result
 

@@ -1,4 +1,4 @@
-"""Checkpoints: everything that a run needs to go on as if it had not been interrupted, in one file of plain arrays."""
+"""Checkpoints: files of plain arrays with everything that an interrupted run needs to continue with unchanged results."""
 
 from __future__ import annotations
 
@@ -22,20 +22,21 @@ ANEW = "begin anew by --overwrite in the place of --resume"
 
 
 class CheckpointError(ValueError):
-    """Checkpoint that a run cannot resume from; the message gives the reason."""
+    """Error for a checkpoint from which a run cannot resume; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """State of a run that can be resumed.
+    """State of a run, from which the run can be resumed.
 
     Attributes
     ----------
     identity : dict
         Entries that must be equal in the run that resumes: scene and force models, as `Contents` describes them, and sizes.
     progress : dict
-        Plain numbers, strings and lists.
+        State of the run as plain numbers, strings and lists.
     arrays : dict of ndarray
+        State of the run as arrays of numbers.
     """
 
     identity: dict
@@ -43,7 +44,7 @@ class Checkpoint:
     arrays: dict[str, np.ndarray]
 
     def write(self, folder: Path) -> None:
-        """Write to a folder, whole or not at all."""
+        """Write the checkpoint to a folder, whole or not at all."""
         text = json.dumps({"format": FORMAT, "identity": self.identity, "progress": self.progress}, allow_nan=False)
         # First, so that the head of the file identifies it.
         arrays = {_DESCRIPTION: np.frombuffer(text.encode(), dtype=np.uint8), **self.arrays}
@@ -52,7 +53,7 @@ class Checkpoint:
 
     @classmethod
     def read(cls, folder: Path, identity: dict, shapes: dict[str, tuple]) -> Checkpoint:
-        """Read from a folder.
+        """Return the checkpoint in a folder, after checking that it is undamaged and belongs to the run that resumes.
 
         Parameters
         ----------
@@ -95,14 +96,14 @@ class Checkpoint:
 
 
 def identity_in(folder: Path) -> dict | None:
-    """Return the identity of the run that left a checkpoint in a folder, see `Checkpoint`; None where there is none, or a damaged one."""
+    """Return the identity of the run that left a checkpoint in a folder, see `Checkpoint`; None if the checkpoint is missing or damaged."""
     with suppress(*_DAMAGE):
         return _parts_of(Path(folder) / NAME, [_DESCRIPTION])[0]["identity"]
     return None
 
 
 def _parts_of(path: Path, names: Collection[str] | None = None) -> tuple[dict, dict[str, np.ndarray]]:
-    """Return the description and the arrays of a checkpoint; raise one of `_DAMAGE` if it cannot be read."""
+    """Return the description (a dictionary) and the named arrays of a checkpoint's file; raise one of `_DAMAGE` if it cannot be read."""
     with path.open("rb") as file:
         arrays = read_arrays(file, names)
     return json.loads(arrays.pop(_DESCRIPTION).tobytes().decode()), arrays

@@ -1,4 +1,4 @@
-"""Contents of the results of a run: its scene and its force models, which distinguish it from other runs."""
+"""Identity of a run: its scene, its force models and its mesh, by which results are told from results of other runs."""
 
 import hashlib
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ MOST_TOLD, MOST_CHARACTERS = 3, 60
 
 @dataclass(frozen=True)
 class Contents:
-    """Contents of a run that determine its results.
+    """Inputs of a run that determine its results: the scene, the force models and the mesh file.
 
     Attributes
     ----------
     scene : dict
         The scene with all defaults, as plain values.
     force : str
-        Name of the force model; with several materials, that of the rest of the body.
+        Name of the force model; with several materials, of the force model of the body outside the regions of ``materials``.
     digests : dict of str
         Digest of every force model by its name, and of the mesh file under `MESH`.
     """
@@ -39,7 +39,7 @@ class Contents:
 
     @classmethod
     def of(cls, scene: Scene, models: Sequence[ForceModel]) -> Self:
-        """Return the contents of a run that is about to begin; read its mesh file, and raise SceneError if that fails."""
+        """Return the contents of a new run from its scene and its force models; raise SceneError if its mesh file cannot be read."""
         digests = {model.name: digest_of_model(model) for model in models}
         if isinstance(scene.body, Mesh):
             digests[MESH] = digest_of_mesh(scene.body)
@@ -47,7 +47,7 @@ class Contents:
 
     @classmethod
     def read(cls, description: Any) -> Self | None:
-        """Return the contents from a summary or the description of a checkpoint; None where it has none, as in earlier versions."""
+        """Return the contents stored in a summary or in the identity of a checkpoint; None if they are missing, as in earlier versions."""
         try:
             scene = Scene.model_validate(description["scene_as_run"])
             return cls(_dump(scene), description["force"], dict(description["digests"]))
@@ -55,11 +55,11 @@ class Contents:
             return None
 
     def describe(self) -> dict[str, Any]:
-        """Return the entries that a summary and a checkpoint hold, for `read`."""
+        """Return the contents as entries for a summary or a checkpoint, from which `read` restores them."""
         return {"force": self.force, "digests": self.digests, "scene_as_run": self.scene}
 
     def differences(self, now: Self) -> str:
-        """Return a description of how another run differs from this one; empty if they are equal."""
+        """Return a text that says how the contents of another run, `now`, differ from these; empty if they are equal."""
         found = differences_of({**self.scene, "title": None}, {**now.scene, "title": None})
         if self.force != now.force:
             found.append(f"force is {self.force} there and {now.force} here")
@@ -69,7 +69,7 @@ class Contents:
 
 
 def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
-    """Return descriptions of the differences between plain values in mappings and lists, by dotted key."""
+    """Return texts such as "spacing is 0.1 there and 0.2 here", one for each entry that differs between two nested dictionaries."""
     before, now = _leaves(there), _leaves(here)
     return [
         f"{key} is {_value(before, key)} there and {_value(now, key)} here"
@@ -79,13 +79,13 @@ def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
 
 
 def told(differences: list[str]) -> str:
-    """Return the first few differences in one text; empty if there are none."""
+    """Return one text with the first few of a list of differences and the count of the rest; empty for an empty list."""
     more = f", and {len(differences) - MOST_TOLD} more" if len(differences) > MOST_TOLD else ""
     return "; ".join(differences[:MOST_TOLD]) + more
 
 
 def digest_of_mesh(mesh: Mesh) -> str:
-    """Return the SHA-256 of a mesh file; raise SceneError if it cannot be read."""
+    """Return the SHA-256 digest of the file of a mesh; raise SceneError if the file cannot be read."""
     try:
         return hashlib.sha256(Path(mesh.file).read_bytes()).hexdigest()
     except OSError as error:
@@ -97,7 +97,7 @@ def _dump(scene: Scene) -> dict[str, Any]:
 
 
 def _leaves(value: Any, key: str = "") -> dict[str, Any]:
-    """Return values by dotted key; a list without mappings is one value."""
+    """Return the values in nested mappings and lists by dotted key; a list without mappings counts as one value."""
     if isinstance(value, list) and any(isinstance(item, dict) for item in value):
         value = dict(enumerate(value))
     if not isinstance(value, dict):

@@ -25,7 +25,7 @@ SHOWN_SHARE = 1e-3
 
 
 def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:
-    """Return a figure of states coloured by a field."""
+    """Return a figure of the deformed body in the states of given numbers, coloured by a field."""
     # A state may have to be read from its file.
     states = [result.states[number][1] for number in numbers]
     values, titles = [scalars_of(fields, field) for fields in states], [result.title(number) for number in numbers]
@@ -33,7 +33,7 @@ def states_figure(result: Result, field: str, numbers: list[int], limits: figure
 
 
 def loading_figure(result: Result) -> Figure:
-    """Return a figure of nominal stress against stretch or, of a general programme, of forces against t."""
+    """Return a figure of nominal stress against stretch if grips load the body, otherwise of forces against the loading parameter t."""
     units = result.scene.units
     if result.scene.stretched:
         rows = [*result.levels, *(row for row in result.history if "time" in row)]
@@ -51,7 +51,7 @@ def loading_figure(result: Result) -> Figure:
 
 
 def energies_figure(result: Result) -> Figure | None:
-    """Return a figure of the energies of the history over time or the loading parameter; None where there are none."""
+    """Return a figure of the energies in the history against time, stretch or the loading parameter; None if there are no energies."""
     rows, units = [row for row in result.history if "strain_energy" in row], result.scene.units
     timed = [row for row in rows if "time" in row]
     rows, key = (timed, "time") if timed else (rows, "stretch" if result.scene.stretched else "t")
@@ -63,7 +63,7 @@ def energies_figure(result: Result) -> Figure | None:
 
 
 def save_drawings(result: Result, folder: Path) -> None:
-    """Draw the pictures of a result and write them to its folder."""
+    """Draw the loading curve, the deformed body and an animation of a result, as far as they apply, and write them to a folder."""
     name = result.scene.name
     moves = not result.scene.stretched or result.scene.dynamics is not None
     if moves:

@@ -58,25 +58,25 @@ EDGES_OF_CELLS = {
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, whole."""
+    """Write a figure as a PNG file, whole or not at all, marked as a picture of this package."""
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png", metadata={"Software": MARK})
 
 
 def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
-    """Return the moved corners of cells in the plane, shape (n, 4, 2); a triangle repeats its last one."""
+    """Return the displaced corners of cells in the plane, shape (n, 4, 2); a triangle repeats its last corner."""
     places = cells.nodes + displacement
     return np.concatenate([places[block[:, [0, 1, 2, 3] if block.shape[1] == 4 else [0, 1, 2, 2]]] for block in cells.blocks])
 
 
 def limits_of(values: np.ndarray) -> Limits:
-    """Return the ends of a scale of colours, wide enough to show residuals of a solver in one colour."""
+    """Return the ends of a scale of colours for values, at least so far apart that a solver's residuals have one colour."""
     low, high = float(values.min()), float(values.max())
     return low, low + max(high - low, ONE_COLOUR * max(abs(low), abs(high), 1e-300))
 
 
 def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
-    """Fill deformed cells with colours, and fit the axis to them."""
+    """Draw deformed cells, shape (n, 4, 2), in colours of their values; fit the axis to the cells and return the drawn collection."""
     drawn = PolyCollection(cells, array=values, cmap="turbo", edgecolors="none", linewidths=0, antialiased=False, rasterized=True, **limits)
     axis.add_collection(drawn)
     low, high = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
@@ -88,7 +88,7 @@ def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
 def curves_figure(
     x: list[float], curves: dict[str, list[float]], xlabel: str, ylabel: str, references: Sequence[tuple[float, float]] = ()
 ) -> Figure:
-    """Return a figure of curves by their names over common places, with reference values as circles."""
+    """Return a figure of named curves over the common abscissae `x`, with reference values (x, y) as circles."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(4.8, 3.2), layout="constrained")
         axis = figure.subplots()
@@ -104,22 +104,23 @@ def curves_figure(
 
 
 def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scale: Limits | None = None) -> Figure:
-    """Return a figure of deformed bodies, to one scale of length.
+    """Return a figure of a deformed body in one or more states, coloured by values of the cells, all to one scale of length.
 
-    Bodies in the plane are side by side or one below the other, whichever fits a page. A solid has a row for each state: the body from
-    outside, and its cut through the middle across the thinnest direction.
+    Bodies in the plane are side by side or one below the other, whichever fits a page. A solid has a row for each state: a view from
+    outside, and a cut through the middle across the thinnest direction.
 
     Parameters
     ----------
     moved : list of tuple
-        Cells of recorded states, with the displacements of their nodes.
+        Cells of the body in each state, with the displacements of the nodes, shape (k, d).
     values : list of ndarray, shape (n,)
-        Values of the cells, which colours show.
+        Values of the cells in each state, which colours show.
     label : str
-        Label of the colour bars; the titles take it if a bar is too short.
+        Label of the colour bars; it moves to the titles if a bar is too short.
     titles : list of str
+        Title of each state.
     scale : tuple of float, optional
-        Ends of the scale of colours of all; by default those of the values of each.
+        Ends of the scale of colours of all states; by default every state has a scale of its own.
     """
     draw = _solids if moved[0][0].dimension == 3 else _sheets
     with matplotlib.rc_context(STYLE):
@@ -127,7 +128,7 @@ def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: l
 
 
 def _sheets(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scales: list[Limits]) -> Figure:
-    """Return the figure of bodies in the plane."""
+    """Return the figure of `contour_figure` for bodies in the plane."""
     bodies = [polygons_of(*pair) for pair in moved]
     extents = np.array([np.ptp(corners, axis=(0, 1)) for corners in bodies])
     width, height = extents.max(axis=0)
@@ -150,7 +151,7 @@ def _sheets(moved: Moved, values: list[np.ndarray], label: str, titles: list[str
 
 
 def _solids(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scales: list[Limits]) -> Figure:
-    """Return the figure of solids."""
+    """Return the figure of `contour_figure` for solids: a view from outside and a section for each state."""
     places = [cells.nodes + displacement for cells, displacement in moved]
     box = np.array([np.min([nodes.min(axis=0) for nodes in places], axis=0), np.max([nodes.max(axis=0) for nodes in places], axis=0)])
     axis, middle = cut_of(moved[0][0])
@@ -174,7 +175,7 @@ def _solids(moved: Moved, values: list[np.ndarray], label: str, titles: list[str
 
 
 def cut_of(cells: CellMesh) -> tuple[int, float]:
-    """Return the plane that cuts a body in a picture: its normal axis, and its place on that axis."""
+    """Return the plane through the middle of a solid that a picture shows: the number of its normal axis, and its coordinate there."""
     # The last of equal sides, so that the cut of a cube shows x1, the direction of loading.
     sides = np.ptp(cells.nodes, axis=0)[::-1]
     axis = 2 - int(np.argmin((sides / sides.max()).round(9)))
@@ -182,7 +183,10 @@ def cut_of(cells: CellMesh) -> tuple[int, float]:
 
 
 def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray, box: np.ndarray, zoom: float) -> None:
-    """Draw the outer sides of cells that face the eye, far ones first, in the colours of the cells (n, 4), within the corners of a box."""
+    """Draw a solid from outside: the outer sides of the cells that face the viewer, far sides first.
+
+    `nodes` are the deformed nodes, shape (k, 3), `of_cells` the colours of the cells, shape (n, 4), and `box` the corners of the view.
+    """
     (left, bottom, back), (right, top, front) = box
     axes.set(xlim=(left, right), ylim=(bottom, top), zlim=(back, front))
     axes.set_box_aspect(box[1] - box[0], zoom=zoom)
@@ -203,14 +207,14 @@ def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray,
 
 
 def section(cells: CellMesh, nodes: np.ndarray, axis: int, position: float) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return the cells that a plane of the undeformed body cuts, as deformed polygons.
+    """Return the deformed polygons in which a plane of the undeformed body cuts its cells.
 
     Parameters
     ----------
     cells : CellMesh
         Cells of a solid.
     nodes : ndarray, shape (k, 3)
-        Deformed positions of their nodes.
+        Deformed positions of the nodes of the cells.
     axis : int
         Normal axis of the plane.
     position : float
@@ -220,7 +224,7 @@ def section(cells: CellMesh, nodes: np.ndarray, axis: int, position: float) -> t
     -------
     polygons : list of ndarray, each of shape (corners, 3)
     owners : ndarray of int
-        Numbers of the cells of the polygons.
+        Number of the cell to which each polygon belongs.
     """
     # Corners on the plane count as below it: of two cells that share a side there, one has the cut.
     above = cells.nodes[:, axis] > position

@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Writing of files whole or not at all, and checks that a folder can be written to."""
 
 import errno
 import json
@@ -20,7 +20,7 @@ HEAD = 2048
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path to write to, in the folder of `path`; move the file into place on success and remove it on failure."""
+    """Yield a temporary path to write to, in the folder of `path`; after success move the file to `path`, after an error remove it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f"{TEMPORARY}{path.stem}-{uuid4().hex}{path.suffix}")
     try:
@@ -33,13 +33,13 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole."""
+    """Write a text file, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, data) -> None:
-    """Write a JSON file whole; raise ValueError for numbers that are not finite."""
+    """Write data as a JSON file, whole or not at all; raise ValueError for numbers that are not finite."""
     write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
 
 
@@ -50,7 +50,7 @@ def remove_leftovers(folder: Path) -> None:
 
 
 def head_of(path: Path) -> bytes:
-    """Return the first bytes of a file; for an unreadable file, bytes that match no kind of file."""
+    """Return the first `HEAD` bytes of a file, by which its kind is recognised; for an unreadable file, bytes that match no kind."""
     try:
         with path.open("rb") as file:
             return file.read(HEAD)
@@ -60,7 +60,7 @@ def head_of(path: Path) -> bytes:
 
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
-    """Create a folder for the duration of a context; afterwards remove those of the new folders that are empty."""
+    """Create a folder and its missing parents when a context begins; when it ends, remove those of these folders that are empty."""
     new = [place for place in (folder, *folder.parents) if not place.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:

@@ -1,4 +1,4 @@
-"""Folder of a run: which files in it belong to a run, and when a new run may replace them.
+"""Folder of results: which files in it belong to a run, and when a new run may replace them.
 
 A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces ``NAME-000.pvtu``, ``NAME-000.piece0.vtu`` and so on),
 ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``, ``history.csv``, ``convergence.csv`` and
@@ -30,7 +30,7 @@ RUNNING, INTERRUPTED, FAILED, DONE = "running", "interrupted", "failed", "done"
 
 
 class FolderTaken(ValueError):
-    """Folder that a run may not write to; the message gives the reason and the remedy."""
+    """Error for a folder that a run may not write to; the message gives the reason and the remedy."""
 
 
 LOCK = ".pdsurrogate-run"
@@ -43,8 +43,8 @@ _occupied: dict[Path, int] = {}
 def occupied(folder: Path) -> Iterator[None]:
     """Reserve a folder for this run during a context; create the folder if necessary, and remove it if it stays empty.
 
-    The same thread may enter again. A lock file holds the number of the process and its host; a run replaces the lock of a process that no
-    longer lives on this host.
+    A thread may reserve a folder again that it holds already. A lock file names the process and its host; a run replaces the lock of a
+    process on this host that no longer exists.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def occupied(folder: Path) -> Iterator[None]:
 
 
 def _remove_if_left(lock: Path, folder: Path) -> None:
-    """Remove the lock of a process that no longer lives; raise FolderTaken if it may still live."""
+    """Remove the lock file of a folder if the process that wrote it no longer exists; raise FolderTaken if it may still exist."""
     with suppress(FileNotFoundError):  # another process has removed it
         owner = lock.read_text("utf-8")
         process, _, host = owner.partition(" ")
@@ -110,7 +110,7 @@ WAY_OUT = "give another folder, or --overwrite (overwrite=True in Python)"
 
 
 def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> None:
-    """Check that the results of a run may go to a folder; only results of the same run, run to its end, are replaced by default.
+    """Check that a run may write its results to a folder; by default only finished results of an equal run may be replaced.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
     Raises
     ------
     FolderTaken
-        If the folder holds another run, the same run interrupted, or a file with the name of a result that no run wrote.
+        If the folder holds results of another run, an interrupted run with equal contents, or a file named like a result that no run wrote.
     """
     check_names(folder, contents.scene["name"])
     names, name = _scenes_in(folder), contents.scene["name"]
@@ -144,14 +144,17 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
 
 
 def check_names(folder: Path, name: str, resumed: bool = False) -> None:
-    """Raise FolderTaken if a file in a folder has the name of a result but no run wrote it; skip the checkpoint of a resumed run."""
+    """Raise FolderTaken if a folder has a file that is named like a result of the scene `name` but was not written by a run.
+
+    If `resumed`, the checkpoint is not checked.
+    """
     for path in (*(folder / kind for kind in (SUMMARY, *_HEADS)), *_files_of(folder, name)):
         if path.exists() and not _is_ours(path) and not (resumed and path.name == CHECKPOINT):
             raise FolderTaken(f"{path} was not written by a run and would be replaced; give another folder")
 
 
 def make_room(folder: Path, contents: Contents, overwrite: bool = False) -> None:
-    """Remove the files of earlier runs from a folder, after `check_room`, and nothing else."""
+    """Remove the files of earlier runs from a folder, and no other files, after `check_room` has permitted it."""
     check_room(folder, contents, overwrite)
     name = contents.scene["name"]
     remove_leftovers(folder)
@@ -163,7 +166,7 @@ def make_room(folder: Path, contents: Contents, overwrite: bool = False) -> None
 
 
 def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
-    """Check that a report may be written; a report with the same entry ``asked`` may be replaced.
+    """Check that a report may be written to a path: to a new file, or in place of a report with equal settings ``asked``.
 
     Parameters
     ----------
@@ -191,7 +194,7 @@ def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
 
 
 def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:
-    """Return the files of a scene's states, each with the number of its state: VTU files, also of pieces, and PVTU files."""
+    """Return the number and the path of every file of a state of the scene `name`: VTU files, also of pieces, and PVTU files."""
     pattern = re.compile(re.escape(name) + r"-(\d{3,})(\.pvtu|(\.piece\d+)?\.vtu)")
     found = ((pattern.fullmatch(path.name), path) for path in sorted(folder.glob("*vtu")))
     return [(int(match[1]), path) for match, path in found if match]
@@ -203,14 +206,14 @@ def _files_of(folder: Path, name: str) -> list[Path]:
 
 
 def _is_ours(path: Path) -> bool:
-    """Return whether a run wrote a file that has the name of one of its own."""
+    """Return whether a file that is named like a result was written by a run of this package, judging by its first bytes."""
     if path.name == SUMMARY:
         return read_summary(path.parent) is not None
     return bool(re.match(_HEADS[path.name], head_of(path))) if path.name in _HEADS else is_marked(path)
 
 
 def is_marked(path: Path) -> bool:
-    """Return whether this package wrote a file of a state, an index of states, or a picture."""
+    """Return whether a file of a state, an index of states or a picture carries the mark of this package."""
     return MARK.encode() in head_of(path)
 
 
@@ -225,7 +228,7 @@ def _scenes_in(folder: Path) -> set[str]:
 
 
 def _is_index(path: Path) -> bool:
-    """Return whether a PVD index lists states of a run, named like the index."""
+    """Return whether a PVD file is the index of a run: written by this package, and listing only states named like the index."""
     listed = []
     with suppress(OSError, ElementTree.ParseError):
         listed = [entry.get("file", "") for entry in ElementTree.parse(path).iter("DataSet")]
@@ -233,7 +236,7 @@ def _is_index(path: Path) -> bool:
 
 
 def read_summary(folder: Path) -> dict | None:
-    """Return the summary of the run whose results a folder holds; None where there is none."""
+    """Return the content of ``summary.json`` of the run in a folder; None if the folder has no valid summary."""
     with suppress(OSError, ValueError, RecursionError):
         read = json.loads((folder / SUMMARY).read_text("utf-8"))
         scene = read.get("scene") if isinstance(read, dict) and isinstance(read.get("levels"), list) else None

@@ -17,9 +17,9 @@ from ..scenes import Probe
 
 
 def strain_energy(force: InternalForce) -> float:
-    """Return the stored energy in the state last evaluated, of a sheet per unit thickness.
+    """Return the stored energy of a body in the state that its force evaluated last; for a sheet per unit thickness.
 
-    A force map has no energy; the energy of the law at the deformation gradients of the points replaces it.
+    For a force without an energy, the law's energy at the deformation gradients of the points is used instead.
     """
     if force.has_energy:
         return force.energy()
@@ -30,7 +30,7 @@ def strain_energy(force: InternalForce) -> float:
 
 
 def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the displacements along `axis` of the two edges that bound a sheet along it.
+    """Return the displacements along `axis` of the two edges of a sheet that are normal to this axis.
 
     Points form lines along the axis, one cell wide; the two outermost points of each line are extrapolated linearly to the outermost
     coordinate of the body plus half a cell.
@@ -57,7 +57,7 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
     """Return the roughness of the lateral displacement along the loaded axis, which reveals zero-energy modes.
 
-    It is the root mean square of second differences between neighbouring points, over the greatest displacement.  For a smooth
+    The roughness is the root mean square of second differences between neighbouring points, over the greatest displacement.  For a smooth
     field of wavelength L it is about (2 pi cell/L)^2 / 2; for a mode that alternates from point to point, about 1.
     """
     order, line = _lines_along(body, axis)
@@ -69,7 +69,10 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
 
 
 def _lines_along(body: Body, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return points of a sheet in order along lines one cell wide, and the number of the line of each."""
+    """Return the numbers of a sheet's points, sorted along lines parallel to an axis, and the number of each point's line.
+
+    A line is one cell wide.
+    """
     across = body.points[:, 1 - axis]
     line = np.floor((across - across.min()) / body.cell[1 - axis] + 0.5).astype(int)
     order = np.lexsort((body.points[:, axis], line))
@@ -77,7 +80,7 @@ def _lines_along(body: Body, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class PointState:
-    """State of the points, from which the fields are computed.
+    """Deformation, stress and energy of the points in one state of a body, from which the fields in result files are computed.
 
     Parameters
     ----------
@@ -92,10 +95,11 @@ class PointState:
     plane : str
         State of stress or strain: "stress", "strain" or "space".
     laws : list of tuple
-        Material laws, each with its points.
+        Material laws, each with the points that it describes.
     position, displacement : ndarray, shape (n, d)
         Places in the undeformed body, and displacements from them.
     F : ndarray, shape (n, d, d)
+        Deformation gradients.
     volume_ratio : ndarray, shape (n,)
         Volume ratio of the volumetric energy: J3 under plane stress, otherwise det F or its smoothed value in a selective energy.
     stress : ndarray, shape (n, 3, 3)
@@ -107,7 +111,7 @@ class PointState:
     member_deviation : ndarray, shape (n,), or None
         See `InternalForce.learnt`.
     kept : dict of str
-        Arrays of state that the force declares as shown, by name, see `pdsurrogate.forces.term.Kept`.
+        Internal states of the force that results show, by name, see `pdsurrogate.forces.term.Kept`.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
@@ -121,7 +125,7 @@ class PointState:
 
     @cached_property
     def deformation_gradient(self) -> np.ndarray:
-        """Deformation gradient, of a sheet with the stretch of the thickness, shape (n, 3, 3)."""
+        """Deformation gradient in three dimensions, shape (n, 3, 3); for a sheet its last entry is the stretch of the thickness."""
         if self.plane == "space":
             return self.F
         gradient = np.zeros((len(self.F), 3, 3))
@@ -137,34 +141,34 @@ class PointState:
 
     @cached_property
     def stretches(self) -> np.ndarray:
-        """Principal stretches in falling order, of a sheet those in its plane, shape (n, d)."""
+        """Principal stretches in falling order, shape (n, d); for a sheet only the two in its plane."""
         return principal_stretches(self.F)
 
     @cached_property
     def principal_stretches(self) -> np.ndarray:
-        """Principal stretches in falling order, including that of the thickness, shape (n, 3)."""
+        """Three principal stretches in falling order, including the stretch of a sheet's thickness, shape (n, 3)."""
         if self.plane == "space":
             return self.stretches
         return -np.sort(-np.column_stack([self.stretches, self.deformation_gradient[:, 2, 2]]), axis=1)
 
     def pressure(self) -> np.ndarray:
-        """Return minus a third of the trace of the Cauchy stress, shape (n,)."""
+        """Return the pressure, minus a third of the trace of the Cauchy stress, shape (n,)."""
         return -np.trace(self.cauchy_stress, axis1=1, axis2=2) / 3
 
     def von_mises(self) -> np.ndarray:
-        """Return the root of 3/2 s:s, with the deviator s of the Cauchy stress, shape (n,)."""
+        """Return the von Mises stress, the root of 3/2 s:s with the deviator s of the Cauchy stress, shape (n,)."""
         deviator = self.cauchy_stress + self.pressure()[:, None, None] * np.eye(3)
         return np.sqrt(1.5 * (deviator * deviator).sum(axis=(1, 2)))
 
 
 @dataclass(frozen=True)
 class PointField:
-    """Field on the points, for result files.
+    """Definition of a field on the points, such as a displacement or stress, for result files.
 
     Attributes
     ----------
     values : callable
-        Function of a `PointState`; it returns None where the field has no meaning.
+        Function of a `PointState` that returns the values, or None if the field has no meaning there.
     components : int
         Number of values at a point; a tensor has 9, row by row.
     unit : {"length", "stress", None}
@@ -177,7 +181,7 @@ class PointField:
 
 
 def _with_three_components(vectors: np.ndarray) -> np.ndarray:
-    """Return vectors with three components, shape (n, 3)."""
+    """Return vectors of two or three components, padded with zeros to shape (n, 3)."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
@@ -202,7 +206,10 @@ POINT_FIELDS = {
 
 
 def point_fields(state: PointState) -> dict[str, np.ndarray]:
-    """Return the fields of `POINT_FIELDS` that have a meaning in a state, and the state that terms show; shape (n,) or (n, components)."""
+    """Return, by name, the fields of `POINT_FIELDS` that have a meaning in a state, and the shown internal states of the force.
+
+    Every field has shape (n,) or (n, components).
+    """
     fields = {}
     for name, field in POINT_FIELDS.items():
         values = field.values(state)
@@ -212,12 +219,12 @@ def point_fields(state: PointState) -> dict[str, np.ndarray]:
 
 
 def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
-    """Return the values of a field, or of a component of it, see `Result.field`.
+    """Return the values of a field, or of a component such as ``stress_22``, from the fields of a state; see `Result.field`.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If the state has no such field, or the field no such component.
     """
     base, indices = _split(name) if name not in fields else (name, ())
     if base not in fields:
@@ -231,7 +238,7 @@ def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
 
 
 def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
-    """Return a number for each point, shape (n,): a component, or of a vector its length; raise ValueError for a tensor."""
+    """Return the values of a scalar field or a component, or the lengths of a vector field, shape (n,); raise ValueError for a tensor."""
     values = values_of(fields, name)
     if values.ndim == 3:
         raise ValueError(f"field: {name} has nine components; say which, as {name}_22")
@@ -239,13 +246,13 @@ def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
 
 
 def unit_of(name: str) -> str | None:
-    """Return the kind of unit (of a scene's units) of a field or component; None if it has none."""
+    """Return which of a scene's units ("length" or "stress") a field or a component has; None if it has none of them."""
     field = POINT_FIELDS.get(name) or POINT_FIELDS.get(_split(name)[0])
     return field and field.unit
 
 
 def _split(name: str) -> tuple[str, tuple[int, ...]]:
-    """Return a field's name and the indices of the component that its digits name: ("stress", (1, 1)) for ``stress_22``."""
+    """Return the name of a field and the indices of a component from the name of a component: ("stress", (1, 1)) for ``stress_22``."""
     found = re.fullmatch(r"(.+)_([123]{1,2})", name)
     return (found[1], tuple(int(digit) - 1 for digit in found[2])) if found else (name, ())
 
@@ -260,7 +267,7 @@ class Probes:
     portion_of : ndarray of int, shape (n,), optional
         Number of the material of every point, in a body of several materials.
     share : Share
-        Part of the body on this rank.
+        Share of the body on this rank.
 
     Raises
     ------
@@ -283,14 +290,14 @@ class Probes:
         return len(self._names)
 
     def read(self, state: PointState) -> dict[str, dict[str, list]]:
-        """Return the values at the probes in a state.
+        """Return displacement, stress and deformation gradient at every probe in a state.
 
-        One linear fit to the surrounding points extrapolates displacements, stresses and gradients to the place.
+        A fit to the surrounding points extrapolates displacements, stresses and gradients to the place of the probe.
 
         Returns
         -------
         dict
-            For each name of a probe ``displacement`` (d components), ``stress`` (first Piola-Kirchhoff, 3 by 3) and ``F`` (3 by 3).
+            For the name of each probe: ``displacement`` (d components), ``stress`` (first Piola-Kirchhoff, 3 by 3) and ``F`` (3 by 3).
         """
         stress, gradient = (field.reshape(len(field), 9) for field in (state.stress, state.deformation_gradient))
         return {
@@ -304,7 +311,7 @@ class Probes:
         }
 
     def columns(self, displacements: np.ndarray) -> dict[str, float]:
-        """Return the displacements at the probes from those of the points (n, d), for a row of the history."""
+        """Return the displacements at the probes as columns of the history, from the displacements of the points, shape (n, d)."""
         return {
             f"{name}_displacement_{component}": float(value)
             for name, (moved, _) in zip(self._names, self._rows, strict=True)
@@ -313,7 +320,10 @@ class Probes:
 
 
 def _read(rows: Sequence[sparse.csr_array], values: np.ndarray) -> np.ndarray:
-    """Return values at a place, shape (m,), from those at the points (n, m); rows that are one object serve any number of components."""
+    """Return the values at a place, shape (m,), from values at the points, shape (n, m), and rows of weights (1, n), one per component.
+
+    If all rows are one object, one product serves all components.
+    """
     if all(row is rows[0] for row in rows):
         return (rows[0] @ values)[0]
     return np.array([(row @ values[:, component])[0] for component, row in enumerate(rows)])

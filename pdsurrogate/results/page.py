@@ -1,4 +1,4 @@
-"""HTML page of a result: pictures of fields with a slider over the outputs, curves and tables; it loads nothing from a network."""
+"""HTML page of a result, without links to the network: pictures of fields with a slider over the outputs, curves and tables."""
 
 import base64
 import io
@@ -30,7 +30,7 @@ USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
 
 
 def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[int, int], None] = lambda done, of: None) -> str:
-    """Return the page of a result.
+    """Return a page in HTML that shows a result: pictures of fields over the outputs, curves, tables and versions.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
 
 
 def _pictures(result: Result, field: str, shown: list[int]) -> Iterator[str]:
-    """Yield pictures of states to one scale of colours, as data URIs; an empty one for a state that does not have the field."""
+    """Yield pictures of states of given numbers, coloured by a field to one scale, as data URIs; empty for a state without the field."""
     values = {}
     for number in shown:
         try:
@@ -89,7 +89,7 @@ def _pictures(result: Result, field: str, shown: list[int]) -> Iterator[str]:
 
 
 def _uri(figure) -> str:
-    """Return a figure as a data URI."""
+    """Return a figure as a data URI that holds a PNG picture."""
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=110)
     return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()

@@ -16,7 +16,7 @@ from .. import __version__
 
 
 def provenance() -> dict:
-    """Return versions, commit, date and machine of a run; only the versions can change a result."""
+    """Return the versions of the package and its libraries, the commit, the date and the machine, as entries for a run's summary."""
     return {
         "version": __version__,
         "git": git_state(),
@@ -41,7 +41,7 @@ def processor() -> str:
 
 @cache
 def git_state() -> dict | None:
-    """Return the commit of the checkout that the package runs from and whether files differ from it; None without a checkout."""
+    """Return the commit of the git checkout from which the package runs, and whether files are modified; None without a checkout."""
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return None

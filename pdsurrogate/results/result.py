@@ -1,4 +1,4 @@
-"""Result of a simulation: access to it, writing to a folder and reading from one."""
+"""Result of a simulation: access to its fields and tables, writing to a folder, and reading from a folder."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(repr=False)
 class Result:
-    """Result of a simulation.
+    """Result of a simulation: its summary, history, convergence, and fields on the points in every recorded state.
 
     Attributes
     ----------
@@ -62,21 +62,21 @@ class Result:
 
     @property
     def levels(self) -> list[dict]:
-        """Measures at every level of the loading programme."""
+        """Measured quantities, such as stress or forces, at every level of the loading programme."""
         return self.summary["levels"]
 
     @property
     def status(self) -> str:
-        """Status of the run: "done", "failed" or "interrupted"; "running" during the run, and of a killed one."""
+        """Status of the run: "done", "failed", "interrupted", or "running", which also remains after a run is killed."""
         return self.summary.get("status", DONE if self.summary.get("converged", True) else FAILED)
 
     @property
     def in_pieces(self) -> bool:
-        """True if several ranks wrote the fields in pieces, one for the points of each; `save` then draws no pictures of them."""
+        """True if several ranks wrote the fields in pieces, each rank for its own points; `save` then draws no pictures of the fields."""
         return isinstance(self.states, StatesInFiles) and self.states.in_pieces
 
     def displacement(self, level: int = -1) -> np.ndarray:
-        """Return the displacements at a level, shape (n, d)."""
+        """Return the displacements of the points at a level, shape (n, d)."""
         return self._fields(level)["displacement"][:, : self.scene.dimension]
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
@@ -116,8 +116,8 @@ class Result:
     def figure(self) -> Figure:
         """Return a figure of the deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
 
-        A general programme is shown at a few outputs, coloured by the size of the displacement; breaking bonds, by damage.  A solid is
-        shown from outside and cut through the middle.
+        A programme of steps is shown at a few outputs, coloured by the magnitude of the displacement; a run with fracture is coloured by
+        damage.  A solid is shown from outside and cut through the middle.
         """
         chosen = self.chosen_states()
         if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
@@ -129,7 +129,7 @@ class Result:
         return _drawings().states_figure(self, field, chosen)
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
-        """Return the cells of the body at a level, apart where a crack is open, and the displacements of their nodes, shape (k, d)."""
+        """Return the cells of the body at a level, separated along open cracks, and the displacements of their nodes, shape (k, d)."""
         if self.body is not None:
             return deformed_cells(self.body, self.states[level][1])
         if not isinstance(self.states, StatesInFiles):
@@ -170,7 +170,7 @@ class Result:
         return values_of(self._fields(level), name)
 
     def field_names(self, level: int = -1) -> list[str]:
-        """Return the names of the fields of a state, which docs/guide/results.md defines."""
+        """Return the names of the fields of the state at a level; docs/guide/results.md defines the fields."""
         return list(self._fields(level))
 
     def _fields(self, level: int) -> dict[str, np.ndarray]:
@@ -234,7 +234,7 @@ class Result:
         return self.facts() + html_history(self.history[-5:], self.scene.units, without="moment_")
 
     def facts(self) -> str:
-        """Return a table in HTML of force, material, size, cost and end of the run."""
+        """Return an HTML table of the run's force, material, size, cost and ending, for notebooks and the page of a result."""
         summary = self.summary
         facts = {
             "force": summary["force"],
@@ -254,7 +254,7 @@ class Result:
         return [number for number, level in enumerate(self.levels) if "time" in level]
 
     def chosen_states(self, most: int = 4) -> list[int]:
-        """Return the numbers of the states that a figure shows: all levels, or a few outputs, spread over the growth of cracks."""
+        """Return the numbers of the states that `figure` shows: all levels, or at most `most` outputs, spread over the growth of cracks."""
         moving, last, stretched = self.in_dynamics(), len(self.states) - 1, self.scene.stretched
         if last < 0 or (stretched and self.scene.dynamics is None):
             return list(range(last + 1))
@@ -270,7 +270,7 @@ class Result:
         return sorted(set(chosen.round().astype(int).tolist()))
 
     def title(self, number: int) -> str:
-        """Return the title of a state in figures: the loading parameter, and the time in dynamics."""
+        """Return the title of a state for figures: its stretch or loading parameter, and in dynamics the time."""
         moment, moving = self.states.moments[number], number in self.in_dynamics()
         if self.scene.stretched:
             at = f"stretch {moment.stretch:.3f}" if moving else f"stretch {moment.stretch:g}"
@@ -279,19 +279,19 @@ class Result:
         return f"{at}, {self.scene.units.amount(moment.time, 'time', '.4g')}" if moving else at
 
     def loading_figure(self) -> Figure:
-        """Return a figure of nominal stress against stretch or, of a general programme, of forces against t."""
+        """Return a figure of nominal stress against stretch if grips load the body, otherwise of forces against the loading parameter t."""
         return _drawings().loading_figure(self)
 
 
 def _drawings():
-    """Return the module that draws; it loads matplotlib, which a simulation does not need."""
+    """Return the module `drawings`, imported on first use because it loads matplotlib, which a simulation does not need."""
     from . import drawings
 
     return drawings
 
 
 def load_result(folder: str | Path) -> Result:
-    """Return the result of a run from the folder that it was saved to; an unfinished or killed run gives the part that it reached.
+    """Return the result of a run from the folder in which it was saved; of an unfinished or killed run, the states that it reached.
 
     Parameters
     ----------

@@ -16,13 +16,13 @@ Fields = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Moment:
-    """Place of a state in the run.
+    """Moment of a run at which a state was recorded: stretch or loading parameter, and time.
 
     Attributes
     ----------
     run_time : float
-        Place on the one axis of the whole run, on which states follow each other: 1 at the first level in equilibrium, 2 at the second,
-        and so on; from the last level on the time of the dynamics is added.
+        Coordinate on an axis that orders all states of the run: 1 at the first level in equilibrium, 2 at the second level, and so on; from
+        the last level on the time of the dynamics is added.
     stretch : float or None
         Distance of the grips over its undeformed value, in a scene with grips.
     time : float
@@ -38,25 +38,25 @@ class Moment:
 
 
 class States:
-    """Record of when states were reached, in order; it has no fields, on all ranks but the first, which has them."""
+    """Sequence of the states that a run records; this base class keeps only their moments, as ranks other than the first do."""
 
     def __init__(self, moments: list[Moment] | None = None) -> None:
         self.moments = list(moments or [])
 
     def append(self, moment: Moment, fields: Fields) -> None:
-        """Record a state."""
+        """Record a state: its moment and its fields on the points."""
         self.moments.append(moment)
 
     def __len__(self) -> int:
         return len(self.moments)
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        """Return the moment of a state, and its fields on the points."""
+        """Return the moment of the state of a given number, and its fields on the points, by name."""
         raise RuntimeError("the fields of a run on several ranks are on the first of them")
 
 
 class StatesInMemory(States):
-    """States kept in memory."""
+    """Sequence of the states of a run, with fields kept in memory."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -71,7 +71,7 @@ class StatesInMemory(States):
 
 
 class StatesInFiles(States):
-    """States as a VTU series with a PVD index, written when they are reached, and read back when they are used.
+    """Sequence of the states of a run in VTU files with a PVD index, written when a state is recorded, and read when it is accessed.
 
     Every rank of a divided body writes a piece of each state, for its own points.
 
@@ -83,7 +83,7 @@ class StatesInFiles(States):
     body : Body, optional
         Body with the cells to write; in a divided run the share of this rank. States without a body are only read.
     moments : list of Moment, optional
-        States that are there already, of a run that is resumed; files of later ones are removed.
+        Moments of the states that a resumed run has already recorded; files of later states are removed.
     """
 
     def __init__(self, folder: Path, name: str, body: Body | None = None, moments: list[Moment] | None = None) -> None:
@@ -98,7 +98,7 @@ class StatesInFiles(States):
 
     @classmethod
     def saved(cls, folder: Path, name: str, most: int | None = None) -> StatesInFiles:
-        """Return the states of a run that has ended, or was killed.
+        """Return the states in the folder of a run that has ended or was killed.
 
         Parameters
         ----------
@@ -121,11 +121,11 @@ class StatesInFiles(States):
 
     @property
     def in_pieces(self) -> bool:
-        """True if each rank writes a piece of a state."""
+        """True if each of several ranks writes a piece of every state."""
         return self.body is not None and self.body.share.divided
 
     def append(self, moment: Moment, fields: Fields) -> None:
-        """Write a state, and the index with it; an error of one rank is raised on all of them."""
+        """Write the file of a state, and the index that lists it; an error on one rank is raised on all ranks."""
         share, path = self.body.share, self._path(len(self.moments))
         values = {name: value for name, value in asdict(moment).items() if value is not None}
         cells, nodes = deformed_cells(self.body, fields)
@@ -150,7 +150,7 @@ class StatesInFiles(States):
         vtk.write_index(self.folder / f"{self.name}.pvd", entries)
 
     def _path(self, number: int) -> Path:
-        """Return the file of a state: a VTU, or the PVTU of one that was written in pieces."""
+        """Return the path of the file of a state: a VTU file, or the PVTU file of a state that was written in pieces."""
         path = self.folder / f"{self.name}-{number:03d}.pvtu"
         return path if path.exists() else path.with_suffix(".vtu")
 
@@ -158,7 +158,7 @@ class StatesInFiles(States):
         return self.moments[number], vtk.read_state(self.paths[number])[2]
 
     def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
-        """Return the cells of a state, and the displacements of their nodes."""
+        """Return the cells of the body in a state, and the displacements of their nodes, shape (k, d)."""
         return vtk.read_state(self.paths[number])[:2]
 
 
@@ -167,13 +167,13 @@ def _piece(path: Path, rank: int) -> Path:
 
 
 def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
-    """Return the cells of a body, apart where a crack is open, and the displacements of their nodes, shape (k, d).
+    """Return the cells of a body in a state, separated along open cracks, and the displacements of their nodes, shape (k, d).
 
     Parameters
     ----------
     body : Body
     fields : dict of ndarray
-        Fields of a state, with its displacement and deformation gradient.
+        Fields of the state by name, among them displacement and deformation gradient.
     """
     d, cells = body.dimension, body.cells
     F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]

@@ -1,4 +1,4 @@
-"""Tables of a run: history and convergence as CSV and HTML, with units in their headers, and the summary."""
+"""Writing and reading of a run's tables: history and convergence as CSV or HTML, with units in the headers, and the summary."""
 
 import csv
 import io
@@ -24,23 +24,23 @@ UNITS_OF_COLUMNS = {
 
 
 def column_title(column: str, units: Units) -> str:
-    """Return the header of a column of the history: its name, and in brackets its unit where it has one."""
+    """Return the header of a column of the history: its name, followed by its unit in brackets if it has one."""
     unit = column_unit(column, units)
     return f"{column} [{unit}]" if unit else column
 
 
 def column_unit(column: str, units: Units) -> str | None:
-    """Return the unit of a column of the history; None where it has none."""
+    """Return the name of the unit of a column of the history; None if it has none."""
     return next((getattr(units, kind) for pattern, kind in UNITS_OF_COLUMNS.items() if re.fullmatch(pattern, column)), None)
 
 
 def columns_of(rows: Iterable[dict]) -> list[str]:
-    """Return the columns of all rows in order of appearance; rows of equilibrium and of dynamics have different ones."""
+    """Return the names of the columns that occur in any row of a table, in order of appearance; rows may have different columns."""
     return list(dict.fromkeys(column for row in rows for column in row))
 
 
 def write_tables(folder: Path, summary: dict, history: list[dict], convergence: list[dict], units: Units) -> None:
-    """Write the tables of a run, and its summary last."""
+    """Write ``history.csv``, ``convergence.csv`` and, last, ``summary.json`` of a run to a folder."""
     title = partial(column_title, units=units)
     write_text(folder / HISTORY, as_csv(history, title))
     if convergence:
@@ -49,7 +49,7 @@ def write_tables(folder: Path, summary: dict, history: list[dict], convergence: 
 
 
 def as_csv(rows: list[dict], title: Callable[[str], str] = str) -> str:
-    """Return rows as CSV, each column with its title; missing values are empty."""
+    """Return rows, which are dictionaries by column, as CSV with the headers that `title` returns; missing values are empty."""
     text, columns = io.StringIO(), columns_of(rows)
     if rows:
         writer = csv.DictWriter(text, columns, lineterminator="\n")
@@ -59,7 +59,7 @@ def as_csv(rows: list[dict], title: Callable[[str], str] = str) -> str:
 
 
 def read_table(path: Path) -> list[dict]:
-    """Return the rows of a table that `write_tables` wrote; none where there is no file."""
+    """Return the rows of a CSV table that `write_tables` wrote, without units in the names; an empty list if there is no file."""
     if not path.exists():
         return []
     with path.open(encoding="utf-8", newline="") as file:
@@ -74,7 +74,7 @@ def _plain(text: str) -> int | float | str:
 
 
 def html_history(rows: Sequence[dict], units: Units, without: str = "", digits: int = 5) -> str:
-    """Return rows of the history as HTML, without the columns that begin with a text; nothing of no rows."""
+    """Return an HTML table of rows of the history, without columns whose names begin with `without`; empty text if there are no rows."""
     columns = [column for column in columns_of(rows) if not (without and column.startswith(without))]
     cells = [[f"{row[column]:.{digits}g}" if column in row else "" for column in columns] for row in rows]
     return html_table([column_title(column, units) for column in columns], cells) if rows else ""

@@ -1,4 +1,4 @@
-"""VTU files with a PVD index, for ParaView."""
+"""Writing and reading of states as VTU files with a PVD index, for ParaView."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -21,7 +21,7 @@ NUMBER = "number"
 
 
 def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str, np.ndarray], values: dict[str, float]) -> None:
-    """Write the fields of one state on the cells of a body, and single values as field data.
+    """Write a VTU file of one state: fields on the cells of a body, and single values as field data.
 
     The cells are at their reference positions; warp by the ``displacement`` of the nodes to see the deformed body.
 
@@ -35,6 +35,7 @@ def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str
     fields : dict of ndarray, each of shape (n,) or (n, k)
         Fields on the points.
     values : dict of float
+        Single values by name, such as the time.
     """
     import meshio
 
@@ -60,7 +61,7 @@ def _kind(name: str) -> type:
 
 
 def write_pieces(path: Path, pieces: list[str], fields: dict[str, int]) -> None:
-    """Write a PVTU that lists pieces, each written by `write_state`.
+    """Write a PVTU file that joins the pieces of one state, each of which `write_state` wrote on one rank.
 
     Parameters
     ----------
@@ -82,29 +83,29 @@ def write_pieces(path: Path, pieces: list[str], fields: dict[str, int]) -> None:
 
 
 def write_index(path: Path, entries: list[tuple[float, str]]) -> None:
-    """Write a PVD that lists VTU files with their times."""
+    """Write a PVD index file, which lists the files of states with their times."""
     lines = [f'<DataSet timestep="{time:.17g}" part="0" file={quoteattr(file)}/>' for time, file in entries]
     _write_listing(path, "Collection", "", lines)
 
 
 def _write_listing(path: Path, kind: str, attributes: str, lines: list[str]) -> None:
-    """Write an XML file of VTK that refers to other files."""
+    """Write an XML file of VTK, of a given kind, that refers to other files by given lines."""
     head = f'<?xml version="1.0"?>\n<!--{MARK}-->\n<VTKFile type="{kind}" version="0.1" byte_order="LittleEndian">'
     inner = "\n".join(f"    {line}" for line in lines)
     write_text(path, f"{head}\n  <{kind}{attributes}>\n{inner}\n  </{kind}>\n</VTKFile>\n")
 
 
 def pieces_of(path: Path) -> list[Path]:
-    """Return the files of the pieces of a state: those that a PVTU lists, or the file itself."""
+    """Return the files of the pieces of a state: the files that a PVTU file lists, or the VTU file itself."""
     if path.suffix != ".pvtu":
         return [path]
     return [path.parent / piece.get("Source") for piece in ElementTree.parse(path).iter("Piece")]
 
 
 def read_state(path: Path) -> tuple[CellMesh, np.ndarray, dict[str, np.ndarray]]:
-    """Return the cells, the displacements of their nodes (k, d) and the fields that `write_state` wrote, in the order of the body.
+    """Return the cells, the displacements of their nodes, shape (k, d), and the fields of a state that `write_state` wrote.
 
-    Pieces are joined; the nodes between two of them are there twice.
+    Cells are in the order of the points of the body. Pieces are joined; nodes between two pieces occur twice.
     """
     import meshio
 
@@ -122,13 +123,13 @@ def read_state(path: Path) -> tuple[CellMesh, np.ndarray, dict[str, np.ndarray]]
 
 
 def read_index(path: Path) -> list[tuple[float, Path]]:
-    """Return the times and files of the states that `write_index` wrote, in order."""
+    """Return the time and the file of every state that a PVD index file lists, in order."""
     entries = ElementTree.parse(path).iter("DataSet")
     return [(float(entry.get("timestep")), path.parent / entry.get("file")) for entry in entries]
 
 
 def read_values(path: Path) -> dict[str, float]:
-    """Return the single values that `write_state` wrote, without reading the fields behind them."""
+    """Return the single values by name in a state's file that `write_state` wrote, without reading the fields after them."""
     for _, element in ElementTree.iterparse(pieces_of(path)[0]):
         if element.tag == "FieldData":
             return {array.get("Name"): float(array.text) for array in element}

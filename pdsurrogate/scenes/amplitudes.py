@@ -31,7 +31,7 @@ LONGEST = 200
 
 
 def _checked(value: Any) -> Any:
-    """Refuse amplitudes that make no sense, before any work."""
+    """Return a valid amplitude, without spaces around text; raise ValueError unless it is an expression of t or a table of [t, value]."""
     if isinstance(value, str):
         value = value.strip()
         for t in (0.0, 1.0):
@@ -56,9 +56,10 @@ Amplitude = Annotated[str | tuple[tuple[Finite, Finite], ...], BeforeValidator(_
 
 @cache
 def amplitude_of(amplitude: str | tuple) -> Callable[[float], float]:
-    """Return an amplitude as a function of t, which raises ValueError where it has no finite value; equal amplitudes are one function.
+    """Return the function of the loading parameter t that an amplitude describes; equal amplitudes share one function object.
 
-    A table is linear between its rows and constant beyond them.
+    A table is linear between its rows and constant beyond them. The function raises ValueError at a t where an expression has no finite
+    value.
 
     Examples
     --------
@@ -83,7 +84,10 @@ def amplitude_of(amplitude: str | tuple) -> Callable[[float], float]:
 
 
 def _compiled(text: str) -> CodeType:
-    """Compile an expression of t: numbers, + - * / **, parentheses, pi and `FUNCTIONS`; anything else is refused, so it is safe to run."""
+    """Return the compiled code of an expression of t, which is safe to run.
+
+    Anything but numbers, + - * / **, parentheses, t, pi and `FUNCTIONS` raises ValueError.
+    """
     if len(text) > LONGEST:
         raise ValueError(f"an expression of t has at most {LONGEST} characters")
     try:
@@ -96,7 +100,10 @@ def _compiled(text: str) -> CodeType:
 
 
 def _check_node(node: ast.AST, text: str) -> None:
-    """Refuse a part of an expression that no expression of t has, and make its numbers floats: powers of integers grow without bound."""
+    """Raise ValueError if a node of the syntax tree of `text` is not allowed in an expression of t; turn a number in place into a float.
+
+    Powers of integers would grow without bound.
+    """
     if isinstance(node, ast.Name) and node.id not in ("t", "pi", *FUNCTIONS):
         known = f"t, pi, {', '.join(FUNCTIONS)}, and the names ramp and sine"
         raise ValueError(f"{text!r}: there is no {node.id!r}; an expression knows {known}")

@@ -1,4 +1,4 @@
-"""Checks of the parts of a scene against each other; each raises ValueError, with the key that is wrong."""
+"""Checks that the parts of a scene fit together; every check raises ValueError with the key of the wrong part."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ MOST_INCREMENTS = 100_000
 
 
 def check_consistency(scene: Scene) -> None:
-    """Refuse a scene whose parts, each of which makes sense, do not fit together."""
+    """Raise ValueError if the parts of a scene, each valid alone, do not fit together, such as a shape of the plane in a solid body."""
     checks = (_spacing, _dimension, _way_of_loading, _rigid_regions, _grips, _programme, _thickness, _amplitudes, _probes, _regions)
     for check in checks:
         check(scene)
 
 
 def _entries(scene: Scene, *keys: str) -> Iterator[tuple[str, Any]]:
-    """Yield the entries of lists of a scene, each with its dotted key."""
+    """Yield each entry of the lists `keys` of a scene, preceded by its dotted key, such as ``loads.0``."""
     for key in keys:
         yield from ((f"{key}.{number}", entry) for number, entry in enumerate(getattr(scene, key)))
 
 
 def _references(scene: Scene) -> Iterator[tuple[str, str | Region]]:
-    """Yield all references to regions, each with its dotted key."""
+    """Yield each region, or name of a region, that a scene refers to, preceded by its dotted key, such as ``loads.0.region``."""
     for name, region in scene.regions.items():
         yield from references_in(f"regions.{name}", region)
     for key, entry in _entries(scene, "prescribed", "loads", "materials"):
@@ -49,7 +49,7 @@ def _spacing(scene: Scene) -> None:
 
 
 def _dimension(scene: Scene) -> None:
-    """Refuse parts of another dimension than the body."""
+    """Raise ValueError if a part of a scene belongs to the plane and the body is a solid, or the other way round."""
     dimension, body = scene.dimension, scene.body.shape
     here, there = ("space", "the plane") if dimension == 3 else ("the plane", "space")
     if (scene.plane == "space") != (dimension == 3):
@@ -147,7 +147,7 @@ def _thickness(scene: Scene) -> None:
 
 
 def _amplitudes(scene: Scene) -> None:
-    """Refuse amplitudes that have no value at the end of a step; values within a step are computed during the run."""
+    """Raise ValueError if an amplitude of a scene has no value at the end of a step; a run checks the values within steps itself."""
     for key, entry in _entries(scene, "prescribed", "loads"):
         try:
             for step in scene.steps:
@@ -163,7 +163,7 @@ def _probes(scene: Scene) -> None:
 
 
 def _regions(scene: Scene) -> None:
-    """Refuse references to regions that are not there, and regions defined by themselves."""
+    """Raise ValueError if a scene refers to a region that does not exist, or defines a region by itself."""
     reserved = reserved_names(scene.dimension)
     for key, reference in _references(scene):
         if not isinstance(reference, str):
@@ -181,7 +181,7 @@ def _regions(scene: Scene) -> None:
 
 
 def _check_hole(scene: Scene, key: str, name: str) -> None:
-    """Refuse holes that are not there; those of a mesh are known when its file is read."""
+    """Raise ValueError if a region such as ``holes.0`` names a hole that the body does not have; skip meshes, which are read later."""
     if isinstance(scene.body, Mesh):
         return
     # The bores of a tube and the holes of an extrusion are numbered after the scene's own.

@@ -14,7 +14,7 @@ LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 class Prescribed(StrictModel):
     """Prescribed displacements of a region: for each component a value times an amplitude; components without a value are free.
 
-    For points equally near to a place (``near``) their mean displacement is prescribed.
+    If several points are equally near to the place of a region ``near``, their mean displacement is prescribed.
     A rotation prescribes all components; the displacements x1, x2 and x3 are added to it.
 
     Attributes
@@ -60,32 +60,32 @@ class Prescribed(StrictModel):
 
     @property
     def displacement(self) -> tuple[float | None, float | None, float | None]:
-        """Values of x1, x2 and x3; None where they are not named."""
+        """Prescribed displacements x1, x2 and x3 at amplitude 1; None for a component without a value."""
         return self.x1, self.x2, self.x3
 
 
 class Load(StrictModel):
-    """A load on a region, exactly one of its kinds, times an amplitude.
+    """Load on a region, times an amplitude: exactly one of a traction, a pressure, a body force and a total force.
 
     Attributes
     ----------
     region : str or Region
-        Where it acts; a body force by default on all of the body.
+        Where the load acts; a body force by default acts on the whole body.
     traction : point, optional
         Dead force per undeformed area of the boundary (nominal).
     pressure : float, optional
         Pressure on the deformed boundary, whose direction follows it.
     thickness : {"deformed", "undeformed"}, optional
-        Of pressure under plane stress: whether it acts on the thickness that the sheet has there (true pressure, the default), or on the
-        undeformed one.
+        For a pressure under plane stress: whether it acts on the deformed thickness of the sheet (true pressure, the default), or on the
+        undeformed thickness.
     body_force : point, optional
         Force per undeformed volume.
     force : point, optional
-        Total force on the points of the region, in the plane per unit thickness, in equal parts.
+        Total force on the points of the region, shared equally among them; in the plane per unit thickness.
     amplitude : str or table
-        How the load follows the loading parameter t.
+        Dependence of the load on the loading parameter t.
     name : str, optional
-        Under which its force is reported; by default the name of the region.
+        Name under which results report the force of the load; by default the name of the region.
 
     Examples
     --------
@@ -107,7 +107,7 @@ class Load(StrictModel):
 
     @property
     def kind(self) -> str:
-        """Return the kind of the load."""
+        """Return the kind of the load: ``traction``, ``pressure``, ``body_force`` or ``force``."""
         return next(kind for kind in self.kinds if getattr(self, kind) is not None)
 
     def model_post_init(self, _) -> None:
@@ -143,7 +143,7 @@ class DynamicsSettings(StrictModel):
 
 
 class StepDynamics(DynamicsSettings):
-    """Explicit dynamics during a step; the other settings are those of `pdsurrogate.scenes.Dynamics`.
+    """Explicit dynamics during a step of the loading programme; density, damping, viscosity and safety as in `pdsurrogate.scenes.Dynamics`.
 
     Attributes
     ----------
@@ -161,18 +161,18 @@ class StepDynamics(DynamicsSettings):
 
 
 class Step(StrictModel):
-    """Step of the programme, which moves the loading parameter t from its present value to a given one, in equilibrium or in dynamics.
+    """Step of the loading programme, which moves the loading parameter t from its present value to `to`, in equilibrium or in dynamics.
 
     Attributes
     ----------
     to : float
-        t at the end of the step. With an unchanged value the step holds the body; with a smaller one it unloads it.
+        Value of t at the end of the step. An unchanged value holds the body; a smaller value unloads it.
     outputs : int
         States recorded on the way, evenly, the last one at the end.
     largest_increment : float, optional
-        Of t between two equilibria.
+        Greatest change of t between two equilibria.
     dynamics : StepDynamics, optional
-        Without it the step is in equilibrium.
+        Settings of explicit dynamics; without them the step is in equilibrium.
 
     Examples
     --------

@@ -38,7 +38,7 @@ LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
 
 
 class MaterialSpec(StrictModel):
-    """A material law by name, with its parameters."""
+    """Material in a scene: the name of a material law with its parameters, or ``"rigid"``."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -65,11 +65,11 @@ class MaterialSpec(StrictModel):
 
     @property
     def rigid(self) -> bool:
-        """Return whether the material has no law, so that its region moves as one body."""
+        """Return whether the material is ``"rigid"``: it has no law, and its region moves as one rigid body."""
         return self.law == RIGID
 
     def build(self) -> Law:
-        """Return the law.
+        """Return the material law with the parameters given.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class MaterialSpec(StrictModel):
 
 
 class Part(StrictModel):
-    """A region of the body of another material than the rest, or one that is rigid.
+    """Region of the body that is rigid, or has another material than the rest of the body.
 
     Attributes
     ----------
@@ -106,7 +106,8 @@ class Part(StrictModel):
     material : MaterialSpec
         ``"rigid"`` for a region that moves as one body.
     force : str, optional
-        Artefact of this material; by default the force model of the rest, or, where that is a surrogate, the one of this law.
+        Artefact of this material; by default the force model of the rest of the body, or, if that model is a surrogate, the surrogate of
+        this material's law.
 
     Examples
     --------
@@ -139,8 +140,8 @@ class Grip(StrictModel):
 class Hold(StrictModel):
     """Points held by a plain Dirichlet condition, component by component.
 
-    The points are those in a box, or those listed; the components all unless some are named.  They move with the loading by ``travel``
-    times the elongation of the body, or not at all.
+    Either a box or a list gives the points. All components are held unless some are named.  The points move by ``travel`` times the
+    elongation of the body, or stay in place without ``travel``.
     """
 
     box: tuple[Vector, Vector] | None = None
@@ -154,7 +155,7 @@ class Hold(StrictModel):
 
 
 class SolverSpec(StrictModel):
-    """Settings of the solution for equilibrium."""
+    """Settings of the solver for equilibrium: method, tolerance, greatest number of force evaluations and greatest increment."""
 
     method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
@@ -165,7 +166,7 @@ class SolverSpec(StrictModel):
 class Fracture(StrictModel):
     """Fracture of bonds beyond a critical stretch, set directly or through a fracture energy (`pdsurrogate.critical_stretch_of`).
 
-    An energy is taken where the diameter of a crack tip is known for the force model, the plane and the horizon, and refused elsewhere.
+    A fracture energy is refused if no diameter of a crack tip was measured for the force model, the plane and the horizon.
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
@@ -177,12 +178,12 @@ class Fracture(StrictModel):
 
 
 class Dynamics(DynamicsSettings):
-    """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate; other settings are those of its base.
+    """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate.
 
     Attributes
     ----------
     stretch : float
-        End of the programme, unless the body separates before.
+        Stretch at the end of the programme, unless the body separates before.
     stretch_rate : float
         Change of the stretch per unit time.
     outputs : int
@@ -202,7 +203,7 @@ _known_weight = refused(lambda name: name not in WEIGHT_FUNCTIONS, f"unknown wei
 
 
 def _dimension_of(data: Mapping[str, Any]) -> int:
-    """Return the dimension of the body of a scene that is being read; 2 where the body could not be read."""
+    """Return the dimension of the body in the fields of a scene that is being validated; 2 if the body was invalid."""
     return data["body"].dimension if "body" in data else 2
 
 
@@ -215,21 +216,21 @@ class Units(StrictModel):
 
     @property
     def force(self) -> str | None:
-        """Return the unit of forces: bodies are one unit of length thick."""
+        """Return the unit of forces, stress times length^2 (sheets are one unit of length thick); None if either unit has no name."""
         return f"{self.stress} {self.length}^2" if self.stress and self.length else None
 
     @property
     def energy(self) -> str | None:
-        """Return the unit of energies and moments."""
+        """Return the unit of energies and moments, stress times length^3; None if either unit has no name."""
         return f"{self.stress} {self.length}^3" if self.stress and self.length else None
 
     def label(self, what: str, kind: str) -> str:
-        """Return a name with the unit of its kind in brackets, where the unit has a name, for headers and axes."""
+        """Return the name `what` of a quantity with its unit in brackets, for headers and axes; `kind` is "length" or "force", say."""
         unit = getattr(self, kind)
         return f"{what} ({unit})" if unit else what
 
     def amount(self, number: float | str, kind: str, form: str = "", power: str = "") -> str:
-        """Return a number, or several in words, with the unit of its kind where that has a name."""
+        """Return a number, or a text of numbers, followed by the unit of its `kind` ("length", say) and a power such as "^2"."""
         unit = getattr(self, kind)
         return f"{number:{form}} {unit}{power}" if unit else f"{number:{form}}"
 
@@ -294,7 +295,7 @@ class Scene(StrictModel):
     @field_validator("plane", "horizon_ratio", mode="before")
     @classmethod
     def _usual(cls, value: Any, info: ValidationInfo) -> Any:
-        """Fill in what depends on the dimension of the body."""
+        """Return the value given for `plane` or `horizon_ratio`, or else its default for the dimension of the body."""
         return USUAL[str(info.field_name)][_dimension_of(info.data)] if value is None else value
 
     @field_validator("regions")
@@ -316,7 +317,7 @@ class Scene(StrictModel):
         Raises
         ------
         SceneError
-            If it has none: only a force that brings a material can run it.
+            If the scene names no material: only an artefact that brings its own material can run such a scene.
         """
         if self.material is None:
             raise SceneError(f"scene {self.name}: material: none is given; give one, or an artefact as the force, whose material is taken")
@@ -335,7 +336,7 @@ class Scene(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _spacing_of_a_mesh(cls, value: Any) -> Any:
-        """Let a mesh be given without a spacing."""
+        """Return the keys of a scene before validation, with ``spacing`` None if the body is a mesh and no spacing is given."""
         body = value.get("body") if isinstance(value, Mapping) else None
         meshed = isinstance(body, Mesh) or (isinstance(body, dict) and body.get("shape") == "mesh")
         return {"spacing": None, **value} if meshed else value

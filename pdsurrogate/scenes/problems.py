@@ -29,7 +29,7 @@ tube are not (0.75)."""
 
 
 def suggestion(word: str, known: Iterable[str], otherwise: str = "there are") -> str:
-    """Return a suggestion for an unknown word: the nearest known word, or all of them."""
+    """Return the end of a message about an unknown word: "did you mean", with a similar known word, or else a list of all known words."""
     known = list(known)
     nearest = difflib.get_close_matches(word, known, 1, CLOSE)
     return f"did you mean {nearest[0]}?" if nearest else f"{otherwise} {', '.join(known)}"
@@ -40,7 +40,7 @@ PLAIN = {"tuple_type": "must be a list", **dict.fromkeys(("model_type", "model_a
 
 
 def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str:
-    """Return one line for all problems, each with its dotted key.
+    """Return one line of text for all problems that Pydantic found in a description, each with its dotted key.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str
 
 
 def _line(problem: Any, problems: list, model: type[BaseModel] | None) -> str | None:
-    """Return the line of a message for one of Pydantic's errors; None if another error in the list explains it better."""
+    """Return the message for one entry of Pydantic's list of errors (`problems`); None if another entry explains the problem better."""
     loc, kind, given, context = problem["loc"], problem["type"], problem.get("input"), problem.get("ctx", {})
     if kind in ("too_short", "too_long") and any(other["loc"] != loc == other["loc"][: len(loc)] for other in problems):
         return None  # Pydantic counts the entries that remain without the invalid ones.
@@ -81,9 +81,9 @@ def _line(problem: Any, problems: list, model: type[BaseModel] | None) -> str | 
 
 
 def _place_of(model: Any, loc: tuple) -> tuple[str, list[str]]:
-    """Return the dotted key of a place as its author wrote it, and the keys of the table that it is in.
+    """Return the dotted key, as written in a description, of the location `loc` of a Pydantic error, and the known keys of its table.
 
-    Pydantic adds which of several shapes it took a part for; the author's file has no such key.
+    Pydantic adds to `loc` the tag of the variant that it tried, such as a shape; the author's file has no such key.
     """
     steps, keys, place = [], [], model
     for step in loc:
@@ -100,7 +100,7 @@ def _place_of(model: Any, loc: tuple) -> tuple[str, list[str]]:
 
 
 def _options(place: Any, tag: str | None = None) -> Iterator[tuple[Any, str | None]]:
-    """Yield the types that a place may be read as, each with the tag that it goes by."""
+    """Yield the alternatives of a type annotation, each with its tag in Pydantic's errors, or None if it has no tag."""
     if get_origin(place) is Annotated:
         place, *notes = get_args(place)
         tag = next((note.tag for note in notes if isinstance(note, Tag)), tag)
@@ -113,7 +113,7 @@ def _options(place: Any, tag: str | None = None) -> Iterator[tuple[Any, str | No
 
 
 def _inside(place: Any, step: str | int) -> Any:
-    """Return the type of an entry of a list, or of a key of a table; None where there is no such thing."""
+    """Return the type of the entry `step` of a list or table whose type is `place`; None if there is no such entry."""
     if get_origin(place) is tuple and isinstance(step, int):
         return get_args(place)[0]
     if get_origin(place) is dict:
@@ -125,5 +125,5 @@ def _inside(place: Any, step: str | int) -> Any:
 
 
 def _fields(table: type[BaseModel]) -> dict[str, FieldInfo]:
-    """Return the fields of a table by the keys that an author writes."""
+    """Return the fields of a Pydantic model by their keys in a scene file: the alias if there is one, else the name."""
     return {field.alias or name: field for name, field in table.model_fields.items()}

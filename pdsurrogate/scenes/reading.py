@@ -1,4 +1,4 @@
-"""Reading scenes: built-in ones by name, users' own from TOML files, and changes to either."""
+"""Reading scenes: built-in scenes by name, users' scenes from TOML files, and changes to their keys."""
 
 import copy
 import tomllib
@@ -72,12 +72,12 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
 
 
 def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
-    """Return what a scene or study file says.
+    """Return the content of a scene or study file in TOML as a dictionary.
 
     Raises
     ------
     SceneError
-        If it cannot be read, is not valid TOML, or is longer than any, as an endless device is.
+        If the file cannot be read, is not valid TOML, or is too long, as an endless device is.
     """
     try:
         with path.open("rb") as file:
@@ -94,7 +94,7 @@ def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
 
 
 def parse_change(change: str) -> tuple[str, Any]:
-    """Split ``key=value``; the value is read as TOML where it can be, as a list where it has commas, else as text."""
+    """Return the key and the value of a text ``key=value``; the value is read as TOML if possible, else as text, with commas as a list."""
     key, separator, value = change.partition("=")
     key, value = key.strip(), value.strip()
     if not separator or not key or not value:
@@ -108,12 +108,12 @@ def parse_change(change: str) -> tuple[str, Any]:
 
 
 def apply_change(data: dict, key: str, value: Any) -> None:
-    """Put a copy of a value at a dotted key of a description; entries of lists go by their number.
+    """Change a description in place: set a dotted key, with numbers for entries of lists (``loads.0.traction``), to a copy of a value.
 
     Raises
     ------
     SceneError
-        If there is no such place.
+        If the description has no place for the key.
     """
     *path, last = key.split(".")
     place: Any = data
@@ -149,7 +149,7 @@ def _entry(place: dict | list, step: str, key: str, before: list[str]) -> str | 
 
 
 def _place_of(reference: str | Path) -> tuple[Path | Traversable, str]:
-    """Return the file of a scene, and its name for messages."""
+    """Return the path of a scene's file, and a name of the scene for messages; raise SceneError for an unknown name."""
     name = str(reference)
     if name in scene_names():
         return resources.files(__package__) / f"{name}.toml", f"scene {name}"

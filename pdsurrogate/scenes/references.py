@@ -1,4 +1,4 @@
-"""Reference values of scenes: exact homogeneous tension, and finite element solutions with the problem of each."""
+"""Reference values with which runs of scenes are compared: exact homogeneous tension, and stored finite element solutions."""
 
 import json
 from functools import cache
@@ -17,14 +17,14 @@ def _cases() -> list[dict]:
 
 
 def reference_level(scene: Scene, stretch: float) -> dict[str, float]:
-    """Return the measures of a level by the reference that the scene names; empty where its problem is not that of the reference."""
+    """Return the reference values at a stretch from the solution that a scene names; empty if the scene names none or it does not apply."""
     if scene.reference is None:
         return {}
     return {"uniaxial": uniaxial_level, "finite-elements": finite_element_level}[scene.reference](scene, stretch)
 
 
 def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
-    """Return the homogeneous tension of a rectangle that only its grips hold, along the load alone.
+    """Return the exact homogeneous tension at a stretch, for a rectangle that only its grips hold, free to narrow.
 
     Returns
     -------
@@ -45,14 +45,14 @@ def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
 
 
 def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
-    """Return the finite element solution of a scene at a stretch.
+    """Return the stored finite element solution of a scene at a stretch.
 
     Returns
     -------
     dict
         nominal_stress and, where known, greatest_lateral_displacement, in the scene's units; empty if this problem was not solved at
         that stretch.
-        Stresses are scaled to the scene's shear modulus, which changes no displacement at the same K/mu.
+        Stresses are scaled to the scene's shear modulus; displacements depend on K/mu alone.
     """
     law, keys = scene.law(), {"body", "holes", "precuts", "grips", "materials"}
     problem = scene.model_dump(mode="json", include=keys, exclude_none=True, by_alias=True)

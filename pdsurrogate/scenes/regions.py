@@ -1,4 +1,4 @@
-"""Regions of a body: places by name, by a shape, by a list, and combined; conditions, loads and materials refer to them."""
+"""Regions of a body, given by a name, a shape, a list of points or a combination; conditions, loads and materials refer to regions."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate
 
 
 def edge_names(dimension: int) -> tuple[str, ...]:
-    """Return the edges of the bounding box of a sheet, or the faces of that of a solid."""
+    """Return the names of the edges of the bounding box of a sheet (dimension 2), or of the faces of the bounding box of a solid (3)."""
     return FACES[: 2 * dimension]
 
 
 def reserved_names(dimension: int) -> tuple[str, ...]:
-    """Return the regions that every body has: edges or faces, all of it, its outer boundary, that of its holes (``holes.0``: the first)."""
+    """Return the names of the regions that every body has: edges or faces, ``body``, ``outline`` (outer boundary) and ``holes``."""
     return (*edge_names(dimension), "body", "outline", "holes")
 
 
@@ -70,15 +70,15 @@ class Region(StrictModel):
     edge : str
         Edge of the bounding box: left, right, bottom or top; in three dimensions a face, which may also be back or front.
     box : pair of points
-        Corners where all coordinates are least, and greatest; the boundary belongs to it.
+        Corners with the least and with the greatest coordinates; the boundary belongs to the region.
     disc, half_plane
-        In the plane.
+        Regions in the plane.
     ball, half_space
-        In space.
+        Regions in three dimensions.
     points : list of int
         Numbers of points of the body.
     near : point
-        The point of the body nearest to a place, or all that are as near: on an axis of the body those on either side of it.
+        A place: the region is the point of the body nearest to it, or all points that are equally near, as on both sides of an axis.
     group : str
         Physical group of a mesh, by its name.
     both, either : list of regions
@@ -120,7 +120,7 @@ class Region(StrictModel):
         return self
 
     def members(self) -> Iterator[tuple[str, str | Region]]:
-        """Yield the regions that this one combines, each with its key: and.0, and.1, or.0, not."""
+        """Yield the regions that this region combines, each preceded by its key: and.0, and.1, or.0, not."""
         yield from ((f"and.{number}", member) for number, member in enumerate(self.both or ()))
         yield from ((f"or.{number}", member) for number, member in enumerate(self.either or ()))
         yield from () if self.other is None else [("not", self.other)]
@@ -138,7 +138,7 @@ Region.model_rebuild()
 
 
 def references_in(key: str, region: str | Region) -> Iterator[tuple[str, str | Region]]:
-    """Yield a region and all that it combines, each with its dotted key."""
+    """Yield a region, or its name, and all regions that it combines, at any depth, each preceded by its dotted key."""
     yield key, region
     if isinstance(region, Region):
         for inner, member in region.members():

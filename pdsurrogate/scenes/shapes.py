@@ -1,4 +1,4 @@
-"""Shapes, those of the plane, of which bodies are made and holes are cut, and straight cuts."""
+"""Shapes of bodies and holes in the plane, bodies from mesh files, and straight cuts."""
 
 import math
 from abc import abstractmethod
@@ -12,7 +12,7 @@ from .strict_model import Point, Positive, StrictModel
 
 
 class Shape(StrictModel):
-    """Closed shape.
+    """Closed shape of a body or a hole, in the plane or in three dimensions.
 
     Attributes
     ----------
@@ -24,23 +24,23 @@ class Shape(StrictModel):
 
     @abstractmethod
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Return which of the points (n, d) lie inside."""
+        """Return whether each of the points, shape (n, d), lies inside the shape."""
 
     @abstractmethod
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and the upper corner of the bounding box."""
+        """Return the lower and the upper corner of the bounding box of the shape, each of shape (d,)."""
 
 
 class Outline(Shape):
-    """A closed shape in the plane."""
+    """Closed shape in the plane, with nodes along its boundary."""
 
     dimension: ClassVar[int] = 2
 
     @abstractmethod
     def boundary(self, cell: np.ndarray) -> np.ndarray:
-        """Return nodes in order around the shape, shape (k, 2).
+        """Return the positions of nodes in order around the shape, shape (k, 2).
 
-        Those of straight sides are about a cell apart, the ends of the sides among them; those of round ones at most half a cell.
+        Nodes of straight sides, which include the corners, are about a cell apart; nodes of round sides are at most half a cell apart.
 
         Parameters
         ----------
@@ -102,7 +102,7 @@ class Ellipse(Outline):
 
 
 class Circle(Outline):
-    """A circle.
+    """A circle, given by its centre and radius.
 
     Examples
     --------
@@ -128,7 +128,7 @@ class Circle(Outline):
 
 
 class Polygon(Outline):
-    """A polygon by its vertices, in either sense of rotation.
+    """A polygon, given by its vertices in clockwise or anticlockwise order.
 
     Examples
     --------
@@ -162,7 +162,7 @@ class Polygon(Outline):
 
 
 def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
-    """Return nodes along the sides of a polygon, each divided into the equal pieces that are nearest to a cell."""
+    """Return nodes around a polygon, shape (k, 2): every side is divided into equal pieces, as near as possible to the size of a cell."""
     sides = np.roll(corners, -1, axis=0) - corners
     pieces = [max(1, round(float(np.hypot(*(side / cell))))) for side in sides]
     divided = zip(corners, sides, pieces, strict=True)
@@ -170,7 +170,7 @@ def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
 
 
 def _crossing(corners: np.ndarray) -> str | None:
-    """Return, in words, the place where the outline of a polygon crosses itself or runs around twice; None if there is none.
+    """Return, in words, where the outline of a polygon with given corners crosses itself or runs around twice; None if it is valid.
 
     Sides may touch, and may run back along each other, as the two sides that connect an opening do. The outline is valid if it winds once,
     in one sense, or not at all around both sides of every piece between two places where sides meet.
@@ -213,7 +213,7 @@ def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _windings(places: np.ndarray, starts: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Return how often a chain of sides winds counter-clockwise around places (k, 2)."""
+    """Return how often a closed polygon, given by the `starts` and vectors `along` of its sides, winds anticlockwise around each place."""
     windings = np.zeros(len(places), dtype=int)
     for start, side in zip(starts, along, strict=True):
         offsets = places - start
@@ -224,11 +224,11 @@ def _windings(places: np.ndarray, starts: np.ndarray, along: np.ndarray) -> np.n
 
 
 def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
-    """Return nodes around an ellipse, symmetric about its axes, such that the chain encloses its area.
+    """Return nodes around an ellipse, shape (k, 2), symmetric about its axes; the polygon through the nodes has the area of the ellipse.
 
-    With nodes on the curve the area would be that of a smaller one, by a share of theta^2/6 for an angle of theta between nodes.  The work
-    of a pressure is the pressure times the change of the area: it is exact so in every affine motion.  Nodes lie beyond the curve by
-    theta^2/12 of its radius, middles of facets within it by theta^2/24, and the length is right to theta^2/24.
+    With nodes on the curve the polygon's area would be too small, by a share of theta^2/6 for an angle of theta between nodes.  The work
+    of a pressure is the pressure times the change of the area: with the right area the work is exact in every affine motion.  Nodes lie
+    outside the curve by theta^2/12 of its radius, middles of facets inside it by theta^2/24, and the length is right to theta^2/24.
     """
     quarter = max(3, math.ceil(math.pi * semi_axes.max() / cell.min()))
     step = math.pi / (2 * quarter)
@@ -237,7 +237,7 @@ def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.n
 
 
 def with_shape(value: Any) -> Any:
-    """Return a description of a shape with its kind, which is a rectangle where none is given."""
+    """Return the description of a shape with the key ``shape``, set to ``"rectangle"`` if it is not given."""
     return {"shape": "rectangle", **value} if isinstance(value, dict) else value
 
 
@@ -245,15 +245,15 @@ AnyOutline = Annotated[Rectangle | Circle | Ellipse | Polygon, Field(discriminat
 
 
 class Mesh(StrictModel):
-    """A body from a mesh file that meshio reads: its cells become points at their centroids, with their volumes.
+    """Body from a mesh file that meshio reads: every cell becomes a point at its centroid, with the volume of the cell.
 
-    The spacing of the points is that of the mesh: the side of a square or cube as large as a cell, the mean over the body.
+    The spacing of the points is the side of a square or cube as large as a cell, as a mean over the body.
 
     Attributes
     ----------
     file : str
     dimension : int
-        2, the default: triangles and quadrilaterals, with their areas at unit thickness.  3: tetrahedra and hexahedra.
+        2, the default: triangles and quadrilaterals, of unit thickness.  3: tetrahedra and hexahedra.
 
     Examples
     --------
@@ -268,7 +268,7 @@ class Mesh(StrictModel):
 
 
 class Precut(StrictModel):
-    """A straight cut in the plane: the bonds that cross it are no part of the body.
+    """Straight cut in the plane: the body has no bonds that cross it.
 
     Examples
     --------
@@ -287,7 +287,7 @@ class Precut(StrictModel):
             raise ValueError("a precut needs two different ends")
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return which of the segments from `starts` to `ends`, each of shape (k, 2), cross the cut.
+        """Return whether each of the segments from `starts` to `ends`, both of shape (k, 2), crosses the cut.
 
         A point on the cut's line counts as lying on its left, to rounding, so that a cut through a row of points separates
         them from one side.

@@ -11,24 +11,24 @@ from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictMo
 
 
 class Solid(Shape):
-    """A closed three-dimensional shape."""
+    """Closed three-dimensional shape of a body or a hole."""
 
     dimension: ClassVar[int] = 3
 
 
 class Straight(NamedTuple):
-    """A plane section along one axis, between two flat ends.
+    """Geometry of a prism: a plane section with holes, extended along one axis between two flat ends.
 
     Attributes
     ----------
     along : int
-        Number of the axis.
+        Number of the axis along which the prism extends: 0, 1 or 2.
     section : Outline
-        Outer boundary, in the two coordinates of `across`.
+        Outer boundary of the section, in the two coordinates of `across`.
     bores : tuple of Outline
-        Holes along all of it, likewise.
+        Holes through the whole length, in the two coordinates of `across`.
     span : tuple of float
-        Coordinate of either end.
+        Coordinates of the two ends along the axis.
     """
 
     along: int
@@ -38,17 +38,17 @@ class Straight(NamedTuple):
 
     @property
     def across(self) -> list[int]:
-        """Return the other two axes, in the order that makes a right-handed system with `along` last."""
+        """Return the numbers of the two axes across the prism, in the order that makes a right-handed system with `along` last."""
         return [(self.along + 1) % 3, (self.along + 2) % 3]
 
 
 class Prism(Solid):
-    """A solid that is a plane section along one axis."""
+    """Solid with a constant plane section along one axis: a box, cylinder, tube or extrusion."""
 
     @property
     @abstractmethod
     def straight(self) -> Straight:
-        """Return the section and its axis."""
+        """Return the section of the solid, its axis and the span along the axis."""
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         straight = self.straight
@@ -84,21 +84,21 @@ class Box(Prism):
         return self.straight_along(2)
 
     def straight_along(self, axis: int) -> Straight:
-        """Return the box as a section along an axis."""
+        """Return the box as a rectangular section along the axis of the given number (0, 1 or 2)."""
         across = (axis + 1) % 3, (axis + 2) % 3
         section = Rectangle(size=tuple(self.size[other] for other in across), lower=tuple(self.lower[other] for other in across))
         return Straight(axis, section, (), (self.lower[axis], self.lower[axis] + self.size[axis]))
 
 
 class Round(Prism):
-    """A round body along an axis; `base` is the centre of its lower end."""
+    """Base of cylinder and tube: a round body along an axis; `base` is the centre of its lower end."""
 
     length: Positive
     axis: Literal["x1", "x2", "x3"] = "x3"
     base: SpacePoint = (0.0, 0.0, 0.0)
 
     def _straight(self, radius: float, *bores: float) -> Straight:
-        """Return the body with an outer radius, and those of its bores."""
+        """Return the circular section and axis of the body with an outer `radius` and concentric holes of the radii `bores`."""
         along = int(self.axis[1:]) - 1
         centre = self.base[(along + 1) % 3], self.base[(along + 2) % 3]
         outer, *inner = (Circle(radius=each, centre=centre) for each in (radius, *bores))
@@ -147,7 +147,7 @@ class Tube(Round):
 
 
 class Extrusion(Prism):
-    """A shape of the plane, less others, extruded along x3 from `lower`.
+    """Solid made by extruding a shape of the plane, with or without holes, along x3 from the coordinate `lower`.
 
     Examples
     --------
@@ -170,7 +170,7 @@ class Extrusion(Prism):
 class Sphere(Solid):
     """A sphere, or the part of it where x1, x1 and x2, or all coordinates are greater than those of its centre.
 
-    The flat faces of a part go through the centre: held by reflection they are planes of symmetry.
+    The flat faces of a half, quarter or eighth pass through the centre; if they are reflection planes, the whole sphere is represented.
 
     Examples
     --------
@@ -186,7 +186,7 @@ class Sphere(Solid):
 
     @property
     def halved(self) -> tuple[int, ...]:
-        """Return the axes along which only the upper half of the sphere is there."""
+        """Return the numbers of the axes along which the body is only the upper half of the sphere; empty for a whole sphere."""
         return tuple(range(("whole", "half", "quarter", "eighth").index(self.part)))
 
     def contains(self, points: np.ndarray) -> np.ndarray:
@@ -201,20 +201,20 @@ class Sphere(Solid):
 
 
 class FlatCut(StrictModel):
-    """A flat cut of a solid: the body has no bonds that cross it."""
+    """Base of flat cuts of a solid; the body has no bonds that cross the cut."""
 
     dimension: ClassVar[int] = 3
 
     @abstractmethod
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return a place on the plane of the cut, the unit normal, and the extent of the cut."""
+        """Return a place on the plane of the cut, shape (3,), the unit normal, shape (3,), and the size of the cut."""
 
     @abstractmethod
     def covers(self, places: np.ndarray) -> np.ndarray:
-        """Return which of the places (k, 3) on the plane of the cut belong to the cut."""
+        """Return whether each of the places on the plane of the cut, shape (k, 3), belongs to the cut."""
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return which of the segments from `starts` to `ends`, each of shape (k, 3), cross the cut.
+        """Return whether each of the segments from `starts` to `ends`, both of shape (k, 3), crosses the cut.
 
         A point on the cut's plane counts as lying on the side of the normal, to rounding, so that a cut through a layer of points
         separates them from one side.
@@ -231,7 +231,7 @@ class FlatCut(StrictModel):
 
 
 class ParallelogramCut(FlatCut):
-    """A parallelogram between two sides that begin at a corner.
+    """Flat cut in the shape of a parallelogram, given by a corner and the two sides that begin there.
 
     Examples
     --------
@@ -260,7 +260,7 @@ class ParallelogramCut(FlatCut):
 
 
 class DiscCut(FlatCut):
-    """A disc, as the crack of a penny is.
+    """Flat cut in the shape of a disc, such as a penny-shaped crack.
 
     Examples
     --------
@@ -283,7 +283,7 @@ class DiscCut(FlatCut):
 
 
 def _cut_of(value: Any) -> str:
-    """Return the kind of cut as which a part is read, by its keys: a straight cut of a sheet unless it has those of another kind."""
+    """Return the kind of a described cut by its keys: "parallelogram", "disc", or else "line", the straight cut of a sheet."""
     given = value if isinstance(value, dict) else getattr(value, "__dict__", {})
     kinds = {"parallelogram": ParallelogramCut, "disc": DiscCut}
     return next((kind for kind, cut in kinds.items() if cut.model_fields.keys() & given), "line")

@@ -1,4 +1,4 @@
-"""Base of all parts of a scene's description."""
+"""Base class, number types and vector types of all parts of a scene's description."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any
@@ -9,7 +9,7 @@ from .problems import SceneError, explain
 
 
 def refused(wrong: Callable[[Any], bool], message: str) -> Callable[[Any], Any]:
-    """Return a validator that refuses values for which `wrong` holds."""
+    """Return a validator that raises ValueError with a message for values for which the function `wrong` returns True."""
 
     def checked(value: Any) -> Any:
         if wrong(value):
@@ -38,7 +38,7 @@ SpaceDirection = Annotated[SpacePoint, AfterValidator(_not_zero)]
 
 
 class Components(tuple):
-    """Components of a place, a direction or a force, of which a scene has as many as its body has dimensions."""
+    """Components of a place, a direction or a force: two in a scene with a body in the plane, three in a scene with a solid."""
 
 
 Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3), AfterValidator(Components)]
@@ -54,17 +54,17 @@ class _PartType(type(BaseModel)):
 
 
 class StrictModel(BaseModel, metaclass=_PartType):
-    """Base of all parts of a scene: unknown keys are errors, and nothing changes once read.
+    """Base class of all parts of a scene: unknown keys are errors, and fields cannot be changed after reading.
 
-    A part composed in Python is refused with the same message as one in a file. Fields that are valid alone and do not fit together are
-    refused in `model_post_init`: Pydantic reports a ValueError from there with the key of the part.
+    Invalid parts composed in Python raise SceneError with the message that they would cause in a file. Subclasses check fields against
+    each other in `model_post_init`: Pydantic reports a ValueError from there with the key of the part.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def vectors_in(value: Any, key: str = "") -> Iterator[tuple[str, Components]]:
-    """Yield all vectors in a part of a scene, however deep, each with its dotted key."""
+    """Yield all vectors (`Components`) in a part of a scene, at any depth, each preceded by its dotted key."""
     if isinstance(value, Components):
         yield key, value
         return

@@ -20,19 +20,21 @@ sheet by `bond-energy` 1.15 gives 8 to 23 % too little, so it is not among them.
 
 
 def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) -> float:
-    """Return the effective diameter of a crack tip in horizons.
+    """Return the measured effective diameter of a crack tip, in horizons.
 
     Parameters
     ----------
     plane : str
+        "stress", "strain" or "space".
     horizon_ratio : float
+        Horizon over spacing of the points.
     family : str, optional
-        Family of the force model, see `pdsurrogate.forces.ForceModel`; without it any family will do.
+        Family of the force model, see `pdsurrogate.forces.ForceModel`; by default the first family that was measured.
 
     Raises
     ------
     ValueError
-        If the diameter was not measured; says where it was.
+        If no diameter was measured for these arguments; the message lists the measured cases.
     """
     for known, state, (least, greatest), diameter in TIP_DIAMETERS:
         if state == plane and family in (None, known) and least - 1e-9 <= horizon_ratio <= greatest + 1e-9:

@@ -1,4 +1,4 @@
-"""Conditions of a body: held points and planes, their positions at a value of the loading parameter, and the reaction forces."""
+"""Boundary conditions of a body: held points and reflection planes, their positions along the loading, and the reaction forces."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,27 +14,28 @@ from .loads import AT_REST, Loads
 from .rigid import displaced, moment_of
 
 ONE_SIDED = 0.1
-"""Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the
-point, halves 0.4 away."""
+"""Distance in horizons, along a plane, between a point and the mean position of its neighbours, beyond which the point counts as next to a
+free side: the distance is 0 for a full horizon, and 0.4 for a half one."""
 
 
 class FoldedOver(InvalidState):
-    """A free side has bulged over the plane that it is bonded to, where it would lie against it."""
+    """Error for a free side of the body that has bulged over the held plane next to it: the contact there is not computed."""
 
 
 @dataclass(frozen=True)
 class Reactions:
-    """Forces that holders exert on the body in the state last evaluated, in the plane per unit thickness.
+    """Reaction forces that supports exert on the body in the state last evaluated, in the plane per unit thickness.
 
     Attributes
     ----------
     forces : ndarray, shape (holders, d)
-        Forces of the holders.
+        Total force of each holder, a support that results report by name.
     on_planes : ndarray, shape (planes, d)
+        Force of each reflection plane.
     at_points : ndarray, shape (n, d), or None
         Forces on held points, 0 in free components; None where no points are held.
     levers : ndarray, shape (planes, d, d), or None
-        Sum over each plane of f (x) y, with the place y that a force f acts at; None where no plane turns.
+        Sum of f (x) y over the forces f that each plane exerts at places y; None where no plane turns.
     """
 
     forces: np.ndarray
@@ -44,7 +45,7 @@ class Reactions:
 
 
 class Loading:
-    """Conditions of a body: held points and planes, their positions at a value of the loading parameter, and the loads.
+    """Boundary conditions of a body: held points and reflection planes, their positions along the loading, and the loads.
 
     Parameters
     ----------
@@ -52,13 +53,13 @@ class Loading:
     parameter : str
         Name of the loading parameter.
     rest : float
-        Its value at rest.
+        Value of the loading parameter at rest.
     names : sequence of str
-        Names of the holders, whose forces results report.
+        Names of the holders, the supports whose forces results report.
     planes : sequence of str
-        Names of the planes in messages, in the order of the body's.
+        Names of the reflection planes in messages, in the order of `Body.planes`.
     held : sequence of Held
-        The force on a point that two entries hold counts for the later of them; no two hold the same component of a plane.
+        Held parts. The force on a point in two of them counts for the later one; no two hold the same component of a plane.
     loads : Loads or None
 
     Attributes
@@ -66,20 +67,20 @@ class Loading:
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
     part, component, point, plane, place : ndarray, shape (k,), the last (k, d)
-        Held components in a row: number in `held`, component, point, plane (-1 for that of a point itself), and the place at rest that
-        moves.
+        Table of the k held components: number of the part in `held`, component, point, plane (-1 where a point itself is held), and the
+        place at rest whose motion is prescribed.
     at_points : ndarray of bool, shape (k,)
-        Flags of the components of points themselves.
+        True where a point itself is held, False where a plane is.
     there : tuple of ndarray of int
-        Points and components of these, which index arrays (n, d).
+        Points and components where points themselves are held, to index arrays (n, d).
     plane_components : ndarray of bool, shape (planes, d)
-        Flags of the held components of the planes.
+        True for the held components of each plane.
     turning : set of int
         Numbers of the planes that turn.
     supports : list of Support
         Supports at places between points.
     course : Pull or Paths
-        Paths on which the body follows the held parts; set once the conditions are known.
+        First guesses, velocities and power along the loading; set once the conditions are known.
     parameter, rest, names, planes, held, loads
     """
 
@@ -113,43 +114,46 @@ class Loading:
         Parameters
         ----------
         intact : ndarray of bool, shape (bonds,), optional
-            Bonds that count; all by default.
+            True for the bonds that connect points; all by default.
         """
         bonds, n = self.body.bonds, len(self.body)
         within = bonds.second < n if intact is None else (bonds.second < n) & intact
         return self._share.pieces(bonds.first[within], bonds.second[within])
 
     def at(self, parameter: float) -> str:
-        """Return words for a value of the parameter."""
+        """Return a value of the loading parameter with its name, as text for messages."""
         return f"t = {parameter:g}" if self.parameter == "t" else f"{self.parameter} {parameter:g}"
 
     def moves(self, parameter: float, places: np.ndarray | None = None) -> np.ndarray:
-        """Return the displacements of all held components at a value of the parameter, shape (k,), or as of other places (k, d)."""
+        """Return the prescribed displacements of all held components at a value of the loading parameter, shape (k,).
+
+        With `places` (k, d) the displacements are those that the same motions give to these places at rest.
+        """
         dimension = self.body.dimension
         motions = np.array([part.motion(parameter) for part in self.held]).reshape(-1, dimension, dimension + 1)
         rows = motions[self.part, self.component]
         return (rows[:, :-1] * (self.place if places is None else places)).sum(axis=1) + rows[:, -1]
 
     def plane_motions(self, parameter: float) -> np.ndarray:
-        """Return the motions of all planes, see `Held.motion`, shape (p, d, d + 1); 0 in free components."""
+        """Return the motions [Q - I, c] of all reflection planes (see `Held.motion`), shape (planes, d, d + 1); 0 in free components."""
         found = np.zeros((len(self.planes), self.body.dimension, self.body.dimension + 1))
         for part in self._of_planes:
             found[part.plane, part.components] = part.motion(parameter)[list(part.components)]
         return found
 
     def at_rest(self, parameter: float) -> bool:
-        """Return whether, at a value of the parameter, everything held is in its place at rest and there are no loads."""
+        """Return whether all held parts are in their places at rest and all loads are zero, at a value of the loading parameter."""
         moved = self._share.greatest(np.abs(self.moves(parameter))) > AT_REST * self.body.extent
         return not moved and (self.loads is None or self.loads.vanish(parameter))
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
-        """Move everything that is held to where it is at a value of the parameter, and bring the loads to their size there."""
+        """Move held points (in `positions`) and planes (in `force`) to their places at a value of the parameter, and set the loads."""
         self.hold(parameter, force, positions)
         if self.loads is not None:
             self.loads.set(parameter)
 
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
-        """Move everything that is held to where it is at a value of the parameter."""
+        """Move held points, in `positions`, and reflection planes, in `force`, to their places at a value of the loading parameter."""
         positions[self.there] = self.body.points[self.there] + self.moves(parameter)[self.at_points]
         for support in self.supports:
             support.set(parameter)
@@ -158,7 +162,10 @@ class Loading:
             force.move_plane(number, motion[:, -1], motion[:, :-1] if number in self.turning else None)
 
     def unevenness(self, last: float, now: float, ahead: float) -> float:
-        """Return the deviation of held parts from their velocity since the `last` value, relative to their way to a value `ahead`."""
+        """Return by how much held parts change velocity at the value `now`, relative to their displacement from there to the value `ahead`.
+
+        The deviation is from continuing at the mean velocity between the values `last` and `now` of the loading parameter.
+        """
         if now == last:
             return 0.0
         before, present, after = (np.append(self.moves(t)[self.at_points], self.plane_motions(t)) for t in (last, now, ahead))
@@ -167,14 +174,14 @@ class Loading:
         return off / max(ways) if off > 0 else 0.0
 
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
-        """Check that no point is on the far side of a plane in which the body is reflected, where its own image belongs.
+        """Check that no point has crossed a reflection plane to the side of its own image.
 
-        Points without support are left out: nothing moves them.
+        Points without support, at which the force has no deformation gradient, are not checked.
 
         Raises
         ------
         InvalidState
-            Names the point that is farthest beyond, and the plane.
+            If a point has crossed; names the point that is farthest beyond, and the plane.
         """
         supported, motions = force.supported, self.plane_motions(parameter)
         for name, plane, motion, held in zip(self.planes, self.body.planes, motions, self.plane_components, strict=True):
@@ -192,7 +199,7 @@ class Loading:
             self.body.share.agree(error)
 
     def _beside_free_side(self, point: int, axis: int) -> bool:
-        """Return whether the neighbours of a point lie to one side of it, along a plane that an axis is normal to."""
+        """Return whether a point lies next to a free side: its neighbours lie to one side of it along the plane normal to an axis."""
         bonds = self.body.bonds
         neighbours = bonds.neighbours[bonds.pointers[point] : bonds.pointers[point + 1]]
         arms = self.body.all_points[neighbours] - self.body.points[point]
@@ -200,7 +207,7 @@ class Loading:
         return bool(np.linalg.norm(np.delete(middle, axis)) > ONE_SIDED * self.body.horizon)
 
     def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:
-        """Return the forces of all holders on the body in the state last evaluated.
+        """Return the reaction forces of all supports on the body in the state last evaluated.
 
         The reaction at a held point balances the internal force and the loads there.  The reaction of a plane is the force that does work
         on its displacement: half the force of each bond to an image, times the displacement of the image per displacement of the plane,
@@ -210,7 +217,7 @@ class Loading:
         ----------
         force : InternalForce
         on_points : ndarray, shape (n, d), optional
-            Internal force and loads on every point in that state; summed from all pairs where they are not given.
+            Internal force and loads on every point in that state; by default summed from the forces of all pairs.
         """
         bonds, planes, shares = self.crossing
         crossing, on_planes = force.pair_forces(bonds), np.zeros(self.plane_components.shape)
@@ -221,7 +228,7 @@ class Loading:
         return self.reactions_of(self._share.total(on_planes), levers, on_points)
 
     def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
-        """Return the forces of all holders from those on planes, with their levers, and from internal force and loads on every point."""
+        """Return the reactions from the forces and levers of planes (see `Reactions`), and internal force plus loads on points (n, d)."""
         forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
         if self._of_points:
             at_points = -on_points * (1 - self.free)
@@ -252,12 +259,15 @@ class Loading:
         return moment_of(self._share.total(levers))
 
     def _add_planes(self, of_holders: np.ndarray, of_planes: np.ndarray) -> None:
-        """Add values of planes, shape (planes, d, ...), to those of the holders that hold their components."""
+        """Add values of planes, shape (planes, d, ...), in place to the values of the holders that hold the planes' components."""
         for part in self._of_planes:
             of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
-        """Return the sum of f (x) y over every plane, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""
+        """Return, for every plane, the sum of f (x) y over its forces f at places y, shape (planes, d, d).
+
+        The forces are those of the k bonds that cross planes, `crossing` (k, d), unless `force` has such sums of its own.
+        """
         levers = force.levers_on_planes()
         if levers is not None:
             return levers
@@ -269,7 +279,7 @@ class Loading:
         return levers
 
     def _on_points(self, force: InternalForce) -> np.ndarray:
-        """Return internal force and loads on every point in the state last evaluated, shape (n, d), carried as rigid regions do."""
+        """Return internal force plus loads on every point in the state last evaluated, shape (n, d), redistributed in rigid regions."""
         total = self.internal_forces(force)
         if self.loads is not None:
             self.loads.forces(force.positions[: len(self.body)], force.thickness(), total)
@@ -286,7 +296,7 @@ class Loading:
 
     @cached_property
     def _counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Components of own points whose force counts for a holder: its number, the point and the component."""
+        """Held components of this rank's own points that count for a holder: arrays of the holder's number, the point and the component."""
         holder = np.full(self.free.shape, -1)
         for part in self._of_points:
             holder[part.every[:, None], part.components] = -1 if part.holder is None else part.holder
@@ -296,7 +306,7 @@ class Loading:
 
     @cached_property
     def crossing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Bonds to images that planes move: their numbers, the planes, and half the image's displacement per displacement of the plane."""
+        """Bonds to images, for the reactions of planes: arrays of the bond, the plane, and half the image's displacement per plane's."""
         n, ghosts = len(self.body), self.body.ghosts
         outer = np.flatnonzero(self.body.bonds.second >= n)
         outer = outer[self._share.own[self.body.bonds.first[outer]]]
@@ -305,11 +315,11 @@ class Loading:
         return outer[rows], planes, levers[rows, planes] / 2
 
     def ends(self) -> list[np.ndarray]:
-        """Return the points of this share that each holder holds directly."""
+        """Return, for each holder, the local points that it holds; for a reflection plane the points that have images in it."""
         return self._by_holder([part.points for part in self.held])
 
     def _by_holder(self, points: list[np.ndarray]) -> list[np.ndarray]:
-        """Return the points that each holder holds, from those of every entry of `held`."""
+        """Return the points of each holder, from the points of each entry of `held`."""
         holders = np.repeat([-1 if part.holder is None else part.holder for part in self.held], [len(numbers) for numbers in points])
         every = np.concatenate([np.zeros(0, dtype=int), *points])
         return [np.unique(every[holders == number]) for number in range(len(self.names))]
@@ -334,7 +344,7 @@ class Loading:
 
     @cached_property
     def _beside(self) -> list[np.ndarray]:
-        """Own points that each holder holds directly; of a plane, those within a cell of it."""
+        """Own points that each holder holds; for a reflection plane, the points within a cell of it."""
         near = []
         for part in self.held:
             points = part.every

@@ -1,4 +1,4 @@
-"""Course of a body along its loading: first guesses and velocities from the held parts, and the power of the holders."""
+"""First guesses of equilibria, initial velocities of dynamics, and the power of supports, from the prescribed motions of held parts."""
 
 import math
 from collections.abc import Callable
@@ -17,30 +17,32 @@ from .preconditioner import extension_of
 from .rigid import displaced
 
 COMPRESSED = 0.05
-"""Compression anywhere, over the greatest tension in the body, beyond which the body may buckle: free edges, whose horizons are incomplete,
-show less."""
+"""Greatest compressive stress of a point, over the greatest tension in the body, beyond which the body is checked for buckling: points at
+free edges, whose horizons are incomplete, show less."""
 
 NO_STRESS = {"float32": 1e-5, "float64": 1e-10}
-"""Compression over the shear modulus that rounding of the forces may show, by precision."""
+"""Compressive stress over the shear modulus up to which it may be a rounding error of the forces, by precision."""
 
 LARGEST_TURN = 10.0
-"""Greatest turn of held parts in one portion of a first guess, in degrees. Points between them move along chords, which shrinks the body
-half way by 0.4 % for 10 degrees and by 13 % for 60; 2, 5 and 10 degrees need equally many evaluations (twisted boxes and cylinders)."""
+"""Greatest rotation of held parts in one step of a first guess, in degrees. Points between held parts move along chords, which shrinks the
+body half way by 0.4 % for 10 degrees and 13 % for 60; 2, 5 and 10 degrees need equally many evaluations (twisted boxes and cylinders)."""
 
 HALVINGS = 10
-"""Greatest number of halvings of a step in the search for a first increment; a guess a thousand times too long is a slip in the scene."""
+"""Greatest number of halvings in the search for a first increment; an increment a thousand times too long is a mistake in the scene."""
 
 AHEAD = 1e-6
-"""Change of the stretch, or share of a stage, over which velocities are formed as difference quotients; the rounding of the result, the
-root of that of the positions, is as small as its error."""
+"""Change of the stretch, or fraction of a stage, over which initial velocities are difference quotients. The rounding error of the
+velocities is then as small as their truncation error: the square root of the rounding error of the positions."""
 
 
 LEAST_SPREAD = 0.5
-"""Least spread of places along a direction in which they determine a gradient, over that of the body: across a thin edge it is noise."""
+"""Least spread of held places along a direction, over the spread of the body, with which they determine an affine map's gradient along it.
+
+The spread of the places across a thin edge is noise."""
 
 
 class Pull:
-    """Course of a body between two grips that move apart: homogeneous extension along the loaded axis, the parameter being the stretch.
+    """Guesses, velocities and power for a body between two grips: homogeneous extension along an axis, with the stretch as parameter.
 
     Parameters
     ----------
@@ -48,7 +50,7 @@ class Pull:
     axis : int
         Loaded direction.
     lower, length : float
-        Least coordinate of the body along it, and length of the undeformed body.
+        Least coordinate of the undeformed body along the loaded axis, and its length.
     travels : ndarray, shape (2, d)
         Displacement of each grip per unit of elongation.
     """
@@ -61,18 +63,18 @@ class Pull:
         self._lower_travel = travels[:, axis].min()  # the grip at the lower end moves down
 
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float | None:
-        """Return the greatest increment to plan, which is the bound that the scene sets."""
+        """Return `asked`, the bound that the scene sets on increments of the stretch, unchanged."""
         return asked
 
     def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
-        """Return the positions extended to another stretch; see `Paths.guesses`."""
+        """Return one first guess of an equilibrium: the positions at stretch `before`, extended homogeneously to stretch `after`."""
         old, new = (self._lower + self._lower_travel * (stretch - 1) * self._length for stretch in (before, after))
         guess = positions.copy()
         guess[:, self.axis] = new + (positions[:, self.axis] - old) * after / before
         return [guess]
 
     def velocities(self, positions: np.ndarray, motion: Motion) -> np.ndarray:
-        """Return the velocities of a homogeneous extension, with which the grips send no shock."""
+        """Return the velocities of a homogeneous extension at the speed of the grips, shape (n, d), so that their motion sends no shock."""
         (ahead,) = self.guesses(positions, motion.begin, motion.begin + AHEAD, None)
         return (ahead - positions) / AHEAD * motion.rate
 
@@ -81,20 +83,20 @@ class Pull:
         return float((reactions.forces * self._travels).sum())
 
     def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
-        """Return the power of the grips; see `Paths.power`."""
+        """Return the power of the grips: their pull times the rate of elongation; `time` and `step` are not used."""
         return self.pull(reactions) * (motion.rate * self._length)
 
     def growth(self, before: float, after: float) -> float:
-        """Return the change of the body's extent between two stretches."""
+        """Return the change of the body's extent in a homogeneous extension between two stretches."""
         return abs(after - before) * self._loading.body.extent
 
     def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
-        """Return whether the grips push in the state last evaluated, by more than the `least` force."""
+        """Return whether the grips push the body in the state last evaluated, with a force greater than `least`."""
         return self.pull(self._loading.reactions(force)) < -least
 
 
 class Paths:
-    """Course of a body whose held parts each follow a path of their own, the parameter being t.
+    """Guesses, velocities and power for a body whose held parts follow prescribed paths, with t as loading parameter.
 
     Parameters
     ----------
@@ -116,15 +118,17 @@ class Paths:
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
         """Return the greatest increment to plan between two values of the parameter.
 
-        It is the whole way, or the increment that the scene asks for, halved until its first guess strains no bond too much.
+        The increment begins as the whole difference, or `asked` if that is less, and is halved until its first guess strains no bond by
+        more than the bound.
 
         Parameters
         ----------
         positions : ndarray, shape (n, d)
-            In equilibrium at the start.
+            Equilibrium at the parameter `start`.
         start, end : float
+            Values of the loading parameter.
         asked : float or None
-            Bound by the scene.
+            Bound that the scene sets on increments; None for no bound.
         """
         largest = min(abs(end - start), asked or math.inf) or 1.0
         for _ in range(HALVINGS):
@@ -135,17 +139,18 @@ class Paths:
         return largest
 
     def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
-        """Return first guesses of an equilibrium, any of which may be the best.
+        """Return one or two first guesses of the equilibrium at the parameter `after`; the caller chooses the better.
 
-        One follows the held parts from the last equilibrium; where there are two, another continues the way between them.
+        The first guess follows the held parts from the last equilibrium; the second, if an earlier equilibrium is known, extrapolates.
 
         Parameters
         ----------
         positions : ndarray, shape (n, d)
-            In equilibrium at the value `before` of the parameter.
+            Last equilibrium, at the parameter `before`.
         before, after : float
+            Values of the loading parameter.
         earlier : tuple of float and ndarray, or None
-            Parameter and positions of the equilibrium before that one.
+            Parameter and positions of the equilibrium before the last.
 
         Raises
         ------
@@ -163,15 +168,15 @@ class Paths:
         return [guess, self._extended(positions + ratio * (positions - earlier[1]), planes, after)]
 
     def velocities(self, positions: np.ndarray, motion: Motion) -> np.ndarray:
-        """Return the velocities with which a body that has followed its conditions slowly goes on with them, shape (n, d)."""
+        """Return initial velocities of dynamics, shape (n, d), with which a body in equilibrium follows its held parts without a shock."""
         ahead = motion.begin + AHEAD * (motion.end - motion.begin)
         guess = self._extended(positions, self._loading.plane_motions(motion.begin), ahead)
         return (guess - positions) / (AHEAD * motion.duration)
 
     def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
-        """Return the power of all holders of the body at the end of a time step, per unit thickness in the plane.
+        """Return the power of all supports on the body at the end of a time step, per unit thickness in the plane.
 
-        Displacements are those over the last step, or over the next one where there is none.
+        The velocities of the supports are means over the last step, or over the next step at the start of the motion.
         """
         before, after = (motion.at(time - step), motion.at(time)) if time >= step else (motion.at(time), motion.at(time + step))
         old, new = self._loading.plane_motions(before), self._loading.plane_motions(after)
@@ -190,12 +195,12 @@ class Paths:
         return power
 
     def growth(self, before: float, after: float) -> None:
-        """Return None: conditions of this kind do not determine how far the body's extent changes."""
+        """Return None, since paths of held parts do not determine how much the body's extent changes."""
 
     def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
         """Return whether some point is compressed in the state last evaluated, by the virial stress of its bonds.
 
-        The bound of that stress is its own: no `least` force enters.
+        The bounds are `COMPRESSED` and `NO_STRESS`; the argument `least` is ignored.
         """
         n, bonds, positions = len(self.body), self.body.bonds, force.positions
         arms, pulls = positions[bonds.second] - positions[bonds.first], force.pair_forces()
@@ -209,7 +214,7 @@ class Paths:
         return bool(least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus))
 
     def response(self, displacements: np.ndarray) -> np.ndarray:
-        """Return the displacements of the body, shape (n, d), near held components that are displaced by (n, d)."""
+        """Return the displacements of the whole body, shape (n, d), that displacements (n, d) of held components cause."""
         return self._extend(displacements, np.zeros((len(self._loading.planes), self.body.dimension)))
 
     @cached_property
@@ -217,9 +222,9 @@ class Paths:
         return extension_of(self.body, self._springs, self._loading.free)
 
     def _followed(self, positions: np.ndarray, before: float, after: float) -> tuple[np.ndarray, float]:
-        """Return the guess that follows held parts, and the greatest strain of a bond on the way.
+        """Return the first guess that follows held parts between two parameters, and the greatest strain of a bond between both states.
 
-        It is found in enough portions of the way that no part turns far and points move along arcs.
+        The guess is found in steps that turn no held part by more than `LARGEST_TURN`, so that points move nearly along arcs.
         """
         turns = (abs(part.angle(after) - part.angle(before)) for part in self._loading.held if part.angle is not None)
         portions, guess = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN)), positions
@@ -229,7 +234,7 @@ class Paths:
         return guess, self._share.greatest(greatest_bond_strain(self.body, positions, guess))
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:
-        """Return the positions in which all held parts are in their place at t, from a start with planes moved by (p, d, d + 1).
+        """Return positions with all held parts in their places at t, extended from positions `start` at plane motions (planes, d, d + 1).
 
         An affine map fitted to the motion of the held parts is applied first: it captures homogeneous deformations and rotations of the
         whole body. The remaining held displacements are then interpolated as by a network of springs.
@@ -271,9 +276,9 @@ class Paths:
         return guess
 
     def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the present places (k, d) of the held components, and the coordinate (k,) that each is to reach at `t`.
+        """Return the present places (k, d) of the held components, and the coordinate (k,) that each must reach at `t`.
 
-        For a reflection plane the places are the feet, on the plane, of the body's points next to it.
+        For a reflection plane the places are projections onto the plane of the points that have images in it.
         """
         loading, displacements = self._loading, start - self.body.points
         there = loading.point, loading.component
@@ -295,10 +300,10 @@ class Paths:
 def affine_extension(
     places: np.ndarray, components: np.ndarray, goals: np.ndarray, spread_along: Callable[[np.ndarray], float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the affine map y -> A y + b that takes some components of places nearest to their goals: the gradient A and the shift b.
+    """Return the affine map y -> A y + b that brings given components of places nearest to their goals: the gradient A and the shift b.
 
-    Along directions in which the places do not determine the gradient it is that of the identity. Where all of them lie on one line, in
-    space on one plane, as on a single clamped edge or face, the direction across it turns with them.
+    Along directions in which the places do not determine the gradient, A is that of the identity. Where all places lie on one line, or in
+    three dimensions on one plane, as on a single clamped edge or face, A rotates the normal of that line or plane with it.
 
     Parameters
     ----------
@@ -306,7 +311,7 @@ def affine_extension(
     components : ndarray of int, shape (k,)
         Component of each place that has a goal.
     goals : ndarray, shape (k,)
-        Value of that component in the end.
+        Value that this component must reach.
     spread_along : callable
         Standard deviation of the positions of the body along a direction (d,).
 
@@ -343,5 +348,5 @@ def affine_extension(
 
 
 def _normal(directions: np.ndarray) -> np.ndarray:
-    """Return the normal to one direction in the plane (1, 2), or to two in three dimensions (2, 3), which rotates with them."""
+    """Return the vector normal to one direction in the plane, shape (1, 2), or to two directions in three dimensions, shape (2, 3)."""
     return np.array([-directions[0, 1], directions[0, 0]]) if directions.shape[1] == 2 else np.cross(*directions)

@@ -22,16 +22,16 @@ past the bonds that should stop it."""
 
 
 class Power(NamedTuple):
-    """Power of forces at the positions.
+    """Power of forces at the present positions, with the velocities before, at and after the present time.
 
     Attributes
     ----------
     before, after : float
-        Power with the velocities of the half steps before and after. By the trapezoidal rule, half a step of each is the part of these
-        forces in the work over the steps that end and begin here.
+        Power with the velocities of the half steps before and after the present time. By the trapezoidal rule, each times half a step is
+        the work of these forces in the step that ends, or begins, at the present time.
     now : float
-        Power with the velocities at the positions. The velocities half a step before would overestimate it where velocities change within
-        a step, as near a crack.
+        Power with the velocities at the present time. The velocities half a step before would overestimate it where velocities change
+        within a step, as near a crack.
     """
 
     before: float = 0.0
@@ -39,7 +39,7 @@ class Power(NamedTuple):
     after: float = 0.0
 
     def plus(self, other: "Power", share: float = 1.0) -> "Power":
-        """Return this power plus a share of another."""
+        """Return the sum of this power and another one times `share`."""
         return Power(*(own + share * added for own, added in zip(self, other, strict=True)))
 
 
@@ -55,7 +55,7 @@ class ExplicitDynamics:
     ----------
     force : InternalForce
     hold : callable
-        ``hold(positions, ahead)`` moves all held parts to their positions at a time `ahead` from now.
+        ``hold(positions, ahead)`` moves all held parts to their positions at a time `ahead` from the present.
     positions, velocities : ndarray, shape (n, d)
         Initial values, changed in place.
     free : ndarray, shape (n, d)
@@ -116,7 +116,7 @@ class ExplicitDynamics:
         self.steps = 0
 
     def begin(self) -> None:
-        """Find the time step and the forces at the start.
+        """Compute the stable time step and the forces at the initial positions.
 
         Raises
         ------
@@ -149,28 +149,28 @@ class ExplicitDynamics:
 
     @property
     def followed(self) -> float:
-        """Fraction by which the elastic forces approach the forces ahead in a step, by implicit differences."""
+        """Fraction of the difference from `elastic` to the forces ahead of the positions by which `elastic` changes in a step."""
         return self.last_step / (self.last_step + self._viscosity)
 
     def evaluate_at_rest(self) -> None:
-        """Evaluate the forces at the positions without viscous part."""
+        """Evaluate the forces, including loads, at the present positions without viscous part."""
         self.force(self.positions, self.forces)
         self._add_loads()
 
     def find_elastic(self) -> None:
-        """Evaluate the elastic forces at the positions if there is viscosity; the force is then last evaluated there."""
+        """Evaluate the elastic forces `elastic` exactly, with held parts and the force at the present positions."""
         self._hold(self.positions, 0.0)
         self.force(self.positions, self.elastic)
 
     def _add_loads(self) -> None:
-        """Add the loads at their present size and at the positions."""
+        """Add the loads at their present size and at the present positions to `forces`."""
         if self._loads is not None:
             self._applied.fill(0.0)
             self._loads.forces(self.positions, self._loaded.thickness(), self._applied)
             self.forces += self._applied
 
     def centre(self) -> None:
-        """Shift velocities at the positions back by half a step, to the times at which the scheme has them."""
+        """Shift the velocities in time from the present positions back by half a step, as central differences need them."""
         self.velocities += self._half_step_of(-self.forces)
 
     def part_of(self, span: float) -> float:
@@ -178,7 +178,7 @@ class ExplicitDynamics:
         return span / max(1, math.ceil(span / self.time_step))
 
     def move(self) -> None:
-        """Advance velocities and positions by one step; the forces are still those before it."""
+        """Advance velocities and positions by one step, in place, without evaluating the forces at the new positions."""
         step = self.next_step()
         self._step(self.positions, self.velocities, step)
         self.last_step = step
@@ -186,21 +186,21 @@ class ExplicitDynamics:
         self._kicks = None
 
     def _step(self, positions: np.ndarray, velocities: np.ndarray, step: float) -> None:
-        """Advance velocities and positions in place."""
+        """Advance given velocities and positions by one step with the present forces, in place."""
         scheme = self.forces, self._free, self._mass, self._damping, step, self.last_step
         central_difference_step[positions.shape[1]](positions, velocities, *scheme)
 
     def next_step(self) -> float:
-        """Return the next step: stable, no longer than `longest`, and so short that no point moves too far."""
+        """Return the length of the next time step: stable, at most `longest`, and such that no point moves farther than `MOST_TRAVEL`."""
         fastest = self._share.greatest(max(self.velocities.max(), -self.velocities.min()))
         step = min(self.time_step, self.longest)
         return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
 
     def kick(self, forces: np.ndarray) -> None:
-        """Add half a step's impulse of forces that end at the present positions.
+        """Add to the velocities the impulse over half a step of forces of bonds that break at the present positions.
 
-        Velocities are half a step behind the positions. Breaking bonds act up to now, but the forces of the next full step exclude them;
-        without the impulse of their last half step the body would gain energy.
+        Velocities are half a step behind the positions. Breaking bonds act until the present time, but the forces of the next full step
+        exclude them; without the impulse of their last half step the body would gain energy.
         """
         kick = self._half_step_of(forces)
         self.velocities += kick
@@ -210,17 +210,17 @@ class ExplicitDynamics:
         return 0.5 * self.last_step * forces / self._mass[:, None] * self._free
 
     def evaluate(self) -> None:
-        """Evaluate the forces at the positions, and from time to time the time step."""
+        """Evaluate the forces at the present positions, and every `STEPS_BETWEEN_ESTIMATES` steps the stable time step."""
         if self.steps % self.STEPS_BETWEEN_ESTIMATES == 0:
             self._estimate()
         self._evaluate()
 
     def kinetic_energy(self) -> float:
-        """Return the kinetic energy of the last half step."""
+        """Return the kinetic energy with the present velocities, which are half a step behind the positions."""
         return 0.5 * self._share.dot(self.velocities, self.velocities, self._mass)
 
     def velocities_around(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the velocities of the half step before, at the positions, and of the half step after, shape (n, d) each.
+        """Return the velocities half a step before the present time, at the present time, and half a step after, shape (n, d) each.
 
         The velocities before exclude the impulse of bonds that broke at the present positions.
         """
@@ -229,13 +229,13 @@ class ExplicitDynamics:
         return before, now, self._following_velocities(self.next_step())
 
     def kept_energy(self) -> tuple[float, float]:
-        """Return the kinetic energies at the positions before and after them; each keeps its sum with the strain energy over steps.
+        """Return two kinetic energies at the present time, from before and from after it, which with the strain energy are conserved.
 
-        The first is the energy of the half step before, plus the work up to now of the forces that end here; the second that of the half
-        step after, minus the work from now on of the forces that begin here. For linear forces the change from the second to the first
-        over a step is the work of the forces by the trapezoidal rule, which is that of an elastic energy. The kinetic energy from the
-        velocity at the positions exceeds both by h^2 f M^-1 f/8, which is large where bonds have just broken. Both equal v M v'/2, except
-        where forces vanish here or the step changes: the scheme itself dissipates their difference.
+        The first is the kinetic energy of the half step before, plus the work of the old forces from then to the present time; the second
+        is the kinetic energy of the half step after, minus the work of the new forces from the present time to then. For linear forces the
+        change from the second energy of one step to the first of the next is the work of the forces by the trapezoidal rule, as for an
+        elastic energy. The kinetic energy from the velocity at the present time exceeds both by h^2 f M^-1 f/8, which is large where bonds
+        have just broken. Both equal v M v'/2, except where bonds break or the step changes: the scheme then dissipates their difference.
         """
         before, now, after = self.velocities_around()
         arriving, leaving = (self._share.dot(side, now - 0.5 * side, self._mass) for side in (before, after))
@@ -247,11 +247,11 @@ class ExplicitDynamics:
         return following
 
     def elastic_with_loads(self) -> np.ndarray:
-        """Return the forces on every point at the positions, without viscous part, shape (n, d)."""
+        """Return the elastic forces plus the loads on every point at the present positions, without viscous part, shape (n, d)."""
         return self.elastic if self._loads is None else self.elastic + self._applied
 
     def damped_power(self) -> Power:
-        """Return the power that damping and viscosity dissipate, the latter from the elastic forces as last evaluated or followed."""
+        """Return the power that damping and viscosity dissipate at the present time, using `elastic` for the viscous part."""
         before, now, after = self.velocities_around()
         taking = self._damping * self._mass[:, None] * now
         power = self._damping * self._share.dot(now, now, self._mass)

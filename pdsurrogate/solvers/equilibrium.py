@@ -1,4 +1,4 @@
-"""Protocol of solvers for equilibrium, their results and errors."""
+"""Base class of the solvers for equilibrium, the result of a solver, and the errors that solvers raise."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -16,62 +16,62 @@ Report = Callable[[int, float], None]
 """Function that a solver calls with the number of force evaluations so far and the residual."""
 
 UNBALANCED = 5e-4
-"""Greatest sum of the magnitudes of the forces left on free points, relative to that of the loads or reactions, whichever is greater.
+"""Greatest sum of the magnitudes of the residual forces on free points, over the sum for the loads or the reactions, whichever is greater.
 
-It bounds the error of every balance of forces, and of moments over the greatest lever."""
+The bound holds for the error of every balance of forces, and of moments over the greatest lever arm."""
 
 PER_TOLERANCE = 500
-"""Permitted ratio of the forces left to the driving forces, over the tolerance, if this is stricter than `UNBALANCED`."""
+"""Permitted ratio of residual to driving forces, divided by the tolerance of the solver; used where stricter than `UNBALANCED`."""
 
 SINGLE = 1e-7
 """Least residual that forces in single precision can reach: at rest their rounding error is some 1e-8."""
 
 ROUNDED = 100
-"""Residual that rounding of the positions may cause, over the stress of the strain that it causes in a bond. Below it, a search continues
-only while the forces left fall by a third within `IDLE` evaluations."""
+"""Residual that may be due to rounding of the positions, over the stress that this rounding causes in a bond. Below that residual a search
+continues only while the residual forces fall by a third within `IDLE` evaluations."""
 
 IDLE = 5
-"""Evaluations within which the forces left must fall by a third once they may be rounding errors, see `ROUNDED`."""
+"""Number of evaluations within which the residual forces must fall by a third once they may be rounding errors (see `ROUNDED`)."""
 
 
 def no_report(evaluations: int, residual: float) -> None:
-    """Ignore a report."""
+    """Ignore a progress report of a solver, as the default `Report`."""
 
 
 class NoEquilibrium(RuntimeError):
-    """Failure to find an equilibrium, which a shorter increment may avoid."""
+    """Error for an equilibrium that was not found, which a shorter increment may avoid."""
 
 
 class NotConverged(NoEquilibrium):
-    """The residual did not fall below the tolerance."""
+    """Error for a residual that did not fall below the tolerance."""
 
 
 class Unbalanced(NotConverged):
-    """Loads and reactions that do not add up to zero."""
+    """Error for loads and reactions that do not add up to zero."""
 
 
 class Diverging(NoEquilibrium):
-    """The iteration diverges."""
+    """Error for an iteration of a solver that diverges."""
 
 
 class TooSmall(RuntimeError):
-    """A strain that the precision of the force, or of the positions, does not resolve."""
+    """Error for strains or driving forces too small for the precision of the force or of the positions."""
 
 
 class Unstable(NoEquilibrium):
-    """An equilibrium that is not stable, or not a continuation of the previous one."""
+    """Error for an equilibrium that is not stable, or not a continuation of the previous one."""
 
 
 class TooFar(NoEquilibrium):
-    """An increment whose first guess strains the body too much for a solver to converge."""
+    """Error for an increment whose first guess strains the body too much for a solver to converge."""
 
 
 class RanAway(NoEquilibrium):
-    """A body that loads move far away within one increment, as happens beyond its limit load."""
+    """Error for a body that loads carry far away within one increment, as happens beyond its limit load."""
 
 
 def note_of_modes(force: InternalForce, consequence: str) -> str:
-    """Return the note on zero-energy modes for an error message; empty if the force has no such modes."""
+    """Return a note for an error message that the force has zero-energy modes, with their consequence; empty if it has none."""
     if not force.zero_energy_modes:
         return ""
     others = "force=bond-energy" if force.body.dimension == 3 else "force=analytic or force=bond-energy"
@@ -80,7 +80,7 @@ def note_of_modes(force: InternalForce, consequence: str) -> str:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Result of a solver.
+    """Result of a solver that has found an equilibrium.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Equilibrium:
     method : str
         Name of the method that converged.
     drive : float
-        Driving forces: sum of the magnitudes of the loads or of the reactions, whichever is greater; per unit thickness in the plane.
+        Driving force: sum of the magnitudes of the loads or of the reactions, whichever is greater; per unit thickness in the plane.
     """
 
     residual: float
@@ -103,8 +103,8 @@ class Equilibrium:
 class EquilibriumSolver(ABC):
     """Base class of the solvers for equilibrium.
 
-    The search ends when two conditions hold: the residual is below the tolerance, and the forces left on the free points are small compared
-    with the driving forces, or no greater than rounding errors.
+    The search ends when two conditions hold: the residual is below the tolerance, and the residual forces on the free points are small
+    compared with the driving forces, or no greater than rounding errors.
 
     Parameters
     ----------
@@ -120,9 +120,9 @@ class EquilibriumSolver(ABC):
 
     name: str
     needs_energy = False
-    """True for methods that need a force with an energy."""
+    """Whether the method needs a force that has an energy."""
     gave_up = False
-    """True once a faster method has failed on this body; a solver keeps no other state between calls."""
+    """Whether a faster method has failed on this body, so that it is not tried again; a solver keeps no other state between calls."""
 
     def __init__(
         self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000, share: Share | None = None
@@ -151,7 +151,7 @@ class EquilibriumSolver(ABC):
         positions : ndarray, shape (n, 2)
             Initial positions; the equilibrium on return, or the last state reached if an error is raised.
         tolerance : float, optional
-            Tolerance in place of the solver's own, for intermediate states: there the forces left are not compared with the driving forces.
+            Tolerance in place of the solver's own, for intermediate states; if greater, residual and driving forces are not compared.
         report : callable
             Called every few evaluations.
         least_drive : float
@@ -166,7 +166,7 @@ class EquilibriumSolver(ABC):
         """
 
     def preconditioner(self, force: InternalForce) -> Preconditioner:
-        """Return the approximation of the tangent of the force, built on first use."""
+        """Return the preconditioner, an approximation of the tangent of the force, built on first use."""
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free)
         return self._preconditioner
@@ -178,24 +178,24 @@ class EquilibriumSolver(ABC):
         return self.share.greatest(density) * force.body.spacing
 
     def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:
-        """Write the forces on free components to `out`, shape (n, d), 0 on held ones, whose forces are kept as driving forces."""
+        """Evaluate the force and write it to `out`, shape (n, d), with 0 in held components, whose forces are kept for `judge`."""
         force(positions, out)
         self._on_held = out[self._held]
         out[self._held] = 0.0
 
     def begin(self, force: InternalForce, least_drive: float) -> None:
-        """Begin a search; `least_drive` as in `solve`."""
+        """Reset the criteria of convergence for a new search; `least_drive` as in `solve`."""
         stiffness = force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
         self._least_drive, self.least_left, self._idle = least_drive, np.inf, 0
         self._rounding = ROUNDED * stiffness * strain_rounding(force.body)
 
     def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
-        """Return the residual in the state last evaluated, and whether the search ends there; forces as `evaluate` writes them.
+        """Return the residual in the state last evaluated, and whether it is an equilibrium; `forces` as written by `evaluate`.
 
         Raises
         ------
         TooSmall
-            If the forces left would have to be smaller than single precision resolves.
+            If the residual forces would have to be smaller than single precision resolves.
         """
         residual = self.residual(force, forces)
         if not residual <= tolerance or tolerance > self.tolerance:
@@ -226,7 +226,7 @@ class EquilibriumSolver(ABC):
         return self.share.total(float(np.abs(self._on_held).sum() + across))
 
     def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:
-        """Return the error for a residual, or a sum of forces, that is still too large."""
+        """Return the error to raise for a residual, or a sum of residual forces, that is still too large."""
         reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
         if residual <= tolerance:
             left = f"the forces left on free points are in sum more than {self._share_left:.1g} of those that drive the body"

@@ -1,4 +1,4 @@
-"""Held parts of a body, and those at places between points, where the points that are equally near move in the mean as is prescribed."""
+"""Held parts of a body, and supports at places between points, whose nearest points move in the mean as prescribed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,30 +11,31 @@ from .rigid import displaced
 
 @dataclass(frozen=True)
 class Held:
-    """Points, or a plane of reflection, some components of which follow the loading parameter.
+    """Held part of a body: points or a reflection plane, some components of which have a prescribed motion.
 
     Attributes
     ----------
     name : str
         Name of the condition in messages.
     holder : int or None
-        Number of the holder that its force counts for; None where results do not report it.
+        Number of the holder, a support reported in results, for which the force on this part counts; None where it is not reported.
     components : tuple of int
+        Held components.
     motion : callable
         [Q - I, c] at a value of the parameter, shape (d, d + 1): a place X moves by u(X) = (Q - I) X + c. Only held components are read.
     points : ndarray of int, shape (k,)
-        The points; of a plane those that have images in it.
+        The held points; for a plane the points that have images in it.
     places : ndarray, shape (k, d) or (1, d)
-        Places at rest that move so: those of the points, their feet on the plane, or the place between points that is held.
+        Places at rest to which `motion` applies: the held points, their projections onto the plane, or the held place between points.
     angle : callable, optional
-        Angle in degrees by which the part has turned at a value of the parameter, of one that turns; all its components are held.
+        Angle in degrees by which the part has turned at a value of the parameter; only for a part that turns, all components of it held.
     plane : int, optional
-        Number of the plane.
+        Number of the reflection plane.
     others : ndarray of int, optional
-        For a place between points: those that are as near to it as the one in `points`, which moves so that the mean displacement of all
-        is the prescribed one; on several ranks only the local ones.
+        For a held place between points: the points as near to it as the one in `points`, which moves so that the mean displacement of
+        all of them is the prescribed one; on several ranks only local points.
     count : int
-        Number of all these points on all ranks.
+        Number of points around such a place, the one in `points` and the others, on all ranks; 1 without others.
     """
 
     name: str
@@ -50,24 +51,27 @@ class Held:
 
     @property
     def every(self) -> np.ndarray:
-        """Return the points, and for a place between points also the others that are equally near."""
+        """Return the numbers of all held points, including those in `others`."""
         return self.points if self.others is None else np.concatenate([self.points, self.others])
 
 
 class Support:
-    """A held place between points: it moves its held point in every state, and hands the force on this to the others.
+    """Support at a place between points: one point moves so that the mean displacement of the points around is the prescribed one.
 
-    With u_0 = count g - sum u_k the energy's derivative by u_k is f_k - f_0, as of a body that is held by forces at the place itself.
+    The force on that point is passed to the others: with its displacement u_0 = count g - sum u_k the derivative of the energy by u_k is
+    f_k - f_0, as for a body that is held by forces at the place itself.
 
     Parameters
     ----------
     body : Body
     part : Held
+        Held part with `others`.
 
     Attributes
     ----------
     response : callable
-        Displacements of the body, shape (n, d), about where held components are displaced by (n, d); set by the conditions of the body.
+        Function that returns the displacements of the body, shape (n, d), caused by displacements (n, d) of held components; set by the
+        caller.
     """
 
     response: Callable[[np.ndarray], np.ndarray]
@@ -78,11 +82,11 @@ class Support:
         self.set(0.0)
 
     def set(self, parameter: float) -> None:
-        """Set the prescribed displacement at a value of the loading parameter."""
+        """Set the mean displacement to prescribe to its value at a loading parameter."""
         self._goal = displaced(self._part.motion(parameter), self._part.places)[0]
 
     def place(self, positions: np.ndarray) -> None:
-        """Move the held point to where the others leave it."""
+        """Move the held point, in `positions`, to where the mean displacement of it and the others is the prescribed one."""
         self._body.share.fill(positions)
         part, at_rest = self._part, self._body.points
         if len(part.others) == part.count - 1:  # on another rank there may be fewer, and a copy of the held point
@@ -91,19 +95,22 @@ class Support:
             positions[self._point, part.components] = placed[:, part.components]
 
     def fold(self, forces: np.ndarray) -> None:
-        """Hand the force on the held point to the others."""
+        """Subtract the force on the held point from the forces on the other points of the place, in place."""
         self._body.share.fill(forces)
         if len(self._point):
             forces[self._others, self._part.components] -= forces[self._point, self._part.components]
 
     def spread(self, reactions: np.ndarray) -> None:
-        """Copy the reaction at the held point to the others."""
+        """Copy the reaction at the held point to the other points of the place, in place."""
         self._body.share.fill(reactions)
         if len(self._point):
             reactions[self._others, self._part.components] = reactions[self._point, self._part.components]
 
     def fields(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return weights (n, d) of the mean and response of the body to the held point, scaled to a mean of 1, by component."""
+        """Return, for each held component, the weights (n, d) of the mean displacement, and a displacement field (n, d) of mean 1.
+
+        The field is the response of the body to a displacement of the held point.
+        """
         found = []
         for component in self._part.components:
             moved, weights = np.zeros((2, *self._body.points.shape))

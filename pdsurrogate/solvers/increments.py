@@ -1,26 +1,27 @@
-"""Course of a loading parameter: in increments that fail or succeed, or as a function of time for bodies with inertia."""
+"""Change of the loading parameter: in increments that are shortened after failures, or as a function of time in dynamics."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 LEAST_SHARE = 1 / 64
-"""Least share of a planned increment: a solution that increments of this share do not find is assumed not to exist."""
+"""Least fraction of a planned increment to try: if such an increment finds no equilibrium, none is assumed to exist."""
 
 
 class Increments:
-    """The way of a loading parameter from one value to another.
+    """Increments in which the loading parameter goes from one value to another, halved after failures and doubled after successes.
 
-    Planned are equal increments of at most a given size.  Shares of them are powers of one half, and a share is doubled only where the
-    sum of those taken is a multiple of the double: after a failure the way comes back to the planned values.
+    The planned increments are equal and at most of a given size. The present increment is a power of one half of the planned one, and is
+    doubled only where the number of increments done is a multiple of the doubled one, so that planned values are reached again.
 
     Parameters
     ----------
     start, end : float
+        Values of the loading parameter.
     largest : float
         Bound of the planned increments.
     done, share : float
-        Of a way that was begun before: planned increments that are behind, and the present one over the planned.
+        To continue from a checkpoint: number of planned increments done, and the present increment over the planned one.
 
     Attributes
     ----------
@@ -36,35 +37,35 @@ class Increments:
         self._done, self.share = done, share
 
     def describe(self) -> dict[str, float]:
-        """Return the arguments from which the way is made again, without its end."""
+        """Return the arguments that make these increments again, except `end`, for a checkpoint."""
         return {"start": self._start, "largest": self._largest, "done": self._done, "share": self.share}
 
     @property
     def finished(self) -> bool:
-        """True if the end has been reached."""
+        """True if the loading parameter has reached its end value."""
         return self._done == self._count
 
     @property
     def ends(self) -> bool:
-        """True if the present increment leads to the end."""
+        """True if the present increment leads to the end value."""
         return self._done + self.share == self._count
 
     @property
     def target(self) -> float:
-        """Value to which the present increment leads."""
+        """Value of the loading parameter to which the present increment leads."""
         number, part = divmod(self._done + self.share, 1.0)
         first = self._planned[int(number)]
         return float(first + part * (self._planned[int(number) + 1] - first) if part else first)
 
     @property
     def size(self) -> float:
-        """Size of the present increment."""
+        """Size of the present increment of the loading parameter."""
         return float(abs(self._planned[-1] - self._planned[0]) * self.share / self._count)
 
     def accept(self, easy: bool = True) -> bool:
-        """Count the increment as done; double it if it was easy, had been halved, and the way done is a multiple of the double.
+        """Count the present increment as done, double the next one if possible, and return whether it was doubled.
 
-        Return whether it was doubled.
+        It is doubled if the increment was easy and had been halved, and the increments done are a multiple of the doubled one.
         """
         self._done += self.share
         longer = easy and self.share < 1 and (self._done / (2 * self.share)).is_integer()
@@ -73,7 +74,7 @@ class Increments:
         return longer
 
     def shorten(self) -> bool:
-        """Halve the increment; False where it would become too short."""
+        """Halve the present increment and return True, or return False where it would be shorter than `LEAST_SHARE`."""
         if self.share <= LEAST_SHARE:
             return False
         self.share /= 2
@@ -82,7 +83,7 @@ class Increments:
 
 @dataclass(frozen=True)
 class Motion:
-    """The loading parameter as a function of the time since a phase of dynamics began.
+    """The loading parameter as a linear function of the time since a stage in dynamics began.
 
     Attributes
     ----------
@@ -91,7 +92,7 @@ class Motion:
     rate : float
         Change of the parameter per unit time.
     duration : float
-        Duration of the phase.
+        Duration of the stage.
     """
 
     begin: float
@@ -101,15 +102,15 @@ class Motion:
 
     @classmethod
     def lasting(cls, begin: float, end: float, duration: float) -> "Motion":
-        """Return the even motion from one value to another in a given time; the values may be equal."""
+        """Return the motion of the parameter from one value to another in a given time; the values may be equal."""
         return cls(begin, end, (end - begin) / duration, duration)
 
     @classmethod
     def at_rate(cls, begin: float, end: float, rate: float) -> "Motion":
-        """Return the motion from one value to a greater one at a given rate."""
+        """Return the motion of the parameter from one value to a greater one at a given rate."""
         return cls(begin, end, rate, (end - begin) / rate)
 
     def at(self, time: float) -> float:
-        """Return the parameter at a time; from the end of the phase on it stays constant."""
+        """Return the parameter at a time; it stays constant after its end value is reached."""
         value = self.begin + self.rate * time
         return min(value, self.end) if self.rate > 0 else max(value, self.end)

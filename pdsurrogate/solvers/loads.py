@@ -1,4 +1,4 @@
-"""Loads: forces on the boundary, in the volume and on points, and pressures that follow the boundary (theory (42)-(46))."""
+"""Loads: dead forces on the boundary, in the volume and on points, and pressures that follow the boundary (theory (42)-(46))."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,20 +12,20 @@ from .held import Support
 from .rigid import RigidRegion, moment_of
 
 AT_REST = 1e-14
-"""Displacement over the extent of the body, or amplitude of a load, that counts as zero: a sine has rounding errors of this size."""
+"""Greatest displacement over the extent of the body, or amplitude of a load, that counts as zero: a sine has such rounding errors."""
 
 Amplitude = Callable[[float], float]
 
 
 class DeadLoad:
-    """Load whose forces keep their size and direction, at points.
+    """Load on points whose forces do not depend on the deformation.
 
     Parameters
     ----------
     name : str
-        Name under which results report it.
+        Name under which results report the load.
     amplitude : callable
-        Factor of the forces, a function of the loading parameter; ValueError where it has no value.
+        Factor on the forces as a function of the loading parameter; raises ValueError where it has no value.
     share : Share
     points : ndarray of int, shape (k,)
         Points that this rank owns.
@@ -37,8 +37,8 @@ class DeadLoad:
     factor : float
         Present value of the amplitude.
     weights : ndarray, shape (k,)
-        Part of each point in the mean displacement: in proportion to its force along that of the load, whose work is then force times
-        displacement.
+        Weight of each point in the mean displacement of the load: the component of its force along the total force, so that the work of
+        the load is force times mean displacement.
     name, amplitude, points, forces
     """
 
@@ -49,18 +49,18 @@ class DeadLoad:
             self.weights = forces @ total / max(np.linalg.norm(total), 1e-300)
 
     def at_sites(self, vectors: np.ndarray) -> np.ndarray:
-        """Return the rows of the points that the load acts on, shape (k, d), of an array (n, d)."""
+        """Return the vectors at the k points that the load acts on, shape (k, d), from an array of all points (n, d)."""
         return vectors[self.points]
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
-        """Return the present force on each of these points, shape (k, d)."""
+        """Return the present force on each of the k points that the load acts on, shape (k, d), whatever the arguments."""
         return self.factor * self.forces
 
 
 class Pressure:
-    """Pressure on some facets of the boundary.
+    """Pressure on facets of the boundary, which follows their deformation.
 
-    A facet may depend on points of several shares, so that all shares evaluate all facets together, and one of them counts them.
+    A facet may depend on points of several ranks, so that all ranks evaluate all facets together, and the first one counts them.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Pressure:
     no_potential_because : str or None
         Why the pressure has no potential; None if it has one.
     weights : ndarray, shape (f,)
-        Part of each facet in the mean displacement: all are alike.
+        Weight of each facet in the mean displacement: 1 on the first rank, 0 on the others.
     name, amplitude, factor, deformed
     """
 
@@ -123,42 +123,42 @@ class Pressure:
         return forces
 
     def add(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
-        """Add the forces on the points to `out`, shape (n, d)."""
+        """Add the forces of the pressure on the points to `out`, shape (n, d)."""
         out[self._points] += self._spread @ self._on_facets(positions, thickness)
 
     def at_sites(self, vectors: np.ndarray) -> np.ndarray:
-        """Return positions or velocities of the middles of the facets from those of the points, shape (f, d)."""
+        """Return vectors at the middles of the facets, shape (f, d), interpolated from positions or velocities of all points (n, d)."""
         return self._share.total(self._middle @ vectors.take(self._points, axis=0))
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
-        """Return the force on every facet that counts here, shape (f, d)."""
+        """Return the force on every facet, shape (f, d); 0 on ranks other than the first."""
         return self._on_facets(positions, thickness) * self._share.leads
 
     def _sides_at(self, positions: np.ndarray) -> list[np.ndarray]:
-        """Return the vectors along the sides of the facets."""
+        """Return the vectors from the first node of each facet to its other nodes, an array (f, d) for each of these."""
         places = positions.take(self._points, axis=0)
         return [self._share.total(rows @ places) for rows in self._sides]
 
     def potential(self, positions: np.ndarray) -> float:
-        """Return pressure times the area or volume that the facets have swept since rest, where it counts (theory (46))."""
+        """Return pressure times the area or volume that the facets have swept since rest (theory (46)); 0 on ranks but the first."""
         enclosed = _enclosed(self.at_sites(positions) - self._origin, self._sides_at(positions))
         return self._value * self.factor * float((enclosed - self._enclosed_at_rest).sum()) * self._share.leads
 
 
 def _normals(sides: list[np.ndarray]) -> np.ndarray:
-    """Return the normals of facets, of the length of an edge or the area of a triangle, from the vectors along their sides."""
+    """Return the normals of facets, as long as an edge or as the area of a triangle, from the vectors `sides` to their other nodes."""
     if len(sides) == 1:
         return np.stack([sides[0][:, 1], -sides[0][:, 0]], axis=1)
     return 0.5 * np.cross(*sides)
 
 
 def _enclosed(middles: np.ndarray, sides: list[np.ndarray]) -> np.ndarray:
-    """Return the area or volume between each facet and the origin; a closed chain or surface of facets encloses their sum."""
+    """Return the signed area or volume between each facet and the origin; a closed boundary encloses the sum over its facets."""
     return (middles * _normals(sides)).sum(axis=1) / middles.shape[1]
 
 
 def _closed(facets: np.ndarray) -> bool:
-    """Return whether facets of the given nodes, shape (f, d), have no rim: each side belongs to two of them, in opposite directions."""
+    """Return whether facets, given by their nodes (f, d), form closed boundaries: two facets share every side, in opposite directions."""
     if facets.shape[1] == 2:
         return np.array_equal(*np.sort(facets, axis=0).T)
     sides = np.concatenate([facets[:, [0, 1]], facets[:, [1, 2]], facets[:, [2, 0]]])
@@ -205,7 +205,7 @@ class Loads:
         Raises
         ------
         InvalidState
-            Where an amplitude or a force has no finite value there.
+            If an amplitude has no value, or a force no finite value, at this parameter.
         """
         try:
             for load in self._loads:
@@ -264,14 +264,14 @@ class Loads:
         return float(sum((load.on_sites(positions, thickness) * load.at_sites(velocities)).sum() for load in self._loads))
 
     def by_name(self, positions: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """Return the total force of the loads in a state, shape (d,), by name; loads of one name are summed."""
+        """Return the total force of the loads at given positions, shape (d,), by name; loads that share a name are summed."""
         return self._summed(lambda load: load.on_sites(positions, thickness))
 
     def displacements(self, positions: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the mean displacement of the parts that loads act on, shape (d,), by name; loads of one name are averaged together.
+        """Return the mean displacement of the points or facets that loads act on, shape (d,), by name; a name shared counts as one load.
 
-        Points count in proportion to their part of a force, so that its work is force times displacement.  A pressure moves with the
-        middles of its facets.
+        Points have the weights `DeadLoad.weights`, so that the work of a load is force times mean displacement. For a pressure the mean is
+        over the middles of its facets.
         """
         displacement = positions - self.body.points
         totals = self._summed(lambda load: load.weights[:, None] * load.at_sites(displacement))
@@ -279,7 +279,7 @@ class Loads:
         return {name: total / (weights[name] or 1.0) for name, total in totals.items()}
 
     def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """Return the moment of the loads in a state about a place (d,), by name; loads of one name are summed.
+        """Return the moment of the loads at given positions about a place (d,), by name; loads that share a name are summed.
 
         The moment is a counter-clockwise number in the plane and a vector of shape (3,) in three dimensions.
         """
@@ -287,7 +287,7 @@ class Loads:
         return {name: moment_of(lever) for name, lever in levers.items()}
 
     def _summed(self, of: Callable[[DeadLoad | Pressure], np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the sums of values at the places that loads act at, over all shares, by name."""
+        """Return, by name of the loads, the sums over all ranks of the values `of(load)` at the points or facets that a load acts on."""
         totals = dict.fromkeys((load.name for load in self._loads), 0.0)
         for load in self._loads:
             totals[load.name] = totals[load.name] + of(load).sum(axis=0)
@@ -295,11 +295,11 @@ class Loads:
 
 
 class LoadedForce:
-    """Internal force with loads, supports at places and rigid regions, which solvers use for a body that has any of them.
+    """Internal force plus loads, supports at places and rigid regions, used by solvers for a body that has any of these.
 
-    All other attributes are those of the internal force. A call moves its positions, in place, to the nearest ones in which regions are
-    rigid. Forces on the points of a region are replaced by forces of the same resultant that move it as one body, so that any solver that
-    divides them by volumes, or by `inverse_with_regions`, steps in the rigid motions of the region.
+    All other attributes are those of the internal force. A call moves the positions, in place, to the nearest positions in which regions
+    are rigid. Forces on the points of a region are replaced by forces of equal resultant that move the region as one body, so that any
+    solver that divides forces by volumes, or applies `inverse_with_regions`, steps in the rigid motions of the region.
 
     Parameters
     ----------
@@ -330,7 +330,7 @@ class LoadedForce:
         return getattr(self.internal, name)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Write internal force and loads on every point at positions (n, d), in the plane per unit thickness, to `out` (n, d).
+        """Write internal force plus loads on every point at positions (n, d), in the plane per unit thickness, to `out` (n, d).
 
         Raises
         ------
@@ -365,7 +365,7 @@ class LoadedForce:
         Raises
         ------
         InvalidState
-            Where it has no value.
+            If the stretch of the thickness has no value.
         """
         if self.loads is None or not self.loads.needs_thickness:
             return None
@@ -373,6 +373,6 @@ class LoadedForce:
         return self.internal.volume_ratios() / (F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0])
 
     def energy(self) -> float:
-        """Return stored energy and potential of the loads, per unit thickness, in the state last evaluated."""
+        """Return the sum of stored energy and potential of the loads, per unit thickness in the plane, in the state last evaluated."""
         energy = self.internal.energy()
         return energy if self.loads is None else energy + self.loads.potential(self.internal.positions[: len(self.body)])

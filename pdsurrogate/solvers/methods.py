@@ -1,6 +1,6 @@
-"""Methods for equilibrium: quasi-Newton on the residual or on the energy, dynamic relaxation, damped explicit stepping; and a choice.
+"""Methods for equilibrium: quasi-Newton on the residual or on the energy, dynamic relaxation, damped explicit stepping.
 
-The paper's method is the explicit one.
+`Automatic` chooses among the first three; the paper's method is the explicit one.
 """
 
 import math
@@ -21,11 +21,11 @@ from .stability import FrequencyEstimate
 
 
 class QuasiNewton(EquilibriumSolver):
-    """L-BFGS on the residual force, with the preconditioner of that force.
+    """Quasi-Newton method for equilibrium: preconditioned L-BFGS on the residual force, which needs no energy.
 
-    The force map is not the gradient of an energy, so that no line search on one is possible: steps are bounded by the stretch that they
-    cause and shortened if the residual grows. If the tangent is far from symmetric, or has modes that the stiffness of the nearest bonds
-    lacks (NOSB), the method fails with an error within a bounded number of evaluations.
+    The force map is not the gradient of an energy, so that no line search on an energy is possible: steps are bounded by the stretch that
+    they cause and shortened if the residual grows. If the tangent is far from symmetric, or has modes that the stiffness of the nearest
+    bonds lacks (NOSB), the method fails with an error within a bounded number of evaluations.
 
     References
     ----------
@@ -81,11 +81,11 @@ class QuasiNewton(EquilibriumSolver):
         return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
 
     def _bound(self, force, step) -> None:
-        """Shorten a step that strains a bond more than `LARGEST_STRAIN`."""
+        """Scale a step (n, d), in place, so that it strains no bond by more than `LARGEST_STRAIN`."""
         step *= min(1.0, self.LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
 
     def _advance(self, force, positions, step, forces, trial):
-        """Move by the longest accepted part of a step, scale `step` to it, and return the forces there."""
+        """Move `positions` by the longest accepted fraction of a step, scale `step` by it in place, and return the new forces."""
         accepts, following, share = self._criterion(force, step, forces), np.empty_like(forces), 1.0
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
@@ -104,12 +104,15 @@ class QuasiNewton(EquilibriumSolver):
         raise Diverging(self.NO_STEP)
 
     def _criterion(self, force, step, forces) -> Callable[[np.ndarray, float], tuple[bool, float]]:
-        """Return the rule that accepts forces after a share of a step, or returns the factor by which to shorten it."""
+        """Return the rule of acceptance of a step.
+
+        From the forces after a fraction of the step, the rule returns whether to accept, and else the factor by which to shorten.
+        """
         square = self.share.dot(forces, forces)
         return lambda following, share: (self.share.dot(following, following) <= self.MOST_GROWTH**2 * square, 0.5)
 
     def _direction(self, preconditioner, forces, history):
-        """Return the direction of the two-loop recursion, with the preconditioner between the loops."""
+        """Return the next step (n, d) by the two-loop recursion of L-BFGS, with the preconditioner between the loops."""
         q = forces.copy()
         factors = []
         for step, change, rho in reversed(history):
@@ -123,7 +126,7 @@ class QuasiNewton(EquilibriumSolver):
 
 
 class EnergyMinimiser(QuasiNewton):
-    """L-BFGS from the preconditioner that suits the force, each step along a direction in which the energy falls.
+    """Minimisation of the energy for equilibrium: preconditioned L-BFGS, with steps that lower the energy.
 
     A step is accepted if the energy falls enough or, if its change is lost in rounding, by a condition on the slope along the step.
 
@@ -165,7 +168,7 @@ class EnergyMinimiser(QuasiNewton):
 
 
 class SteppingSolver(EquilibriumSolver):
-    """Base class of solvers that step towards equilibrium, with one force evaluation per step."""
+    """Base class of solvers for equilibrium by damped motion in time steps, with one force evaluation per step."""
 
     # The iteration diverges if the residual exceeds this multiple of its first value (or of shear modulus / spacing).
     MOST_GROWTH = 1e3
@@ -188,7 +191,7 @@ class SteppingSolver(EquilibriumSolver):
 
     @abstractmethod
     def prepare(self, force: InternalForce, positions: np.ndarray, caution: float) -> Callable[[np.ndarray], None]:
-        """Prepare a search, and return a function that steps `positions`, given the forces there.
+        """Prepare a search, and return a function ``step(forces)`` that moves `positions`, in place, by one time step.
 
         `caution` multiplies the squared frequency for which the step must be stable.
         """
@@ -219,9 +222,9 @@ class SteppingSolver(EquilibriumSolver):
 
 
 class DynamicRelaxation(SteppingSolver):
-    """Adaptive dynamic relaxation: fictitious masses for a unit time step, and critical damping of the dominant mode.
+    """Solver for equilibrium by adaptive dynamic relaxation: fictitious masses for a unit time step, and critical damping.
 
-    The frequency of that mode is the Rayleigh quotient of the velocity.
+    The mode that is damped critically is the dominant one, with the Rayleigh quotient of the velocity as squared frequency.
 
     References
     ----------
@@ -250,7 +253,7 @@ class DynamicRelaxation(SteppingSolver):
 
 
 class DampedExplicit(SteppingSolver):
-    """Damped explicit stepping of the paper, with one fixed time step and one fixed damping rate.
+    """Solver for equilibrium by the paper's damped explicit stepping, with one fixed time step and one fixed damping rate.
 
     Time is in units in which the density is one, which does not affect the equilibrium.
     """
@@ -271,11 +274,11 @@ class DampedExplicit(SteppingSolver):
 
 
 class Automatic(EquilibriumSolver):
-    """Choose energy minimisation for nearly incompressible bodies, else the quasi-Newton method, and dynamic relaxation if that fails.
+    """Solver that chooses energy minimisation for nearly incompressible bodies, else quasi-Newton, and dynamic relaxation if that fails.
 
-    The preconditioner of the minimisation contains the bulk modulus, and its steps are long compared with the shear that corrects a change
-    of volume: the energy, if the force has one, limits them. Bodies whose factor would exceed memory are relaxed from the outset. A faster
-    method that has failed on a body is not tried there again, see `gave_up`.
+    The preconditioner of nearly incompressible bodies contains the bulk modulus, and steps with it are long compared with the shear that
+    corrects a change of volume: the energy, if the force has one, limits these steps. Bodies whose factorisation would exceed memory are
+    relaxed from the outset. A faster method that has failed on a body is not tried there again (see `gave_up`).
     """
 
     name = "automatic"
@@ -297,7 +300,7 @@ class Automatic(EquilibriumSolver):
         return self._method(force).preconditioner(force)
 
     def _method(self, force) -> EquilibriumSolver:
-        """Return the quicker method that suits the force."""
+        """Return the solver to try first on a force: the energy minimiser or the quasi-Newton method, made on first use."""
         if self._quick is None:
             self._quick = (EnergyMinimiser if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
             self.gave_up |= not force.nearly_incompressible and self.share.total(len(self.volumes)) > self.MOST_POINTS
@@ -321,4 +324,4 @@ class Automatic(EquilibriumSolver):
 
 
 SOLVERS = {solver.name: solver for solver in (Automatic, EnergyMinimiser, QuasiNewton, DynamicRelaxation, DampedExplicit)}
-"""Methods for equilibrium by their names in a scene."""
+"""Classes of the solvers for equilibrium, by the names that a scene gives them."""

@@ -1,4 +1,4 @@
-"""Linear systems: a cycle of multigrid for Laplacians of scattered points, and conjugate gradients for products alone."""
+"""Solvers of linear systems: a multigrid cycle for Laplacians of scattered points, and conjugate gradients for operators."""
 
 from collections.abc import Callable, Iterator
 
@@ -15,35 +15,35 @@ Operator = Callable[[np.ndarray], np.ndarray]
 InnerProduct = Callable[[np.ndarray, np.ndarray], float]
 
 COARSENING = 3
-"""Mean distances of points, along each axis, that are one on the next level."""
+"""Mean distance of points on a multigrid level over that on the next finer level, along each axis."""
 
 FEW = 1_500
-"""Points of a level that is factorised."""
+"""Greatest number of unknowns of a multigrid level that is factorised instead of coarsened further."""
 
 
 def factor_of(matrix: sparse.sparray):
-    """Return the factor of a symmetric positive definite matrix, which needs no pivots."""
+    """Return the sparse factorisation, without pivoting, of a symmetric positive definite matrix: an object with a method `solve`."""
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 class Multigrid:
-    """Smoothed aggregation over boxes of points, coarser levels visited twice (a W cycle).
+    """Multigrid preconditioner for a Laplacian of points: smoothed aggregation over boxes of points, with a W cycle.
 
     One cycle is a fixed, symmetric positive definite operator near the inverse of the matrix, as a preconditioner must be. It uses single
-    precision. Boxes divide the points evenly: next to a last layer of boxes that is one point thick errors would remain that are small in
-    the energy and large in the strain.
+    precision. Boxes divide the points evenly, since near a last layer of boxes one point thick errors would remain that are small in the
+    energy and large in the strain.
 
     Parameters
     ----------
     matrix : sparse.csr_array, shape (n, n)
-        Symmetric and positive definite, without positive off-diagonal entries but those of images.
+        Symmetric and positive definite; only bonds to images may have positive off-diagonal entries.
     points : ndarray, shape (n, d)
     spacing : float
         Mean distance of neighbouring points.
     free : ndarray of bool, shape (n,)
-        The others are joined to nothing.
+        False for held points, whose rows of the matrix have no off-diagonal entries.
     width : int
-        Right hand sides that are solved for at once.
+        Number of right-hand sides that are solved for at once.
 
     References
     ----------
@@ -77,7 +77,7 @@ class Multigrid:
         self._factor = factor_of(matrix)
 
     def cycle(self, right: np.ndarray) -> np.ndarray:
-        """Return the approximate solution for a right hand side (n,), or for several in the columns of (n, width)."""
+        """Return the approximate solution, by one W cycle, for a right-hand side (n,), or for several in the columns of (n, width)."""
         if len(self._levels) == 1:
             return self._factor.solve(right) / self._unit
         finest, unit = self._levels[0], power_of_two(np.abs(right).max())
@@ -86,7 +86,7 @@ class Multigrid:
         return finest.found[:, : self._width].reshape(right.shape) * (unit / self._unit)
 
     def _visit(self, number: int) -> None:
-        """Solve nearly on a level, from its right hand side."""
+        """Compute the approximate solution `found` of a level from its right-hand side `right`, by visits to the coarser levels."""
         level = self._levels[number]
         if level.down is None:
             level.found[:, : self._width] = self._factor.solve(level.right[:, : self._width].astype(float))
@@ -104,16 +104,16 @@ class Multigrid:
 
 
 class _Level:
-    """Arrays and passes of one level.
+    """Arrays of one multigrid level, and the compiled passes over them.
 
     Attributes
     ----------
     right, found, rest, first : ndarray of float32, shape (n, held)
         Right-hand side, solution, residual or intermediate solution, and the solution of a first visit.
     down, up : Chain or None
-        Passes before and after the next coarser level, to its right-hand side and from its solution; None on the coarsest.
+        Passes from `right` to the right-hand side of the next coarser level, and from the solution there to `found`; None on the coarsest.
     take_rest : Chain or None
-        Pass that computes the residual of the solution.
+        Pass that computes the residual `rest` of the solution `found`.
     """
 
     def __init__(self, count: int, held: int) -> None:
@@ -121,7 +121,7 @@ class _Level:
         self.down = self.up = self.take_rest = None
 
     def bind(self, matrix: sparse.csr_array, relaxation: np.ndarray, prolongation: sparse.csr_array, coarser: "_Level") -> None:
-        """Make the passes between this level and the next coarser one."""
+        """Create the passes `down`, `up` and `take_rest` between this level and the next coarser one."""
         rows, restriction = _rows(matrix), _rows(prolongation.T.tocsr())
         relaxation, right, found, rest = relaxation.astype(np.float32), self.right, self.found, self.rest
         passes, chunks = passes_of(right.shape[1]), chunks_of(matrix.nnz)
@@ -140,7 +140,7 @@ class _Level:
 
 
 def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
-    """Return the numbers of the boxes that points lie in, shape (n,), of equal widths along each axis nearest to `COARSENING`."""
+    """Return the number of the box in which each point lies, shape (n,); boxes are equal, and about `COARSENING` spacings wide."""
     least = points.min(axis=0) - spacing / 2
     extent = points.max(axis=0) + spacing / 2 - least
     counts = np.maximum(1, np.rint(extent / (COARSENING * spacing))).astype(np.int64)
@@ -150,21 +150,21 @@ def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _rows(matrix: sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return pointers, columns and values of the rows in the types of the passes."""
+    """Return row pointers, column numbers and values of a sparse matrix, converted to the types that the compiled passes take."""
     return matrix.indptr.astype(np.uint64), matrix.indices.astype(np.uint32), matrix.data.astype(np.float32)
 
 
 def conjugate_gradient_steps(
     left: np.ndarray, precondition: Operator, image_of: Operator, dot: InnerProduct, share_left: float, most: int
 ) -> Iterator[tuple[float, np.ndarray, float]]:
-    """Yield length and direction of every step, and the square of the rest before it, until the rest is small enough, or after `most`.
+    """Yield, for every step of conjugate gradients, its length, its direction, and the squared norm of the residual before it.
 
-    The solution is the sum of the lengths times the directions.
+    The solution is the sum of the lengths times the directions. The steps end once the residual is small enough, or after `most`.
 
     Parameters
     ----------
     left : ndarray
-        Right hand side, changed in place to the rest that the solution leaves.
+        Right-hand side, changed in place to the residual.
     precondition : callable
         Approximate inverse of the matrix: fixed, symmetric and positive definite.
     image_of : callable
@@ -172,8 +172,9 @@ def conjugate_gradient_steps(
     dot : callable
         Inner product.
     share_left : float
-        Size of the rest at the end over that of the right hand side, both in the norm of `precondition`.
+        Norm of the residual at the end over that of the right-hand side, both in the norm of `precondition`.
     most : int
+        Greatest number of steps.
     """
     direction = better = precondition(left)
     size = dot(left, better)
@@ -191,7 +192,7 @@ def conjugate_gradient_steps(
 
 
 def conjugate_gradients(left: np.ndarray, *settings) -> np.ndarray:
-    """Return the solution for a right hand side, the sum of all `conjugate_gradient_steps`; the arguments are theirs."""
+    """Return the solution of a linear system by conjugate gradients; the arguments are those of `conjugate_gradient_steps`."""
     found = np.zeros_like(left)
     for length, direction, _ in conjugate_gradient_steps(left, *settings):
         found += length * direction

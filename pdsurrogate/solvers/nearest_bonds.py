@@ -1,6 +1,6 @@
-"""Stiffness of the nearest bonds of a body, for preconditioners and first guesses: its matrix and the inverse.
+"""Springs along the nearest bonds of a body, for preconditioners and first guesses: their stiffness matrix and its inverse.
 
-The inverse of a body that is divided among ranks is that of overlapping parts, and of the affine motions of each part.
+For a body divided among ranks the inverse is approximate: it combines overlapping parts of the body and affine motions of each part.
 """
 
 from collections.abc import Callable, Iterable
@@ -18,9 +18,9 @@ from ..ranks import Share
 from .multigrid import Multigrid, Operator, conjugate_gradient_steps, conjugate_gradients, factor_of
 
 REACH = 1.3
-"""Greatest length, in spacings, of the bonds in the matrix: four bonds per point on a grid, and those of points off the grid.
+"""Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a grid, and similar ones off a grid.
 
-With the diagonals the factor has four times the entries and costs four times as much, for a tenth fewer steps.
+With the diagonal bonds too, a factorisation has four times the entries and costs four times as much, for a tenth fewer steps.
 """
 
 ELONGATION = 6.0
@@ -30,13 +30,13 @@ SHEAR_SHARE = 1 / 3
 """Stiffness of a spring across its bond over that along it; the true tangent has both."""
 
 SHIFT = 1e-6
-"""Share of the mean diagonal that is added to the diagonal, so that the matrices of bodies that can drift have a factor too."""
+"""Fraction of its mean that is added to a matrix's diagonal, so that the matrix of a body that can drift can be factorised too."""
 
 MOST_FACTORISED = {2: 300_000, 3: 5_000}
-"""Greatest number of points for which a Laplacian is factorised, by dimension. A multigrid cycle replaces larger factors, which fill in."""
+"""Greatest number of points, by dimension, for which a Laplacian is factorised; multigrid replaces larger factors, which fill in."""
 
 RAISED = 4 / 3
-"""Factor of the Laplacian that approximates the tangent of a nearly incompressible body, relative to that of rubber at rest.
+"""Factor on the Laplacian with which it approximates the tangent of a nearly incompressible body, relative to that of rubber at rest.
 
 Stretch and pressure stiffen the tangent. Of 1, 1.25, 1.5 and 2 (bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu) the
 middle two need a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
@@ -44,7 +44,7 @@ middle two need a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
 
 
 SOLVED, EXACTLY = 0.05, 1e-6
-"""Shares of the forces that inner conjugate gradients leave: in general, and where they replace a factor.
+"""Residual over the given forces at which inner conjugate gradients end: in general, and where they replace a factorisation.
 
 Restricted Schwarz alone, which exchanges less, was tried for few parts: a ring under pressure then needs 173 evaluations on two
 ranks and 273 on three, while one rank needs 76, and two with conjugate gradients 78."""
@@ -52,29 +52,29 @@ ranks and 273 on three, while one rank needs 76, and two with conjugate gradient
 MOST_STEPS_IN_PARTS = 200
 
 LEFT_BY_CHEBYSHEV = 0.2
-"""Share of any component of an error that Chebyshev's method may leave. A cycle of multigrid, which replaces a factor in large bodies
-on one rank, leaves as much."""
+"""Fraction of any component of an error that Chebyshev's method may leave. A multigrid cycle, which replaces a factorisation of large
+bodies on one rank, leaves as much."""
 
 LANCZOS_STEPS = 20
 """Number of Lanczos steps that determine the ends of a spectrum accurately enough for Chebyshev's method."""
 
 MARGIN = 1.1
-"""Factor of the greatest Ritz value: Chebyshev's method magnifies components beyond the end of its interval."""
+"""Safety factor on the greatest Ritz value, since Chebyshev's method magnifies components beyond the end of its interval."""
 
 
 UNDEFORMED = 1000
-"""Strain, over that of rounding, up to which a body counts as moved without deformation."""
+"""Greatest bond strain, over the strain that rounding of positions causes, at which a body counts as not deformed."""
 
 
 class Preconditioner:
-    """Approximation of the tangent whose linear systems are cheap to solve.
+    """Preconditioner of a solver for equilibrium: an approximation of the tangent stiffness whose inverse is cheap to apply.
 
     Parameters
     ----------
     solve : callable
-        Returns the displacements under forces, shape (n, d).
+        Returns the displacements (n, d) under given forces (n, d).
     update : callable, optional
-        Adapts the preconditioner to the state in which the force was last evaluated; most are the same in all states.
+        Adapts the preconditioner to the state in which the force was last evaluated; by default it does nothing.
     """
 
     def __init__(self, solve: Operator, update: Callable[[], None] = lambda: None) -> None:
@@ -82,15 +82,15 @@ class Preconditioner:
 
 
 class NearestBonds:
-    """Springs along the nearest bonds of a body and across them, scaled so that these bonds have the second moment of all bonds.
+    """Network of springs along the nearest bonds of a body and across them, scaled to the second moment of the stiffness of all bonds.
 
     Parameters
     ----------
     body : Body
     shear_moduli : float or ndarray, shape (n,)
-        Shear modulus of all points, or around each.
+        Shear modulus: one for all points, or one for each.
     along, across : float
-        Stiffness of a spring along its bond and across it, in units of mu w V_i V_j/kappa, before it is raised.
+        Stiffness of a spring along its bond and across it, in units of mu w V_i V_j/kappa, before scaling.
 
     Attributes
     ----------
@@ -121,9 +121,9 @@ class NearestBonds:
         self.body, self._sources = body, np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[self.second]
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the forces on the points under displacements (n, d), whose halo is filled first.
+        """Return the forces (n, d) of the springs on the points under displacements (n, d), the halo of which is filled in place.
 
-        Images move with their points and by `of_images`, shape (m, d), besides.
+        The displacements of images follow from those of their points, plus `of_images`, shape (m, d).
         """
         ghosts = self.body.ghosts
         self.body.share.fill(moved)
@@ -135,9 +135,9 @@ class NearestBonds:
         return sums_at_points(len(self.body), self.first, self.second, forces, -1)
 
     def matrix(self, rigid: np.ndarray | None = None) -> sparse.csc_array:
-        """Return the stiffness as if no component were held, shape (d n, d n), with the components of a point in sequence.
+        """Return the stiffness matrix of all components, held or free, shape (d n, d n), with the components of a point in sequence.
 
-        Springs between two points flagged in `rigid`, shape (n,), are omitted.
+        Springs between two points that are True in `rigid`, shape (n,), are omitted.
         """
         d = self.body.dimension
         blocks = np.einsum("b,bi,bj->bij", self._excess, self._along, self._along) + self._across[:, None, None] * np.eye(d)
@@ -150,9 +150,9 @@ class NearestBonds:
         return (matrix + matrix.T) / 2
 
     def matrices(self) -> list[tuple[list[int], sparse.csr_array]]:
-        """Return the stiffness of each component, shape (n, n), where springs are alike along and across.
+        """Return pairs of component numbers and their common stiffness matrix (n, n), for springs as stiff across as along bonds.
 
-        Components that ghosts continue with equal parity share one; each matrix comes with the numbers of its components.
+        Components do not couple then; those that ghosts continue with equal signs have a matrix in common.
         """
         found, shape = [], (len(self.body),) * 2
         for components in alike(self.body.ghosts.parity, range(self.body.dimension)):
@@ -162,11 +162,11 @@ class NearestBonds:
         return found
 
     def _parity(self) -> np.ndarray:
-        """Return the sign with which each component of the second end follows its source, shape (k, d)."""
+        """Return the sign with which displacements of the second end of each bond follow its source point, shape (k, d); 1 if no image."""
         return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[self.second]
 
     def _entries(self, values: np.ndarray, parity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rows, columns and values of the stiffness of springs of given values (k, ...); forces on ghosts are not included."""
+        """Return rows, columns and values of the stiffness matrix of springs with stiffnesses `values` (k, ...), without rows of ghosts."""
         within = self.second < len(self.body)
         first, second, ends = self.first, self.second[within], self.first[within]
         rows, columns = np.concatenate([first, first, second, second]), np.concatenate([first, self._sources, second, ends])
@@ -174,12 +174,12 @@ class NearestBonds:
 
 
 def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
-    """Return the network of springs scaled to the body's small-strain stiffness."""
+    """Return the network of springs of a body, along bonds and across them, that approximates its small-strain stiffness."""
     return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION)
 
 
 def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
-    """Return the vector Laplacian of the nearest bonds, times the shear modulus and `RAISED`, without coupling of components.
+    """Return the network of springs whose stiffness is a Laplacian for each component, times the shear modulus and `RAISED`.
 
     Apart from the contribution of the pressures it is the tangent of an incompressible neo-Hookean body in every state. Over a full horizon
     the sum of w V l^2 is d kappa.
@@ -188,7 +188,7 @@ def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
 
 
 def alike(values: np.ndarray, components: Iterable[int]) -> list[list[int]]:
-    """Return the given components of an array (n, d) in groups of equal ones."""
+    """Group given columns of an array (n, d): return lists of the numbers of columns that are equal."""
     groups: dict[bytes, list[int]] = {}
     for component in components:
         groups.setdefault(values[:, component].tobytes(), []).append(component)
@@ -196,13 +196,13 @@ def alike(values: np.ndarray, components: Iterable[int]) -> list[list[int]]:
 
 
 def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
-    """Return a stiffness with identity rows for held components, where `free` is 0, and with `SHIFT` added."""
+    """Return a stiffness matrix with held components, where `free` is 0, decoupled, and with `SHIFT` added to the diagonal."""
     keep, mean = sparse.diags_array(free), matrix.diagonal().mean()
     return keep @ matrix @ keep + sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
 
 
 def by_components(operators: list[tuple[list[int], Operator]], values: np.ndarray) -> np.ndarray:
-    """Apply operators to values (n, d), each to the components that it comes with."""
+    """Return the result (n, d) of applying operators to the columns of values (n, d); each operator comes with its column numbers."""
     found = np.empty_like(values)
     for components, operator in operators:
         found[:, components] = operator(values[:, components])
@@ -212,7 +212,7 @@ def by_components(operators: list[tuple[list[int], Operator]], values: np.ndarra
 def drift_remover(body: Body, free: np.ndarray) -> Operator:
     """Return a function that subtracts from values (n, d), in place, their means along the axes in which a body is not held.
 
-    No equilibrium exists under a uniform force along these axes, so it is removed rather than divided by the shift.
+    No equilibrium exists under a uniform force along such an axis, so that the mean is removed, rather than divided by `SHIFT`.
     """
     share = body.share
     drifting = ~share.any((body.ghosts.parity < 0).any(axis=0) | (free == 0).any(axis=0))
@@ -226,7 +226,7 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
 
 
 def _factorised_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return a function that solves for displacements of the spring network `springs_of` of a body in one process, by factorisation.
+    """Return a function that solves for the displacements (n, d) of the network `springs_of` under forces, by factorisation in one process.
 
     Its low modes agree with those of the true tangent up to a ratio that does not grow with the number of points; factorising takes seconds
     for 10^5 points.
@@ -237,7 +237,7 @@ def _factorised_springs(body: Body, shear_moduli: float | np.ndarray, free: np.n
 
 
 def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return the inverse of `laplacian_of` a body in one process, component by component: a factor, or a multigrid cycle if it is large."""
+    """Return the inverse of `laplacian_of` for a body in one process, by factorisation or, for a large body, by a multigrid cycle."""
     balanced, inverses = drift_remover(body, free), []
     for components, matrix in laplacian_of(body, shear_moduli).matrices():
         for own in alike(free, components):
@@ -251,25 +251,26 @@ def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.n
 
 
 class TwoLevels:
-    """Schwarz' method on two levels: the parts, and the affine motions of each.
+    """Two-level Schwarz preconditioner for a body divided among ranks: overlapping parts, and affine motions of each part.
 
-    A part inverts the stiffness of its own points and of those halo points that have all their nearest bonds on this rank; other points
-    are held. Its solution is added to those of its neighbours, and to the best combination of motions that are affine in every part.
+    The part of a rank inverts the stiffness of its own points and of those halo points that have all their nearest bonds on this rank;
+    other points are held. The solutions of all parts are added, and with them the best combination of motions affine in every part.
 
     Parameters
     ----------
     bonds : NearestBonds
-        Bonds of a part.
+        Springs of this rank's part.
     multiply : callable
         Product of the stiffness and displacements (n, d); with valid displacements on all local points it is valid on the owned points.
     free : ndarray, shape (n, d)
-        Zero on the halo.
+        1 where a component may move, 0 where it is held and on the halo.
 
     Attributes
     ----------
     inside : ndarray, shape (n, d)
-        1 for the rows whose stiffness this part inverts with `invert`, which the caller sets.
+        1 for the components whose stiffness this part inverts.
     invert : callable
+        Inverse of the stiffness of these components, set by the caller.
 
     References
     ----------
@@ -290,20 +291,20 @@ class TwoLevels:
         self._without_drift = drift_remover(body, self._around)
 
     def balanced(self, values: np.ndarray) -> np.ndarray:
-        """Subtract, in place, the mean of values along the axes in which the body is not held, set the halo to zero, and return the values.
+        """Subtract in place the mean of values (n, d) along axes in which the body is not held, zero the halo, and return the values.
 
-        For a body that can drift only balanced forces have a solution; with others conjugate gradients would not end.
+        For a body that can drift only balanced forces have a solution; with other forces conjugate gradients would not end.
         """
         self._share.clear(self._without_drift(values))
         return values
 
     def applied(self, displacements: np.ndarray) -> np.ndarray:
-        """Fill the halo of displacements, and return their product with the stiffness."""
+        """Fill the halo of displacements (n, d) in place, and return the product of the stiffness with them on free components."""
         self._share.fill(displacements)
         return self._multiply(displacements) * self._free
 
     def both(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements of both levels under forces that are zero on the halo."""
+        """Apply the preconditioner: return the sum of the displacements of both levels under forces (n, d) that are zero on the halo."""
         around = forces.copy()
         self._share.fill(around)
         found = self.invert(around * self.inside) * self.inside
@@ -316,7 +317,7 @@ class TwoLevels:
 
     @cached_property
     def _affine(self) -> tuple[np.ndarray, np.ndarray]:
-        """Affine motions of own free components, shape (d n, k), and the inverse stiffness of those of all parts."""
+        """Affine motions of this part's own free components, shape (d n, k), and the inverse of the stiffness of all parts' motions."""
         points, share, (n, d) = self._body.points, self._share, self._free.shape
         middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
         # All ranks use the same unit, since each forms the motions of its neighbours as well.
@@ -336,7 +337,7 @@ class TwoLevels:
         return own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
 
     def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
-        """Return the solution of conjugate gradients that leaves a share of the forces."""
+        """Return the displacements under forces (n, d) by preconditioned conjugate gradients, to a residual of `left` times the forces."""
         rest = self.balanced(forces * self._free)
         return self.balanced(conjugate_gradients(rest, self.both, self.applied, self._share.dot, left, MOST_STEPS_IN_PARTS))
 
@@ -352,7 +353,7 @@ class TwoLevels:
 
 
 def _springs_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, left: float) -> Operator:
-    """Return the inverse of `springs_of` a body in parts, by conjugate gradients that leave a share of the forces, with their factors."""
+    """Return the inverse of `springs_of` for a body divided among ranks, by conjugate gradients to a residual `left` over the forces."""
     springs = springs_of(body, shear_moduli)
     matrix = springs.matrix()
     levels = TwoLevels(springs, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free)
@@ -362,9 +363,9 @@ def _springs_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.nda
 
 
 def _laplacian_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return an approximate inverse of `laplacian_of` a body in parts, by some steps of Chebyshev's method.
+    """Return an approximate inverse of `laplacian_of` for a body divided among ranks, by a fixed number of steps of Chebyshev's method.
 
-    Unlike conjugate gradients they form one symmetric positive definite operator for all forces, and need no sums over all ranks.
+    Unlike conjugate gradients these steps are one symmetric positive definite operator for all forces, and need no sums over all ranks.
 
     References
     ----------
@@ -395,34 +396,38 @@ def _laplacian_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.n
 
 
 def inverse_of_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, left: float = SOLVED) -> Preconditioner:
-    """Return the inverse of `springs_of` a body, right on owned points, which leaves a share of the forces if the body is in parts.
+    """Return the preconditioner that inverts the stiffness of the network `springs_of` a body; on several ranks, for owned points.
 
     Parameters
     ----------
     body : Body
     shear_moduli : float or ndarray, shape (n,)
-        Shear modulus of all points, or around each.
+        Shear modulus: one for all points, or one for each.
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held and on the halo.
     left : float
+        Residual over the forces, for a body divided among ranks; in one process the inverse is exact.
     """
     system = body, shear_moduli, free
     return Preconditioner(_springs_in_parts(*system, left) if body.share.divided else _factorised_springs(*system))
 
 
 def inverse_of_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Preconditioner:
-    """Return the inverse of `laplacian_of` a body, which is approximate if the body is large or in parts; see `inverse_of_springs`."""
+    """Return the preconditioner that inverts `laplacian_of` a body, approximately if it is large or divided among ranks.
+
+    The arguments are those of `inverse_of_springs`.
+    """
     return Preconditioner((_laplacian_in_parts if body.share.divided else _inverted_laplacian)(body, shear_moduli, free))
 
 
 def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
-    """Return normally distributed numbers in the free components, shape (n, d), the same for a point on any number of ranks."""
+    """Return random, normally distributed numbers in the free components, shape (n, d), which do not depend on the number of ranks."""
     whole = np.random.default_rng(0).standard_normal((share.size, free.shape[1]))
     return whole[share.numbers] * free
 
 
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
-    """Return the greatest change of length of a bond within the body between two states, over its length at rest."""
+    """Return the greatest change of length of a local bond between positions `before` and `after`, over the bond's length at rest."""
     bonds, n = body.bonds, len(body)
     within = bonds.second < n
     first, second = bonds.first[within], bonds.second[within]
@@ -434,13 +439,13 @@ def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> f
 
 
 def strain_of_step(body: Body, step: np.ndarray) -> float:
-    """Return the greatest strain of a bond that displacements (n, d) make, whose halo is filled first."""
+    """Return the greatest strain of a bond under displacements (n, d), the halo of which is filled in place."""
     body.share.fill(step)
     return body.share.greatest(greatest_strain[step.shape[1]](step, body.points, body.bonds.first, body.bonds.second))
 
 
 def strain_rounding(body: Body) -> float:
-    """Return the strain that rounding of the positions makes in a bond as long as the spacing."""
+    """Return the strain that rounding of the positions in double precision causes in a bond as long as the spacing."""
     return float(np.finfo(float).eps) * body.share.greatest(np.abs(body.points)) / body.spacing
 
 
@@ -450,6 +455,6 @@ def is_rigid(force: InternalForce) -> bool:
 
 
 def strain_of(force: InternalForce) -> float:
-    """Return the greatest change of length of a bond over its length at rest, in the state last evaluated."""
+    """Return the greatest strain of a bond of the body in the state last evaluated: change of length over length at rest."""
     n = len(force.body)
     return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))

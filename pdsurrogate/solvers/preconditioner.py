@@ -1,4 +1,4 @@
-"""Preconditioners of quasi-Newton methods, chosen by the force, and extensions of held displacements into the body."""
+"""Preconditioners of quasi-Newton methods, chosen by the force, and extension of the displacements of held parts into the body."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,10 +13,10 @@ from .nearest_bonds import EXACTLY, Preconditioner, inverse_of_laplacian, invers
 from .rigid import inverse_with_regions
 
 EXTENDED = 3e-4
-"""Permitted residual of a first guess, relative to the forces of held components, in the energy norm."""
+"""Permitted residual of a first guess in three dimensions, over the forces due to held components, in the energy norm."""
 
 NEARLY_SOLVED = 0.1
-"""Permitted residual share of a change of volume, over mu/K: its energy is then small compared with that of the shear."""
+"""Permitted residual of the change of volume, over mu/K: the energy of this change is then small compared with that of the shear."""
 
 MOST_STEPS = 100
 """Maximum number of conjugate-gradient steps for the pressures or a first guess; some tens are usual."""
@@ -26,7 +26,7 @@ EXPONENT_ERROR = 0.5
 
 
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
-    """Return the preconditioner for the tangent of a force, with the given free components (n, d)."""
+    """Return the preconditioner that suits a force; `free` (n, d) is 1 where a component may move, 0 where it is held."""
     body, moduli = force.body, force.stiffness_moduli
     if regions := getattr(force, "rigid", ()):
         found = inverse_with_regions(body, moduli, free, regions)
@@ -39,9 +39,10 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
 
 
 def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Callable[..., np.ndarray]:
-    """Return the map from displacements of held components to displacements of the whole body, through a network of springs.
+    """Return a function that extends displacements of held components to the whole body, as through a network of springs.
 
-    In 3D the network is the Laplacian, and conjugate gradients solve it: a factor of all components would fill too much memory.
+    In three dimensions the network is `laplacian_of` the body, and conjugate gradients solve for its displacements, since a factorisation
+    of all components would need too much memory.
 
     Parameters
     ----------
@@ -76,12 +77,12 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
 
 
 def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> Preconditioner:
-    """Return the inverse of A + D^T C D, an approximation of the tangent of a nearly incompressible body (theory (58), (59)).
+    """Return the preconditioner of a nearly incompressible body: the inverse of A + D^T C D (theory (58), (59)).
 
     A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C the stiffness against
-    it. D is exact, since an error in the change of volume is multiplied by K. In the pressures p as unknowns the system has the magnitude
-    of the bulk compliance and not of K, (C^-1 + D A^-1 D^T) p = D A^-1 f, and a few steps of conjugate gradients solve it; each costs about
-    two thirds of a force evaluation and a solution with A.
+    dilatation. D is exact, since an error in the change of volume is multiplied by K. With the pressures p as unknowns the system
+    (C^-1 + D A^-1 D^T) p = D A^-1 f has the magnitude of the bulk compliance and not of K, and a few steps of conjugate gradients solve it;
+    each step costs about two thirds of a force evaluation and a solution with A.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> P
     inverse = dilatation.polynomial(_inverse_polynomial(compliance))
 
     def precondition(left: np.ndarray) -> np.ndarray:
-        """Return about V mu (mu/K + W^4)^-1 of a rest: D has the smoothing W, and the bonds' means smooth about as much again."""
+        """Return about V mu (mu/K + W^4)^-1 times a residual, with the smoothing W of D, which the means over bonds about double."""
         return unit * inverse(left)
 
     def dot(one: np.ndarray, other: np.ndarray) -> float:
@@ -118,7 +119,7 @@ def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> P
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:
-    """Return Chebyshev coefficients on [0, 1] of a polynomial near 1/(compliance + s^2), of the least degree within `EXPONENT_ERROR`."""
+    """Return Chebyshev coefficients of a polynomial on [0, 1] near 1/(compliance + s^2), of least degree to meet `EXPONENT_ERROR`."""
     s = (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400)) / 2
     for degree in range(2, 64):
         table = np.polynomial.chebyshev.chebvander(2 * s - 1, degree) * (compliance + s * s)[:, None]
@@ -129,9 +130,9 @@ def _inverse_polynomial(compliance: float) -> np.ndarray:
 
 
 def supported(inner: Preconditioner, supports: Sequence[Support], share: Share) -> Preconditioner:
-    """Return the preconditioner R M R^T of a body held at places between points, from M of the same body held at points.
+    """Return the preconditioner R M R^T of a body with supports at places between points, from the preconditioner M without them.
 
-    R u moves no such place.
+    The projection R removes from displacements the mean motion of these places.
     """
     fields, dot = [field for support in supports for field in support.fields()], share.dot
 

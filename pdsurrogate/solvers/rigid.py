@@ -1,4 +1,4 @@
-"""Rigid motions, and regions that move as one body: their forces are resultants, their displacements three or six numbers (theory (63))."""
+"""Rigid motions, and regions of a body that move as one, with a resultant force and moment and three or six freedoms (theory (63))."""
 
 from collections.abc import Sequence
 
@@ -13,26 +13,32 @@ from .multigrid import factor_of
 from .nearest_bonds import Preconditioner, held_matrix, springs_of
 
 MOST_STEPS = 30
-"""Maximum number of Newton steps that bring a region to the places of its held components; from the last state two or three suffice."""
+"""Maximum number of Newton steps to place a rigid region by its held components; from the last state two or three suffice."""
 
 HELD = 1e-6
-"""Distance of held components from every rigid placement of the region, relative to its size, beyond which they are rejected."""
+"""Distance between prescribed positions and a rigid placement, over the size of the region, above which an error is raised."""
 
 INDEPENDENT = 1e-9
-"""Singular value of the held components, over the greatest, below which a motion of the region is free."""
+"""Singular value of the rigid motions at held components, over the greatest, below which a motion of a region counts as free."""
 
 
 TURNS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
-"""Axes that each turn of a body moves along: from the first to the second."""
+"""Rotations of a body, by dimension: each as the axes (a, b) of a turn from a towards b."""
 
 
 def displaced(motions: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the displacements of places (k, d) by one motion [Q - I, c], shape (d, d + 1), or by one for each place (k, d, d + 1)."""
+    """Return the displacements u(X) = (Q - I) X + c of places X (k, d) in a motion [Q - I, c].
+
+    The shape of `motions` is (d, d + 1) for one motion of all places, or (k, d, d + 1) for one of each place.
+    """
     return (motions[..., :-1] @ places[..., None])[..., 0] + motions[..., -1]
 
 
 def rigid_motions(arms: np.ndarray) -> np.ndarray:
-    """Return the displacements of places at arms (k, d), shape (k, d, motions), by d translations and then the turns of `TURNS`."""
+    """Return the displacements, shape (k, d, motions), at places with arms (k, d) in each linear rigid motion.
+
+    The motions are d translations along the axes, and then the rotations `TURNS` by a unit angle.
+    """
     count, d = arms.shape
     found = np.zeros((count, d, d + len(TURNS[d])))
     found[:, range(d), range(d)] = 1.0
@@ -42,13 +48,16 @@ def rigid_motions(arms: np.ndarray) -> np.ndarray:
 
 
 def moment_of(levers: np.ndarray) -> np.ndarray:
-    """Return the moments of sums of f (x) y, shape (..., d, d): (...,) counter-clockwise in the plane, (..., 3) in three dimensions."""
+    """Return the moments of forces f at places y from the sums of f (x) y, shape (..., d, d).
+
+    The shape is (...,) in the plane, where moments are counter-clockwise, and (..., 3) in three dimensions.
+    """
     moments = np.stack([levers[..., b, a] - levers[..., a, b] for a, b in TURNS[levers.shape[-1]]], axis=-1)
     return moments[..., 0] if levers.shape[-1] == 2 else moments
 
 
 def turn_by(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation by an angle in the plane (1,), or by a vector along its axis in three dimensions (3,)."""
+    """Return the rotation matrix for an angle in the plane, shape (1,), or for a rotation vector in three dimensions, shape (3,)."""
     if len(vector) == 3:
         return Rotation.from_rotvec(vector).as_matrix()
     cosine, sine = np.cos(vector[0]), np.sin(vector[0])
@@ -56,26 +65,26 @@ def turn_by(vector: np.ndarray) -> np.ndarray:
 
 
 def rotation_of(turn: np.ndarray) -> np.ndarray:
-    """Return the angle of a rotation in the plane; in three dimensions the vector of that length along its axis."""
+    """Return the angle of a rotation matrix in the plane, or its rotation vector (3,) in three dimensions, in radians."""
     if len(turn) == 2:
         return np.arctan2(turn[1, 0], turn[0, 0])
     return Rotation.from_matrix(turn).as_rotvec()
 
 
 def nearest_turn(matrix: np.ndarray) -> np.ndarray:
-    """Return the rotation nearest to a matrix, shape (d, d)."""
+    """Return the rotation matrix nearest to a given matrix, shape (d, d)."""
     U, _, V = np.linalg.svd(matrix)
     U[:, -1] *= np.sign(np.linalg.det(U @ V))
     return U @ V
 
 
 class RigidRegion:
-    """Some points of a body that keep their distances.
+    """Rigid region of a body: points that keep their mutual distances.
 
     Parameters
     ----------
     name : str
-        In results and messages.
+        Name of the region in results and messages.
     body : Body
     points : ndarray of int
     free : ndarray, shape (n, d)
@@ -85,7 +94,7 @@ class RigidRegion:
     ----------
     name, points
     size : float
-        Radius of gyration, by which turns are measured.
+        Radius of gyration; rotations are measured as angle times this length.
     """
 
     def __init__(self, name: str, body: Body, points: np.ndarray, free: np.ndarray) -> None:
@@ -97,7 +106,7 @@ class RigidRegion:
         self._held = np.nonzero(free[points] == 0)
 
     def snap(self, positions: np.ndarray) -> None:
-        """Move the region to the nearest rigid placement in which held components have their given positions.
+        """Move the region's points, in `positions`, to the nearest rigid placement in which held components keep their positions.
 
         Raises
         ------
@@ -124,23 +133,26 @@ class RigidRegion:
         positions[self.points[self._held[0]], self._held[1]] = goals
 
     def motions(self, placed: np.ndarray) -> np.ndarray:
-        """Return displacements of points (k, d) by translations, then by turns about their middle over `size`, shape (k, d, motions)."""
+        """Return the displacements, shape (k, d, motions), of the region's points at places (k, d) in each linear rigid motion.
+
+        The motions are unit translations, then rotations about the centre of volume by the angle 1/`size`.
+        """
         return rigid_motions((placed - self._volumes @ placed / self._volumes.sum()) / self.size)
 
     def _placement(self, placed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middle of the region and its rotation, with its points at given places (k, d)."""
+        """Return the centre of volume (d,) and the rotation (d, d) of the region, from the places (k, d) of its points."""
         middle = self._volumes @ placed / self._volumes.sum()
         return middle, nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
 
     def free_motions(self, motions: np.ndarray) -> np.ndarray:
-        """Return the orthonormal motions that leave held components in place, as columns."""
+        """Return, as columns, orthonormal combinations of `motions` (k, d, motions) that do not move held components."""
         held = motions[self._held]
         return null_space(np.linalg.qr(held, mode="r"), rcond=INDEPENDENT) if len(held) else np.eye(motions.shape[-1])
 
     def describe(self, positions: np.ndarray, forces: np.ndarray) -> dict:
-        """Return, for results, force and moment about the origin of forces (n, d) on the region, and its displacement and rotation.
+        """Return, for results, the total force and moment about the origin of forces (n, d) on the region, and how the region has moved.
 
-        The displacement is that of its middle; the rotation is in degrees, in three dimensions a vector along the axis.
+        The displacement is that of the centre of volume; the rotation is in degrees, in three dimensions a rotation vector.
         """
         placed, forces = positions[self.points], forces[self.points]
         middle, turn = self._placement(placed)
@@ -152,18 +164,18 @@ class RigidRegion:
         }
 
     def resultant(self, forces: np.ndarray) -> np.ndarray:
-        """Return force, and moment about the middle over `size`, of forces (k, d) on the points."""
+        """Return the resultant of forces (k, d) on the region's points: force, and moment about the centre of volume over `size`."""
         return np.einsum("kdm,kd->m", self._motions, forces)
 
     def expand(self, motion: np.ndarray) -> np.ndarray:
-        """Return the displacements of the points, shape (k, d), in a motion."""
+        """Return the displacements of the region's points, shape (k, d), from the amplitudes of its rigid motions."""
         return self._motions @ motion
 
     def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
-        """Replace forces on the region's points at given positions, both (n, d), in place.
+        """Replace the forces on the region's points, in place, by forces of equal resultant that accelerate it as a rigid body.
 
-        The new forces have the same resultant and accelerate all points as a rigid body. The part of the resultant that held components
-        bear is on these components, as the least forces that balance it. Later calls of `resultant` and `expand` refer to these positions.
+        The part of the resultant that held components bear is put on these components, as the least forces that balance it. Later calls of
+        `resultant` and `expand` refer to the positions given here. Both arguments have the shape (n, d).
         """
         self._motions = self.motions(positions[self.points])
         free = self.free_motions(self._motions)
@@ -179,14 +191,14 @@ class RigidRegion:
 
 
 def inverse_with_regions(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, regions: Sequence[RigidRegion]) -> Preconditioner:
-    """Return the inverse of `springs_of` a body for the motions of rigid regions and the points of the rest.
+    """Return the preconditioner that inverts the stiffness of `springs_of` a body with rigid regions, which only move rigidly.
 
     Parameters
     ----------
     body : Body
     shear_moduli : float or ndarray, shape (n,)
     free : ndarray, shape (n, d)
-        1 where a component may move.
+        1 where a component may move, 0 where it is held.
     regions : sequence of RigidRegion
     """
     n, d = free.shape

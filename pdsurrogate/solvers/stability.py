@@ -1,4 +1,4 @@
-"""Highest frequency of a discretised body, which limits an explicit step, and whether an equilibrium is stable and continues the last."""
+"""Highest frequency of a discretised body, which limits explicit time steps, and checks of equilibria for stability and continuity."""
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
@@ -11,7 +11,9 @@ from .nearest_bonds import Preconditioner, random_vector, strain_of_step
 
 
 class FrequencyEstimate:
-    """Power iteration on M^-1 K with K v from force differences; keeps its vector, so that a later call needs few iterations.
+    """Estimate of the highest frequency of a body by power iteration on M^-1 K, with K v from force differences.
+
+    The vector of the iteration is kept, so that a later call needs few iterations.
 
     Parameters
     ----------
@@ -23,9 +25,9 @@ class FrequencyEstimate:
     Attributes
     ----------
     vector : ndarray, shape (n, 2)
-        Latest estimate of the mode.
+        Latest estimate of the mode of highest frequency.
     fresh : bool
-        Whether it has yet to be improved for the first time.
+        True until the first call.
     """
 
     def __init__(self, mass: np.ndarray, free: np.ndarray, share: Share | None = None) -> None:
@@ -54,45 +56,48 @@ class FrequencyEstimate:
 
 
 PROBES = {"float64": 1e-6, "float32": 1e-3}
-"""Strain of the difference quotients that approximate the tangent, by the precision of the pass.
+"""Bond strain of the difference quotients that approximate the tangent, by the precision of the force.
 
-In double precision they are one-sided, with an error from the second derivative of the strain times K/mu. In single precision rounding
-requires a greater strain, and they are central: their error is the square of the strain, and that of rounding a ten-thousandth.
+In double precision the quotients are one-sided, with an error from the second derivative of the strain times K/mu. In single precision
+rounding requires a greater strain, and they are central: their error is the square of the strain, and the error of rounding a
+ten-thousandth.
 """
 
 MOST_PRODUCTS = 25
-"""Maximum number of Lanczos steps; the preconditioned spectrum of a stable body is some tenths to a few, and ten find values below."""
+"""Maximum number of Lanczos steps: the preconditioned spectrum of a stable body is some tenths to a few, and ten steps find lower ones."""
 
 KNOWN = 1 / 3
 """Relative error bound of the least Ritz value below which a positive one is accepted as the least curvature."""
 
 NEGATIVE = -0.01
-"""Curvature, over that of the body at rest, that counts as negative."""
+"""Curvature of the energy, over that of the body at rest, below which an equilibrium counts as not stable."""
 
 
 JUMP = 0.25
-"""Greatest distance of the points from the extrapolation, over the growth of the body's extent. Contraction across the load and stresses at
-holes and cracks cause some hundredths; buckling of a sheet several tenths to ten, and more with shorter increments."""
+"""Root mean square distance of points from the extrapolation, over the growth of the body's extent, beyond which a body has jumped.
+
+Contraction across the load and stresses at holes and cracks cause some hundredths; buckling of a sheet several tenths to ten, and more with
+shorter increments."""
 
 LEAST_JUMP = 0.1
-"""Least distance, in spacings, that counts as a jump: a finer tolerance changes positions by less."""
+"""Least distance from the extrapolation, in spacings, that counts as a jump: a finer tolerance changes positions by less."""
 
 
 def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarray, stiffness: Preconditioner) -> float:
-    """Return an upper bound of the least curvature of the energy over that at rest, which is close where it is negative.
+    """Return an upper bound of the least curvature of the energy over that at rest; a negative value proves that a state is not stable.
 
-    Lanczos' method on P^-1 K, with K v from force differences and P an approximation of it, stopped at the first negative
-    value: a Ritz value is the curvature along some displacement, so that a negative one proves that the state is not stable.  It is stopped
-    as well where the least one is positive and known to within `KNOWN`.
+    Lanczos' method is applied to P^-1 K, with K v from force differences and P an approximation of K. It ends at the first negative Ritz
+    value, since a Ritz value is the curvature along some displacement, or where the least value is positive and known to within `KNOWN`.
 
     Parameters
     ----------
     force : InternalForce
-        With an energy.
+        Force that has an energy.
     positions : ndarray, shape (n, 2)
     free : ndarray, shape (n, 2)
-        1 where a component may move.
+        1 where a component may move, 0 where it is held.
     stiffness : Preconditioner
+        Approximation P of the tangent.
     """
     share = force.body.share
     strain, one_sided = PROBES[force.precision], force.precision == "float64"
@@ -134,7 +139,7 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
 def check_branch(
     loading: Loading, force: InternalForce, solver: EquilibriumSolver, before: float, after: float, guess: np.ndarray, positions: np.ndarray
 ) -> None:
-    """Check an equilibrium in which the force was last evaluated: that it is stable, and continues the last one.
+    """Check that the equilibrium in which the force was last evaluated is stable, and continues the previous equilibrium.
 
     Only compressed bodies are checked for stability: under tension the stress itself prevents buckling.
 
@@ -145,17 +150,18 @@ def check_branch(
     solver : EquilibriumSolver
         Solver that computed the equilibrium.
     before, after : float
-        Loading parameter of the last equilibrium, and of this one.
+        Loading parameter of the previous equilibrium, and of the one to check.
     guess : ndarray, shape (n, 2)
-        Extrapolation from the last equilibrium.
+        Extrapolation from the previous equilibrium.
     positions : ndarray, shape (n, 2)
+        Equilibrium to check.
 
     Raises
     ------
     InvalidState
         If a point lies beyond a plane of reflection.
     Unstable
-        If a compressed body jumped away from the extrapolation, provided that the conditions determine it, or its energy is not a local
+        If a compressed body has jumped away from the extrapolation, in a homogeneous pull by grips, or if its energy is not a local
         minimum.
     """
     loading.check_inside(after, force, positions)

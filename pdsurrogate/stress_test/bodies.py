@@ -15,12 +15,12 @@ HORIZONS = {2: 3.15, 3: 1.75}
 
 
 def lattice(*sides: float) -> np.ndarray:
-    """Return cell-centred points 0.1 apart in a box at the origin, x1 fastest."""
+    """Return cell-centred points 0.1 apart, shape (n, d), in a box with one corner at the origin and given sides; x1 varies fastest."""
     return grid((0,) * len(sides), sides, SPACING)
 
 
 def of_points(points: np.ndarray, ratio: float | None = None, **options) -> Body:
-    """Return a body of points 0.1 apart; the horizon is 3.15 spacings in the plane and 1.75 in three dimensions unless given."""
+    """Return a body of points 0.1 apart; the horizon is `ratio` spacings, by default 3.15 in the plane and 1.75 in three dimensions."""
     dimension = points.shape[1]
     return Body(points, np.full(len(points), SPACING**dimension), (ratio or HORIZONS[dimension]) * SPACING, SPACING, **options)
 
@@ -32,17 +32,17 @@ def regular(dimension: int, cells: int | tuple[int, ...], ratio: float | None = 
 
 
 def sheet(spacing=SPACING, width=1.2, height=1.0, **options) -> Body:
-    """Return a rectangle with a horizon of 3.15 spacings."""
+    """Return a rectangular body in the plane with a horizon of 3.15 spacings."""
     return Body.rectangle(width, height, spacing, HORIZONS[2] * spacing, **options)
 
 
 def plain(dimension: int, width=1.2, **options) -> Body:
-    """Return a `sheet`, or a block that is 0.4 thick, by dimension."""
+    """Return a regular body: a rectangle 1 high in the plane, or a block 1 high and 0.4 thick in three dimensions."""
     return of_points(lattice(*(width, 1.0, 0.4)[:dimension]), **options)
 
 
 def gripped(dimension=2, parity=(-1, 1, 1)) -> Body:
-    """Return a `plain` body that images continue beyond its left and right edges or faces."""
+    """Return a `plain` body with a reflection plane at its left and at its right edge or face, beyond which ghosts continue it."""
     ends = ((0.0, -1), (1.2, 1))
     return plain(dimension, planes=tuple(ReflectionPlane(0, place, side, parity[:dimension]) for place, side in ends))
 
@@ -50,8 +50,8 @@ def gripped(dimension=2, parity=(-1, 1, 1)) -> Body:
 def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount=0.2) -> Body:
     """Return a square or cube of triangles or tetrahedra with a point in the middle of each, as from a mesh file.
 
-    Every square is cut in two, every cube in six, along the paths over its edges from one corner to the opposite one. The interior corners
-    are moved by up to `amount` of the side of a square, so that no two cells are alike.
+    Every square is cut into two triangles, every cube into six tetrahedra, along the paths over its edges from one corner to the opposite
+    corner. Interior corners are moved by up to `amount` of the side of a square, so that no two cells are alike.
     """
     axes = np.meshgrid(*[np.arange(cells + 1)] * dimension, indexing="ij")
     corners = np.stack(axes, axis=-1).reshape(-1, dimension)
@@ -71,13 +71,13 @@ def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount
 
 
 def jittered(random: np.random.Generator, amount=0.3, dimension=2, **options) -> Body:
-    """Return a rectangle or block whose points are moved by up to `amount` spacings."""
+    """Return a rectangle or block whose points are moved at random by up to `amount` spacings along each axis."""
     points = lattice(*(1.2, 1.0, 0.4)[:dimension])
     return of_points(points + amount * 0.1 * random.uniform(-1, 1, points.shape), **options)
 
 
 def disc_with_hole(dimension=2, **options) -> Body:
-    """Return a disc with a hole, or a tube: no straight edge, incomplete horizons of every kind."""
+    """Return a disc with a hole, or in three dimensions a tube; neither has a straight outline, so horizons are cut in many ways."""
     points = lattice(*(2.0, 2.0, 0.4)[:dimension])
     radius = np.linalg.norm(points[:, :2] - 1, axis=1)
     return of_points((points - 1)[(radius < 0.95) & (radius > 0.3)], **options)
@@ -90,7 +90,7 @@ def notched(dimension=2, **options) -> Body:
 
 
 def crack(height: float, length: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the function ``separates`` of a `Body` that is cut from its left edge or face at a height."""
+    """Return the argument ``separates`` of `Body` for a straight cut at a height x2 from the left edge or face to x1 = `length`."""
 
     def separates(start: np.ndarray, end: np.ndarray) -> np.ndarray:
         crosses = (start[:, 1] - height) * (end[:, 1] - height) < 0
@@ -101,11 +101,11 @@ def crack(height: float, length: float) -> Callable[[np.ndarray, np.ndarray], np
 
 
 def inner_points(body: Body) -> np.ndarray:
-    """Return which points are not the outermost ones along any axis."""
+    """Return a mask of the points that are not among the outermost points along any axis, shape (n,)."""
     margin = np.minimum(body.points - body.points.min(axis=0), body.points.max(axis=0) - body.points).min(axis=1)
     return margin > 0.5 * body.spacing
 
 
 def middle_point(body: Body) -> int:
-    """Return the point nearest to the middle of a body."""
+    """Return the number of the point nearest to the middle of a body."""
     return int(np.linalg.norm(body.points - body.points.mean(axis=0), axis=1).argmin())

@@ -1,4 +1,4 @@
-"""Hard cases, the force models that they test, and their outcomes."""
+"""Definitions for hard cases: the class of a case, the force model that is tested (`Subject`), and the outcome of a test."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ WEAKNESSES = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a case.
+    """Outcome of a hard case for one force model.
 
     Attributes
     ----------
@@ -67,12 +67,15 @@ class Outcome:
 
     @classmethod
     def above(cls, value: float | Mapping, limit: float, weakness: str, figure="{:.2g}") -> Outcome:
-        """Return an outcome that is passed if the value, or the least of several by their names, is at least the limit."""
+        """Return the outcome "pass" if a value, or the least of several named values, is at least the limit; otherwise a weakness."""
         return cls.below(value, limit, weakness, figure, min, operator.ge)
 
     @classmethod
     def below(cls, value: float | Mapping, limit: float, weakness: str, figure="{:.1e}", worst=max, holds=operator.le) -> Outcome:
-        """Return an outcome that is passed if the value, or the greatest of several by their names, is at most the limit."""
+        """Return the outcome "pass" if a value, or the greatest of several named values, is at most the limit; otherwise a weakness.
+
+        `worst` and `holds` choose the decisive value and compare it with the limit.
+        """
         if isinstance(value, Mapping):
             name = worst(value, key=value.get)
             value, figure = value[name], f"{figure} ({name})"
@@ -81,23 +84,23 @@ class Outcome:
 
     @staticmethod
     def of_all(*outcomes: Outcome) -> Outcome:
-        """Return the first outcome that is weak; the last one if none is."""
+        """Return the first of several outcomes that shows a weakness, or the last outcome if none does."""
         return next((outcome for outcome in outcomes if outcome.verdict == WEAK), outcomes[-1])
 
 
 class Ended(Exception):
-    """End of a case before anything is measured; the argument is its outcome."""
+    """Exception that ends a hard case early; its argument is the outcome of the case."""
 
 
 def required(holds: bool, otherwise: str) -> None:
-    """End a case as inapplicable, for a reason, unless a condition holds."""
+    """End a hard case as inapplicable (raise `Ended`) for the reason `otherwise`, unless the condition `holds`."""
     if not holds:
         raise Ended(Outcome(INAPPLICABLE, otherwise))
 
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case, called with a subject.
+    """Hard case for force models, called with the force model under test (`Subject`).
 
     Attributes
     ----------
@@ -106,11 +109,11 @@ class Case:
     function : callable
         Function of a subject that returns the outcome, or raises `Ended`.
     planes : tuple of str
-        States that it applies to: plane stress ("stress"), plane strain ("strain"), three-dimensional bodies ("space").
+        States that the case applies to: plane stress ("stress"), plane strain ("strain"), three-dimensional bodies ("space").
     failing : str, optional
-        Weakness of a model that meets an impossible state or does not converge; without it such an error goes to the caller.
+        Weakness reported for a model that meets an impossible state or does not converge; by default such an error goes to the caller.
     drawn : bool
-        Whether it also accepts deformations of `notched` bodies, so that a test can draw them.
+        Whether the function also accepts deformations of `notched` bodies, so that a test can draw them at random.
     """
 
     title: str
@@ -122,11 +125,11 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Name in JSON."""
+        """Name of the case in reports as JSON."""
         return self.function.__name__
 
     def __call__(self, subject: Subject, *given) -> Outcome:
-        """Return the outcome for a force model."""
+        """Return the outcome of the case for a force model under test; `Ended` and errors named by `failing` become outcomes."""
         try:
             return self.function(subject, *given)
         except Ended as ended:
@@ -138,18 +141,18 @@ class Case:
 
 
 def case(title: str, asked: str, **options) -> Callable[[Callable[..., Outcome]], Case]:
-    """Return a decorator that makes a `Case` of a function."""
+    """Return a decorator that turns a function of a `Subject` into a `Case` with a title and a requirement (`asked`)."""
     return lambda function: Case(title, asked, function, **options)
 
 
 def cases_of(module: Mapping[str, Any]) -> tuple[Case, ...]:
-    """Return the cases that a module defines, in their order, from its `globals`."""
+    """Return the hard cases that a module, given by its `globals`, defines itself, in the order of their definition."""
     return tuple(found for found in module.values() if isinstance(found, Case) and found.function.__module__ == module["__name__"])
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A force model under test.
+    """Force model under test, with the bodies, forces and runs that hard cases need.
 
     Parameters
     ----------
@@ -169,7 +172,7 @@ class Subject:
 
     @property
     def dimension(self) -> int:
-        """Dimension of the bodies on which it is tested."""
+        """Dimension, 2 or 3, of the bodies on which the model is tested."""
         return dimension_of(self.plane)
 
     @cached_property
@@ -183,7 +186,7 @@ class Subject:
         return NeoHookean() if self.reference in FORCES else law_of(load_card(self.reference))
 
     def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return a result that is made once for all cases; one that `Ended` ends the next case alike."""
+        """Return the result of `make`, called only once for each key and shared by all cases; `Ended` is stored and raised again."""
         if key not in self.measured:
             try:
                 self.measured[key] = make()
@@ -194,39 +197,39 @@ class Subject:
         return self.measured[key]
 
     def sized(self, plane: Any, space: Any) -> Any:
-        """Return the first size for bodies in the plane, the second for those in three dimensions."""
+        """Return `plane` if the model is tested on bodies in the plane, `space` if it is tested on solids."""
         return plane if self.dimension == 2 else space
 
     def body(self, plane: int | tuple[int, ...], space: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
-        """Return a `regular` body with the first number of points a side in the plane, with the second in three dimensions."""
+        """Return a `regular` body with `plane` points a side if bodies are in the plane, with `space` points a side if they are solids."""
         return regular(self.dimension, self.sized(plane, space), ratio, **options)
 
     def gradient(self, F: np.ndarray) -> np.ndarray:
-        """Return the gradient for an in-plane deformation F: F itself, or, in three dimensions, with the free stretch across the plane."""
+        """Return an in-plane deformation gradient F, for solids extended to three dimensions by the stretch along x3 without stress."""
         if self.dimension == 2:
             return F
         trace, J = plane_stress.invariants(F)
         return block_diag(F, plane_stress.volume_ratio(self.law, trace, J) / J)
 
     def uniaxial(self, stretch: float) -> np.ndarray:
-        """Return the gradient in uniaxial tension or compression under plane stress."""
+        """Return the deformation gradient, shape (d, d), of the material in uniaxial tension or compression with free sides."""
         return self.gradient(np.diag([stretch, homogeneous.uniaxial(self.law, stretch).lateral_stretch]))
 
     def exact_stress(self, F: np.ndarray) -> np.ndarray:
-        """Return the law's first Piola-Kirchhoff stress, shape (d, d)."""
+        """Return the first Piola-Kirchhoff stress of the material law at a deformation gradient F, both of shape (d, d)."""
         return PLANES[self.plane].first_piola_stress(self.law, F)
 
     def bind(self, body: Body, law: Law | None = None, model: ForceModel | None = None, **settings) -> InternalForce:
-        """Return the model, or another one, bound to a body, by default in double precision."""
+        """Return the force of the model under test, or of another `model`, on a body, by default in double precision."""
         settings = ForceSettings(**{"precision": "float64", "plane": self.plane} | settings)
         return (model or self.model).bind(body, law or self.law, settings)
 
     def takes(self, setting: str) -> tuple:
-        """Return the values of a setting that the model declares to honour."""
+        """Return the values of a force setting that the model declares to honour; empty if it does not know the setting."""
         return self.model.honoured(self.plane).get(setting, ())
 
     def describes(self, law: Law) -> bool:
-        """Return whether the model can be used for a material."""
+        """Return whether the model can be used for a material law."""
         try:
             self.model.check_material(law)
         except ValueError:
@@ -234,16 +237,16 @@ class Subject:
         return True
 
     def scene(self, sides: tuple[float, ...], **described) -> Scene:
-        """Return a scene of a rectangle or box in the material of the subject, with other keys."""
+        """Return a scene with a rectangle or box of given sides, of the material of the model under test; `described` sets further keys."""
         body = {"shape": self.sized("rectangle", "box"), "size": sides[: self.dimension]}
         return Scene(**{"name": "hard-case", "plane": self.plane, "material": self.law.describe(), "body": body} | described)
 
     def held_at(self, region: str) -> dict[str, Any]:
-        """Return the prescription that holds a region in place."""
+        """Return the entry of ``prescribed`` in a scene that holds a region in place: all displacements are zero."""
         return {"region": region, **{f"x{axis + 1}": 0.0 for axis in range(self.dimension)}}
 
     def run(self, scene: Scene, force: str | None = None, where="", weakness="does not converge", unstable=WEAK, **options) -> Result:
-        """Return the run of a scene with the model or another force; raise `Ended` if it fails, KeyboardInterrupt if it is interrupted.
+        """Run a scene with the model or another force and return the result; raise `Ended` if it fails, KeyboardInterrupt after Ctrl-C.
 
         `where` precedes the reason of a failure; `unstable` is the verdict if the equilibrium is not stable.
         """
@@ -258,19 +261,19 @@ class Subject:
 
 
 def forces_at(force: InternalForce, positions: np.ndarray) -> np.ndarray:
-    """Return the forces at positions."""
+    """Return the forces on the points of a body at given positions, both of shape (n, d)."""
     out = np.empty_like(positions)
     force(positions, out)
     return out
 
 
 def off(found: np.ndarray, expected: np.ndarray) -> float:
-    """Return the greatest difference over the greatest value."""
+    """Return the greatest difference between two arrays, over the greatest magnitude in `expected`."""
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
 def spring_stiffness(body: Body, shear_modulus: float) -> float:
-    """Return the stiffness against moving a point with a full horizon if its bonds were springs: 4 mu V^2 sum(w)/kappa.
+    """Return the stiffness against moving one point with a full horizon if all its bonds were springs: 4 mu V^2 sum(w)/kappa.
 
     Springs of 4 mu w V^2/kappa along and across every bond have the shear modulus mu, in two and three dimensions.
     """

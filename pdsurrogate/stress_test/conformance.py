@@ -1,4 +1,4 @@
-"""Properties required of every force model, the table of the tested models, and the departures that a model states.
+"""Properties required of every force model, and the table of the tested models with the properties that they lack.
 
 The tests run every pair of a row and a property, and ``pdsurrogate stress-test`` reports them. A new force model, registered in
 `pdsurrogate.forces.FORCES` or stored as an artefact, is added by one line of `TABLE`::
@@ -50,19 +50,21 @@ class Departure(NamedTuple):
     weakness : str
         One of `pdsurrogate.stress_test.case.WEAKNESSES`.
     bound : float, callable or None
-        Bound of the measured value; a function of the artefact's reference if its card states the error; None if it keeps none.
+        Bound of the measured value; a function of the artefact's reference if its card states the error; None if there is no bound.
     """
 
     weakness: str
     bound: float | Callable[[str], float] | None
 
     def limit(self, reference: str) -> float | None:
-        """Return the bound for a row."""
+        """Return the bound of the measured value for the model with a given reference; None if there is no bound."""
         return self.bound(reference) if callable(self.bound) else self.bound
 
 
 class Row(NamedTuple):
-    """Force model of the table, tested on every property in its own material (`Subject.law`).
+    """Row of the table of tested models: a force model, the plane, and the properties that the model lacks.
+
+    The model is tested in its own material (`Subject.law`).
 
     Attributes
     ----------
@@ -80,12 +82,15 @@ class Row(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Reference, with the plane unless it is plane stress."""
+        """Reference of the model, with the plane added unless it is plane stress."""
         return self.reference + WHERE[self.plane]
 
 
 class Deformation(NamedTuple):
-    """Stretch along rotated axes, rotated again, with superposed waves in a drawn direction; in three dimensions the volume is kept."""
+    """Deformation for tests: stretches along rotated axes, a rotation of the body, and waves of random direction.
+
+    In three dimensions the third stretch keeps the volume.
+    """
 
     first: float
     second: float
@@ -95,7 +100,7 @@ class Deformation(NamedTuple):
     seed: int
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        """Return the positions of reference points; angles are in degrees, the amplitude in the unit of the points."""
+        """Return the deformed positions of points, shape (n, d); angles are in degrees, the amplitude in the unit of the points."""
         random, d = np.random.default_rng(self.seed), points.shape[1]
         stretches = [self.first, self.second, 1 / (self.first * self.second)][:d]
         F = turn(self.rotation, d) @ turn(self.axes, d) @ np.diag(stretches) @ turn(-self.axes, d)
@@ -117,20 +122,23 @@ def _energy(force: InternalForce) -> float:
 
 
 def _scale(force: InternalForce, forces: np.ndarray) -> float:
-    """Return the reference for errors of forces: the greatest force, or, near rest, a stress of mu on a side of a cell."""
+    """Return the force to which errors are related: the greatest of the forces, or near rest mu times the spacing."""
     return max(float(np.abs(forces).max()), force.law.shear_modulus * force.body.spacing)
 
 
 def _settled(force: InternalForce, positions: np.ndarray) -> np.ndarray:
-    """Return forces with a converged J3, so that they do not depend on its start value, whose effect `another_start` tests."""
+    """Return the forces of a second evaluation, whose iteration for J3 starts from the converged values of the first.
+
+    `another_start` tests the effect of the start values.
+    """
     forces_at(force, positions)
     return forces_at(force, positions)
 
 
 def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Callable], Case]:
-    """Return a decorator that makes a case of the errors of a force on a `notched` body at deformed positions.
+    """Return a decorator that makes a `Case` of a function returning errors of a force on a `notched` body at deformed positions.
 
-    The greatest error over all deformations is compared with the limit.
+    The case compares the greatest error over several deformations with the limit.
     """
 
     def declare(function: Callable[[Subject, InternalForce, np.ndarray], float | list[float]]) -> Case:
@@ -146,13 +154,13 @@ def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Call
 
 
 def _bound(subject: Subject, name: str, make: Callable[[], Body], law: Law | None = None) -> InternalForce:
-    """Return an evaluation on a body, shared by several properties and deformations of a subject."""
+    """Return the force of the model under test on the body from `make`, created once per name and shared by several properties."""
     return subject.once(name, lambda: subject.bind(make(), law))
 
 
 @case("rigid rotation, 0 to 360 degrees", "forces below 1e-9 mu/dx")
 def rigid_rotation(subject: Subject) -> Outcome:
-    """Test a sheet rotated by 0 to 360 degrees by the greatest force density, in mu/dx, and the energy, in mu times the volume.
+    """Test that an undeformed body rotated by 0 to 360 degrees has no forces and no energy, in mu/dx and in mu times the volume.
 
     Rounding of positions leaves K/mu times 1e-15 times the number of spacings; the limit is 1e-9.
     """
@@ -165,7 +173,7 @@ def rigid_rotation(subject: Subject) -> Outcome:
 
 @drawn("deformed and turned", "forces turn with the body, 1e-9", 1e-9, "accuracy")
 def objectivity(subject, force, positions):
-    """Return the changes of the forces, in the body's own frame, and of the energy if a deformed body is rotated and moved.
+    """Return how much the forces, rotated back, and the energy change if a deformed body is rotated and moved.
 
     The rotations are 15 to 360 degrees. Rounding of the positions, 1e-15, is a strain of 1e-14 over a spacing, multiplied by K/mu and some
     thirty bonds: 1e-10, a tenth of the limit.
@@ -180,9 +188,9 @@ def objectivity(subject, force, positions):
 
 @drawn("evaluated from rest", "the forces of the second evaluation, 1e-9", 1e-9, "last step of J3")
 def another_start(subject, force, positions):
-    """Return the change of the forces if the iteration for J3 starts from rest instead of from the same state.
+    """Return the change of the forces if the iteration for J3 starts from the state of rest instead of from the converged state.
 
-    It ends with a step below 1e-8, after which the error of J3 is the square of that: K/mu times 1e-16; the limit is 1e-9.
+    The last step of the iteration is below 1e-8 and J3 has an error of its square: forces change by K/mu times 1e-16; the limit is 1e-9.
     """
     forces_at(force, force.body.points)
     found, expected = forces_at(force, positions), forces_at(force, positions)
@@ -191,7 +199,7 @@ def another_start(subject, force, positions):
 
 @drawn("deformed and mirrored", "mirrored forces, 1e-9", 1e-9, "no mirror symmetry")
 def mirror(subject, force, positions):
-    """Return the difference between the forces on a mirrored body and the mirrored forces; rounding, 1e-9 as for a rotated body."""
+    """Return the difference between the forces on a mirrored body and the mirrored forces on the body; the limit is 1e-9, for rounding."""
     across = MIRROR[: subject.dimension]
     mirrored = _bound(subject, "mirrored", lambda: of_points(force.body.points * across))
     expected = _settled(force, positions) * across
@@ -200,14 +208,14 @@ def mirror(subject, force, positions):
 
 @drawn("linear momentum", "sum of all forces below 1e-12 of their sizes", 1e-12, "accuracy")
 def linear_momentum(subject, force, positions):
-    """Return the sum of all forces over the sum of their magnitudes; the limit is 1e-12, and rounding of some 2,000 forces leaves less."""
+    """Return the sum of all forces on a body over the sum of their magnitudes; rounding of some 2,000 forces leaves less than 1e-12."""
     forces = _settled(force, positions)
     return np.abs(forces.sum(axis=0)).max() / max(float(np.abs(forces).sum()), _scale(force, forces))
 
 
 @drawn("angular momentum", "moment of all forces below 1e-9 of its parts", 1e-9, "moments")
 def angular_momentum(subject, force, positions):
-    """Return the moment of all forces about the middle of the body over the sum of the moments' magnitudes; rounding leaves 1e-15."""
+    """Return the total moment of the forces about the middle of the body over the sum of the single moments; rounding leaves 1e-15."""
     forces, arms = _settled(force, positions), positions - positions.mean(axis=0)
     lengths = np.linalg.norm(arms, axis=1)
     # These are the components of the moment, in two or three dimensions.
@@ -217,7 +225,7 @@ def angular_momentum(subject, force, positions):
 
 @drawn("points numbered otherwise", "the same forces, 1e-11", 1e-11, "accuracy")
 def order_of_points(subject, force, positions):
-    """Return the change of the forces if the points are renumbered: the sums have another order; the limit is 1e-11.
+    """Return the change of the forces if the points are renumbered, which sums bonds in another order; the limit is 1e-11.
 
     Rounding is 1e-16 for each of some thirty bonds, multiplied by K/mu where the volumetric part cancels.
     """
@@ -229,9 +237,9 @@ def order_of_points(subject, force, positions):
 
 @drawn("units of length and stress", "the same forces, 1e-9", 1e-9, "accuracy")
 def units(subject, force, positions):
-    """Return the changes of the forces in other units of length and stress; the limit is 1e-9, as for a rotated body.
+    """Return the relative changes of the forces if units of length and stress change by 1e9 and 1e-9; the limit is 1e-9.
 
-    A force per unit thickness is the product of the units; in three dimensions the length counts twice.
+    A force per unit thickness has the unit of stress times length; a force in three dimensions stress times length^2.
     """
     body, d, expected, errors = force.body, subject.dimension, _settled(force, positions), []
     for length, stress in ((1e-9, 1e9), (1e9, 1e-9)):
@@ -256,10 +264,10 @@ GRADIENTS = (
 def homogeneous_stress(subject: Subject) -> Outcome:
     """Test the mean stress in four homogeneous states of three bodies, each with another weight function.
 
-    For an exact force the stress is the law's, up to the boundary, but for rounding: 1e-13 multiplied by K/mu. For an artefact its card
+    An exact force gives the stress of the law, up to the boundary, except for rounding: 1e-13 multiplied by K/mu. For an artefact the card
     bounds the error: P is twice the mean of t (x) n over the directions of the bonds, so its error is at most twice the greatest error of a
-    bond, which the card states for the strain of the state. A model without T_mm has errors of its correction at edges; it is compared with
-    the exact force under the same correction. The figure is that of the state nearest to its limit.
+    bond, which the card states for the strain of the state. A model without T_mm has errors of the correction at edges; the case compares
+    it with the exact force under the same correction. The outcome is that of the state nearest to its limit.
     """
     random = np.random.default_rng(20240109)
     rounding = 1e-13 * subject.law.bulk_modulus / subject.law.shear_modulus
@@ -278,12 +286,12 @@ def homogeneous_stress(subject: Subject) -> Outcome:
 
 
 def _extended(F: np.ndarray) -> np.ndarray:
-    """Return the three-dimensional extension of an in-plane gradient, rotated; its third stretch keeps the volume within a few per cent."""
+    """Return an in-plane deformation gradient extended to three dimensions, shape (3, 3), and rotated; its determinant is 0.97."""
     return turn(50, 3) @ block_diag(F, 0.97 / np.linalg.det(F)) @ turn(20, 3)
 
 
 def _stated_error(subject: Subject, F: np.ndarray) -> float:
-    """Return the relative error of the stress that a card allows in a homogeneous state; zero without a card."""
+    """Return the bound of the relative stress error that the model's card states at a deformation gradient F; 0 for models without card."""
     if subject.reference in FORCES:
         return 0.0
     strain = float(np.abs(np.linalg.svd(F, compute_uv=False) - 1).max())
@@ -293,7 +301,7 @@ def _stated_error(subject: Subject, F: np.ndarray) -> float:
 
 @case("float32 against float64", "forces within 2e-5")
 def single_precision(subject: Subject) -> Outcome:
-    """Test the difference of the forces in float32 and float64 on a deformed sheet, over the greatest force.
+    """Test the difference between the forces in float32 and in float64 on a deformed body, over the greatest force.
 
     A few roundings of 6e-8 on each of some thirty bond forces, which are larger than their sum, stay below the limit of 2e-5.
     """
@@ -305,10 +313,9 @@ def single_precision(subject: Subject) -> Outcome:
 
 @case("kernel against NumPy", "the same values, 1e-10")
 def kernel_and_numpy(subject: Subject) -> Outcome:
-    """Test the difference between the compiled model and its NumPy implementation on 1,000 states, over the greatest value.
+    """Test the difference between a surrogate's compiled kernel and its NumPy implementation on 1,000 states, over the greatest value.
 
-    Some 40 roundings of terms that are up to ten thousand times their sum leave 1e-10 in float64. In float32 the forces as a whole are
-    compared with those in float64, see `single_precision`.
+    Some 40 roundings of terms that are up to ten thousand times their sum leave 1e-10 in float64. For float32 see `single_precision`.
     """
     model, law = subject.model, subject.law
     required(subject.plane == "stress", "its face in NumPy is that of a sheet")
@@ -339,15 +346,15 @@ def threads(subject: Subject) -> Outcome:
 
 
 def _none_may(count: int, none: str, some: str, weakness: str = "accuracy") -> Outcome:
-    """Return an outcome that is passed if a count is zero."""
+    """Return the outcome "pass" with the text `none` if a count is zero; otherwise a weakness with the text `some`."""
     return Outcome(WEAK if count else PASS, some if count else none, float(count), 0.0, weakness if count else None)
 
 
 @case("half a sheet at a symmetry plane", "forces of the whole sheet, 1e-11")
 def reflected_half(subject: Subject) -> Outcome:
-    """Test the forces on half a sheet at a symmetry plane against those on that half of the whole, symmetrically deformed sheet.
+    """Test that the forces on half a body at a reflection plane equal the forces on that half of the whole, symmetrically deformed body.
 
-    The images represent points of the whole sheet: sums of the same bonds in another order, 1e-11 as for `order_of_points`.
+    The ghosts stand for points of the whole body, so the same bonds are summed in another order; the limit is 1e-11.
     """
     d = subject.dimension
     half, whole = plain(d, width=0.6, planes=(ReflectionPlane(0, 0.6, 1, (-1, 1, 1)[:d]),)), plain(d, width=1.2)
@@ -363,7 +370,7 @@ def reflected_half(subject: Subject) -> Outcome:
 
 @case("pair forces", "add up to the forces, 1e-10")
 def pair_forces(subject: Subject) -> Outcome:
-    """Test the difference between the forces and the sum of the pair forces, on a free sheet and on one with images; the limit is 1e-10.
+    """Test that the forces equal the sums of the pair forces, on a free body and on a body with ghosts; the limit is 1e-10.
 
     The sums have another order, and parts are recomputed where a model does not store them. The forces of selected pairs must agree, too.
     """
@@ -381,10 +388,10 @@ def pair_forces(subject: Subject) -> Outcome:
 
 @case("broken bonds", "a body that never had them, 1e-9")
 def broken_bonds(subject: Subject) -> Outcome:
-    """Test a body whose bonds break in two steps against one built without them: forces, energy, pair forces.
+    """Test that a body whose bonds break in two steps has the forces and energy of a body built without these bonds.
 
     Horizons, gradients and corrections are recomputed from the same numbers in another order. J3 starts from other values, which leaves
-    1e-9 (`another_start`).
+    1e-9 (`another_start`). The pair forces of the broken bonds must vanish, too.
     """
     required(True in subject.takes("breakable"), "its bonds do not break")
     crosses = crack(0.5, 0.6)
@@ -402,7 +409,7 @@ def broken_bonds(subject: Subject) -> Outcome:
 
 @case("bonds broken that were not to break", "refused")
 def unbreakable(subject: Subject) -> Outcome:
-    """Test that breaking bonds of an evaluation that was not bound for it is refused with a remedy."""
+    """Test that bonds of a force that was not bound with the setting ``breakable`` cannot be broken, and that the error names it."""
     force = subject.bind(plain(subject.dimension), precision=None)
     try:
         force.break_bonds(np.arange(5))
@@ -412,11 +419,11 @@ def unbreakable(subject: Subject) -> Outcome:
 
 
 class _Killed(Exception):
-    """Error that ends a run early."""
+    """Error that `_Killing` raises to end a run early, as if the process were killed."""
 
 
 class _Killing(Silent):
-    """Progress that ends a run as its second level begins."""
+    """Receiver of progress that kills a run, by an error, when its second level begins."""
 
     def level(self, number: int, stretch: float) -> None:
         if number == 1:
@@ -441,7 +448,7 @@ def checkpoint(subject: Subject) -> Outcome:
 
 @case("turned inside out, not a number", "refused with the place")
 def impossible_states(subject: Subject) -> Outcome:
-    """Test that impossible states, inside out or with NaN, are refused with the number and place of a point."""
+    """Test that positions turned inside out, or with NaN, are refused with an error that names the number and place of a point."""
     body = plain(subject.dimension)
     inverted, lost = body.points * MIRROR[: subject.dimension], body.points.copy()
     lost[7] = np.nan
@@ -472,7 +479,7 @@ IN_WORDS = {"breakable": "bonds that break"}
 
 @case("settings that a model cannot honour", "refused by name")
 def settings_refused(subject: Subject) -> Outcome:
-    """Test that no setting is ignored, refused without its name, or accepted or refused against the model's declaration."""
+    """Test that every force setting is honoured, or refused by name, exactly as the model declares, and that none is ignored."""
     wrong, declared = [], subject.model.honoured(subject.plane)
     for key, values in SETTINGS.items():
         usual, stated, taken = _settings_outcome(subject, key, None), getattr(_bind_with(subject, key, None), key, None), {}
@@ -492,13 +499,13 @@ def settings_refused(subject: Subject) -> Outcome:
 
 
 def _bind_with(subject: Subject, key: str, value: Any) -> InternalForce:
-    """Return an evaluation with one setting; None leaves it to the model."""
+    """Return the force of the model under test on a body, with the setting `key` set to a value; None leaves the model's default."""
     settings = {} if value is None else {key: value}
     return subject.bind(plain(dimension_of(settings.get("plane", subject.plane))), **{"precision": None} | settings)
 
 
 def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:
-    """Return the effect of a setting on an evaluation: its forces to the bit, and whether it warns or stops."""
+    """Return the forces as bytes and the number of warnings with one setting changed, or "stops" outside the domain, for comparison."""
     force = _bind_with(subject, key, value)
     # The stretch is along axes off the grid, where the paper's rotation differs, and far beyond the domain of any surrogate.
     d = force.body.dimension
@@ -518,7 +525,7 @@ PROPERTIES = (*cases_of(globals()), small_loads, force_balance, scale_of_units, 
 
 
 def _force_at_rest(reference: str) -> float:
-    """Return the greatest force density, in mu/dx on a square sheet, that a force on every bond at rest can cause.
+    """Return the greatest force density on an undeformed sheet, in mu/dx, that the error of a surrogate's bond force at rest can cause.
 
     The card states t kappa/(w l mu) of a bond at rest. Corrections make every horizon count as full, so a point's bonds add up to at most 2
     mu/kappa times the sum of w l V, if they do not cancel: 6 mu over the horizon of 3.15 dx.
@@ -527,7 +534,7 @@ def _force_at_rest(reference: str) -> float:
 
 
 def _fit_off_surface(reference: str) -> float:
-    """Return twice the error of the fit off the plane-stress surface, since both a body and its mirror image have it."""
+    """Return the bound for mirrored forces: twice a surrogate's error off the plane-stress surface, for the body and its mirror image."""
     return 2 * load_card(reference).errors["box"]["off_surface"]["rms"]
 
 

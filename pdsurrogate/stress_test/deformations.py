@@ -1,6 +1,6 @@
-"""Large deformations of small bodies, and awkward discretisations, compared with exact solutions and finite elements.
+"""Hard cases with large deformations of small bodies, and with difficult discretisations, against exact solutions and finite elements.
 
-Awkward are jittered points, meshes, short and long horizons, loose points, folded bonds and the tip of a notch.
+Difficult are jittered points, meshes, short and long horizons, loose points, folded bonds and the tip of a notch.
 """
 
 from collections.abc import Callable, Iterable
@@ -32,25 +32,25 @@ TURNED_ABOUT = np.array([-2.0, 1.0, -2.0]) / 3
 
 
 def turn(degrees: float, dimension: int = 2) -> np.ndarray:
-    """Return a rotation matrix, in three dimensions about `TURNED_ABOUT`."""
+    """Return the matrix of a rotation by an angle in degrees, shape (d, d), in three dimensions about the axis `TURNED_ABOUT`."""
     axis = TURNED_ABOUT if dimension == 3 else np.array([0.0, 0.0, 1.0])
     return Rotation.from_rotvec(degrees * axis, degrees=True).as_matrix()[:dimension, :dimension]
 
 
 def wavy(points: np.ndarray) -> np.ndarray:
-    """Return the positions of points under an inhomogeneous deformation."""
+    """Return the positions of points, shape (n, d), under a smooth inhomogeneous deformation with waves."""
     x1, x2, *rest = points.T
     across = [0.82 * x3 + 0.05 * x2 + 0.02 * np.sin(4 * x1) for x3 in rest]
     return np.stack([1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1), *across], axis=1)
 
 
 def force_densities(force: InternalForce, positions: np.ndarray) -> np.ndarray:
-    """Return forces per volume in units of shear modulus / spacing."""
+    """Return the forces per volume on the points at given positions, shape (n, d), in units of shear modulus / spacing."""
     return forces_at(force, positions) / force.body.volumes[:, None] * force.body.spacing / force.law.shear_modulus
 
 
 def _stress_error(subject: Subject, stretches: list[float], law: Law, square: bool = False, where: str = "") -> float:
-    """Return the greatest error of the nominal stress in uniaxial tension or compression between rollers.
+    """Return the greatest relative error of the nominal stress in uniaxial tension or compression between rollers.
 
     The body is a sheet of 3 by 1 or a block of 1 by 0.4 by 0.4, or, if `square`, a square or a cube.
     """
@@ -66,7 +66,7 @@ def _stress_error(subject: Subject, stretches: list[float], law: Law, square: bo
 
 
 def why_inaccurate(subject: Subject) -> str:
-    """Return the name of the weakness that makes a model less accurate than the analytic bond force."""
+    """Return the name of the weakness that explains why the model under test is less accurate than the analytic bond force."""
     blind = isinstance(subject.model, ForceSurrogate) and not subject.model.gives_transverse
     known = {"ba-nosb": "weights do not add up", "nosb": "zero-energy modes"}
     return known.get(subject.reference, "no transverse stress" if blind else "accuracy")
@@ -78,7 +78,7 @@ def _judged(subject: Subject, error: float | dict[str, float], figure: str = "{:
 
 @case("stretch to 4, 5 and 8", "stress within 0.1 % of the exact one")
 def stretch(subject: Subject) -> Outcome:
-    """Test uniaxial tension to 4, 5 and 8 by the error of the nominal stress.
+    """Test uniaxial tension to stretches 4, 5 and 8: the nominal stress must be within 0.1 % of the exact stress.
 
     Outside their domain surrogates use the exact bond force, so their error is no larger there.
     """
@@ -87,7 +87,7 @@ def stretch(subject: Subject) -> Outcome:
 
 @case("compression to 0.5", "stress within 0.1 % of the exact one")
 def compression(subject: Subject) -> Outcome:
-    """Test uniaxial compression of a square or a cube to 0.5 by the error of the nominal stress.
+    """Test uniaxial compression of a square or a cube to stretch 0.5: the nominal stress must be within 0.1 % of the exact stress.
 
     The exact state of the sheet is unstable below 0.53: a model with an energy detects this and stops there.
     """
@@ -95,9 +95,9 @@ def compression(subject: Subject) -> Outcome:
 
 
 def judged_patches(subject: Subject, bodies: Iterable[Body], F: np.ndarray, least: float) -> Outcome:
-    """Judge bodies in a homogeneous state by the greatest error of the mean stress, over the greatest component of the exact one.
+    """Return the outcome for bodies in a homogeneous state: the error of the mean stress must be small and the resistance at least `least`.
 
-    Their resistance to any disturbance must reach `least`, too.
+    The error is divided by the greatest component of the exact stress; the resistance is defined in `tangents.resistance`.
     """
     exact, errors, resisted = subject.exact_stress(F), [], []
     for body in bodies:
@@ -109,31 +109,34 @@ def judged_patches(subject: Subject, bodies: Iterable[Body], F: np.ndarray, leas
 
 
 def mean_stress_at(force: InternalForce, F: np.ndarray) -> np.ndarray:
-    """Return the mean stress of a body in a homogeneous state."""
+    """Return the mean first Piola-Kirchhoff stress of a body, shape (d, d), in a homogeneous state with deformation gradient F."""
     forces_at(force, force.body.points @ F.T)
     return force.mean_stress()
 
 
 def _homogeneous(subject: Subject, F: np.ndarray) -> Outcome:
-    """Test a homogeneous state; the resistance must be a quarter of a continuum's, as in `tangents.least_eigenvalue`."""
+    """Test mean stress and stability in a homogeneous state; the resistance must be a quarter of a continuum's.
+
+    `tangents.least_eigenvalue` gives the reason for a quarter.
+    """
     return judged_patches(subject, [subject.body(10, 6)], subject.gradient(F), 0.25)
 
 
 @case("equibiaxial stretch 3", "stress within 0.1 %, and stable")
 def equibiaxial(subject: Subject) -> Outcome:
-    """Test equibiaxial stretch 3: mean stress and stability."""
+    """Test mean stress and stability in a homogeneous body at equibiaxial stretch 3."""
     return _homogeneous(subject, np.diag([3.0, 3.0]))
 
 
 @case("simple shear 2", "stress within 0.1 %, and stable")
 def simple_shear(subject: Subject) -> Outcome:
-    """Test simple shear 2: mean stress and stability."""
+    """Test mean stress and stability in a homogeneous body under simple shear 2."""
     return _homogeneous(subject, np.array([[1.0, 2.0], [0.0, 1.0]]))
 
 
 @case("Gent to 99 % of its limit, and beyond", "stress within 0.1 %; beyond, a stop that names the place")
 def chain_limit(subject: Subject) -> Outcome:
-    """Test Gent's law in uniaxial tension: stresses at 99 % and 102 % of its limit, and a stop at twice the stretch.
+    """Test Gent's law in uniaxial tension: stresses at 99 % and 102 % of its limiting stretch, and a clear error at twice this stretch.
 
     The limit concerns I1bar - 3, about the square of the stretch; a slightly compressible law exceeds it by a few per cent because its
     volume grows. At twice the stretch no solution exists, and the error must say where and why.
@@ -158,7 +161,7 @@ def chain_limit(subject: Subject) -> Outcome:
 
 @case("K/mu = 10 to 10^4 (of solids 10^3), stretch 2", "stress within 0.1 % of the exact one")
 def compressibility(subject: Subject) -> Outcome:
-    """Test uniaxial stretch 2 at K/mu = 10, 100, 10^3 and, in the plane, 10^4, by the greatest error of the stress."""
+    """Test uniaxial stretch 2 at K/mu = 10, 100, 10^3 and, in the plane, 10^4: the stress must be within 0.1 % of the exact stress."""
     errors = {}
     for ratio in subject.sized((1e1, 1e2, 1e3, 1e4), (1e1, 1e2, 1e3)):
         law, name = replace(subject.law, bulk_modulus=ratio * subject.law.shear_modulus), f"K/mu = {ratio:g}"
@@ -168,7 +171,7 @@ def compressibility(subject: Subject) -> Outcome:
 
 
 def _sides(subject: Subject, stretch: float) -> list[float]:
-    """Return the stretches of a body along the axes that keep the volume of an incompressible one."""
+    """Return the stretches along the d axes: `stretch` along x1, and the lateral stretch of an incompressible body along the others."""
     return [stretch, *[stretch**-0.5] * (subject.dimension - 1)]
 
 
@@ -184,10 +187,10 @@ as in ``pipelines/data/solid_fields.json``.
 
 @case("cube between bonded faces: 1.5, 0.9, and K/mu = 1000", "force within 2 % of finite elements", planes=("space",))
 def bonded_faces(subject: Subject) -> Outcome:
-    """Test a cube between bonded plates, pulled to 1.5, pressed to 0.9, and pulled at K = 1000 mu, by the greatest error of the force.
+    """Test the force on a cube between bonded plates at stretches 1.5 and 0.9, and 1.5 at K = 1000 mu; the greatest error counts.
 
     Neo-Hookean rubber is compared with finite elements, within 2 %: an eighth of the cube with six points a side has a discretisation error
-    of 1 %. A surrogate of another law is compared with the exact energy on the same points, within a tenth of a per cent.
+    of 1 %. A surrogate of another law is compared with the exact energy on these points, within a tenth of a per cent.
     """
     errors, ours = {}, isinstance(subject.law, NeoHookean)
     rollers = [{"region": "bottom", "x2": 0.0}, {"region": "back", "x3": 0.0}]
@@ -204,13 +207,13 @@ def bonded_faces(subject: Subject) -> Outcome:
 
 
 def _reaction(run: Result) -> float:
-    """Return the force on a whole face from that on a quarter of it."""
+    """Return the force on the whole right face of a body of which a run simulated a quarter of the face."""
     return 4 * run.levels[-1]["forces"]["right"][0]
 
 
 @case("torsion of a cylinder by 180 degrees", "torque within a tenth of Rivlin's, its error even within 2 %", planes=("space",))
 def torsion(subject: Subject) -> Outcome:
-    """Test a cylinder between bonded faces by its torque at 10 and 180 degrees, against Rivlin's exact solution.
+    """Test the torque of a cylinder twisted between bonded faces by 10 and 180 degrees, against Rivlin's exact solution.
 
     An incompressible cylinder of any law is sheared by kappa r, and plane faces stay plane: the torque is 2 pi times the integral of the
     shear stress r^2 dr, and K = 100 mu changes it by tenths of a per cent. With eight points across, those at the surface lack half of
@@ -235,7 +238,7 @@ def torsion(subject: Subject) -> Outcome:
 
 @case("slender cantilever, four points across", "deflection within a fifth of Timoshenko's")
 def slender(subject: Subject) -> Outcome:
-    """Test a cantilever ten times as long as it is thick, four points across, by its deflection.
+    """Test the deflection of a cantilever ten times as long as it is thick, with four points across.
 
     The load gives a fiftieth of the length by Timoshenko's beam theory with the law's small-strain moduli. Four points resolve the bending
     stress within a sixth, because of the surfaces, six points within half of that; a fifth is allowed. With corrected bond forces the bar
@@ -258,11 +261,11 @@ def slender(subject: Subject) -> Outcome:
 
 @case("to twice the stretch of the domain", "the exact force there, work is energy to 1e-7")
 def beyond_the_domain(subject: Subject) -> Outcome:
-    """Test the way from rest to twice the greatest stretch of a surrogate's domain: exact forces at its end, and conservation of energy.
+    """Test a path from rest to twice the greatest stretch of a surrogate's domain: exact forces at its end, and conservation of energy.
 
-    The end is at 1.5 or 1.2 times the greatest stretch if the law ends earlier. There every bond must have the exact force. On the way the
-    exact energy replaces the learnt one: the work, by Gauss's rule on 200 intervals, must equal the stored energy to 1e-7, which a jump by
-    the error of the fit would exceed.
+    The end is at 1.5 or 1.2 times the greatest stretch if the law ends earlier. There every bond must have the exact force. On the path the
+    exact energy replaces the learnt energy: the work, by Gauss's rule on 200 intervals, must equal the stored energy to 1e-7, which a jump
+    by the error of the fit would exceed.
     """
     model = subject.model
     required(isinstance(model, ForceSurrogate | LearntEnergy) and model.domain is not None, "holds everywhere")
@@ -303,7 +306,7 @@ RATIOS = (2.015, 3.015, 3.15, 4.0, 6.0), (1.5, 1.75, 2.015, 2.5, 3.015)
 
 
 def _awkward_patches(subject: Subject, make: Callable[[np.random.Generator], Body]) -> Outcome:
-    """Test random bodies at stretch 2 by mean stress and stability, the worst of three.
+    """Test mean stress and stability at uniaxial stretch 2 in three random bodies; the worst counts.
 
     The resistance must be a tenth of a continuum's: besides the effect of the horizon (see `tangents.least_eigenvalue`), single horizons
     are asymmetric.
@@ -314,20 +317,20 @@ def _awkward_patches(subject: Subject, make: Callable[[np.random.Generator], Bod
 
 @case("points jittered by 30 % of dx", "stress within 0.1 %, and stable, at stretch 2")
 def jitter(subject: Subject) -> Outcome:
-    """Test points moved by up to 30 % of the spacing in each direction by mean stress and stability at stretch 2, the worst of three."""
+    """Test mean stress and stability at stretch 2 with points jittered by up to 30 % of the spacing; the worst of three bodies counts."""
     points = subject.body(10, 6).points
     return _awkward_patches(subject, lambda random: of_points(points + 0.3 * SPACING * random.uniform(-1, 1, points.shape)))
 
 
 @case("triangles or tetrahedra", "stress within 0.1 %, and stable, at stretch 2")
 def mesh(subject: Subject) -> Outcome:
-    """Test points of triangles or tetrahedra, all different, by mean stress and stability at stretch 2, the worst of three draws."""
+    """Test mean stress and stability at stretch 2 with points of irregular triangles or tetrahedra; the worst of three bodies counts."""
     return _awkward_patches(subject, lambda random: of_simplices(random, subject.dimension, subject.sized(8, 4)))
 
 
 @case("short and long horizons", "stable at stretch 2")
 def horizons(subject: Subject) -> Outcome:
-    """Test horizons of 2.015 to 6 spacings, 1.5 to 3.015 in three dimensions, by the least stability at uniaxial stretch 2.
+    """Test stability at uniaxial stretch 2 with horizons of 2.015 to 6 spacings, 1.5 to 3.015 in three dimensions; the least counts.
 
     In twelve spacings of sheet, or seven of a cube, the longest horizon is cut by an edge everywhere; a tenth of a continuum's resistance
     is required, as for jittered points.
@@ -339,9 +342,9 @@ def horizons(subject: Subject) -> Outcome:
 
 @case("one-bond point, fragments, isolated point", "each turned by 180 degrees: forces below 1e-9 mu/dx")
 def loose_points(subject: Subject) -> Outcome:
-    """Test a body with a point on a single bond, and three, two and one separate points, each turned by 180 degrees in place.
+    """Test that forces vanish, without NaN, on a body with a point on a single bond and with separate pieces of three, two and one points.
 
-    Nothing is deformed, so the forces must vanish, without NaN. The figure is the greatest force density in mu/dx.
+    Every piece is turned by 180 degrees in place, so nothing is deformed. The value is the greatest force density in mu/dx.
     """
     d, whole = subject.dimension, subject.body(8, 5).points
     # Nearly a horizon along the diagonal, so that only the corner is within reach.
@@ -360,8 +363,8 @@ def loose_points(subject: Subject) -> Outcome:
 def folded_bond(subject: Subject) -> Outcome:
     """Test a point pushed through its neighbour to the far side, by 2 spacings, which folds the bond between them back by 180 degrees.
 
-    On the way the force must push it back, or the run must stop and say where. Then the body is released from 1.2 spacings: it must return
-    to rest within a thousandth of a spacing, well above the solver's tolerance in positions, or stop clearly.
+    On the way the force must push the point back, or the evaluation must stop and say where. Then the body is released from 1.2 spacings:
+    it must return to rest within a thousandth of a spacing, well above the solver's tolerance in positions, or stop clearly.
     """
     body = subject.body(*CELLS)
     force, point = subject.bind(body), middle_point(body) + 1
@@ -391,7 +394,7 @@ def folded_bond(subject: Subject) -> Outcome:
 
 
 def _relax(force: InternalForce, positions: np.ndarray, free: np.ndarray) -> None:
-    """Move the free points to equilibrium."""
+    """Move the points to equilibrium, changing `positions` in place where `free`, shape (n, d), is 1."""
     Automatic(free, force.body.volumes, 1e-6, 20_000).solve(force, positions)
 
 

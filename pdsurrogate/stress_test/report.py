@@ -22,7 +22,10 @@ BODIES = {"stress": "sheets under plane stress", "space": "solids"}
 
 
 def all_models(plane: str = "stress") -> list[str]:
-    """Return the references of every force model that supports a plane: built-in ones, and the newest version of each artefact."""
+    """Return the names of all force models that support a plane ("stress", "strain" or "space"): built-in models, then artefacts.
+
+    An artefact without a version stands for its newest version.
+    """
     found = dict.fromkeys(folder.parent.name for folder in list_artifacts())
     return [name for name in (*FORCES, *found) if plane in load_surrogate(name).honours["plane"]]
 
@@ -39,7 +42,7 @@ def stress_test(
     Parameters
     ----------
     references : iterable of str, optional
-        Force models as on the command line, each tested in those of the planes that it supports; all by default.
+        Force models as on the command line; each is tested in those `planes` that it supports. By default all models are tested.
     quick : bool
         Whether to take a fiftieth of the explicit steps.
     progress : callable
@@ -60,7 +63,7 @@ def stress_test(
     ArtifactError
         If a force model is unknown or damaged, or supports none of the planes; before any case is run.
     ValueError
-        If there are fewer threads.
+        If `threads` is greater than the number of available threads.
     """
     planes, subjects = list(planes), []
     for reference in references or dict.fromkeys(name for plane in planes for name in all_models(plane)):
@@ -94,12 +97,12 @@ def stress_test(
 
 
 def planes_of(report: dict) -> list[str]:
-    """Return the planes for which a report has a table."""
+    """Return the planes ("stress", "space") in which the models of a report were tested; each has a table."""
     return [plane for plane in BODIES if any(model["plane"] == plane for model in report["models"])]
 
 
 def table(report: dict, plane: str) -> tuple[list[str], list[list[str]]]:
-    """Return the header and the rows for a plane: a row for each case, a column for each force model."""
+    """Return the header and the rows of a report's table for a plane: a row for each case, a column for each force model."""
     models = [model for model in report["models"] if model["plane"] == plane]
     cases = [case for case in report["cases"] if plane in case["planes"]]
     rows = [[case["title"], case["asked"], *(cell(model["results"][case["case"]]) for model in models)] for case in cases]
@@ -107,7 +110,7 @@ def table(report: dict, plane: str) -> tuple[list[str], list[list[str]]]:
 
 
 def cell(result: dict) -> str:
-    """Return a result in a few words."""
+    """Return the text of a table cell for the result of one case: verdict, figure and weakness."""
     figure = result["figure"]
     # The JSON has the place and the reason of a stop.
     figure = figure if len(figure) <= 60 else figure.split(":")[0].split(", stops")[0]
@@ -119,6 +122,6 @@ def cell(result: dict) -> str:
 
 
 def count(model: dict) -> dict[str, int]:
-    """Return how many cases of a model have each verdict."""
+    """Return the number of cases with each verdict, for one model of a report."""
     verdicts = [result["verdict"] for result in model["results"].values()]
     return {verdict: verdicts.count(verdict) for verdict in (PASS, STOPS, WEAK, INAPPLICABLE)}

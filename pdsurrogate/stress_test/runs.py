@@ -1,8 +1,8 @@
-"""Runs of small bodies in equilibrium and in motion.
+"""Hard cases that run small bodies in equilibrium and in motion.
 
-Loads, moduli and lengths have every scale; forces must balance, the energy is accounted for, and parts may be much stiffer than others.
-Explicit steps that are too long must be detected, and very many must not heat up a body. Unlike the properties of forces alone, these
-involve the solver, the precision, the loads and the integrator as well.
+Loads, moduli and lengths are very small or very large; forces and energy must balance, and some bodies have parts of very different
+stiffness. Explicit steps that are too long must be detected, and many steps must not add energy to a body. Unlike the properties of forces
+alone, these cases involve the solver, the precision, the loads and the integrator as well.
 """
 
 from contextlib import suppress
@@ -26,7 +26,10 @@ STEPS = 100_000
 
 
 class Motion:
-    """Motion of a body of unit density by central differences, with damping proportional to mass; by default from rest, all points free."""
+    """Explicit motion of a body of unit density by central differences, with damping proportional to mass.
+
+    By default all points are free and begin at their undeformed positions, with small random velocities.
+    """
 
     def __init__(self, force: InternalForce, share_of_critical=0.5, positions=None, free=None, damping=0.0) -> None:
         self.force, self.mass, self.damping = force, force.body.volumes, damping
@@ -82,7 +85,7 @@ POWERS = (-9, 9)
 
 
 def in_units_of(law: Law, stress: float) -> Law:
-    """Return the material with every modulus multiplied by a factor."""
+    """Return a material law with every modulus multiplied by `stress`, as in another unit of stress."""
     described = law.describe()
     moduli = {key: np.multiply(value, stress).tolist() for key, value in described.items() if "modul" in key}
     return MaterialSpec.model_validate(described | moduli).build()
@@ -93,7 +96,10 @@ def _why_no_equilibrium(subject: Subject) -> str:
 
 
 def _loaded(subject: Subject, load: float, stress: float = 1.0, length: float = 1.0, amplitude: str | list = "ramp", **changes) -> Scene:
-    """Return a body in other units, held at its left face, with a load on its right face; its size is in shear moduli."""
+    """Return the scene of a body held at its left face, with a traction of `load` shear moduli on its right face.
+
+    `stress` and `length` are the units of the scene.
+    """
     law, size = in_units_of(subject.law, stress), load * stress * subject.law.shear_modulus
     loads = [{"region": "right", "traction": [size * part for part in DIRECTION[: subject.dimension]], "amplitude": amplitude}]
     described = {"spacing": 0.2 * length, "material": law.describe(), "prescribed": [subject.held_at("left")], "steps": [1.0]}
@@ -101,7 +107,7 @@ def _loaded(subject: Subject, load: float, stress: float = 1.0, length: float = 
 
 
 def _level(subject: Subject, load: float, stress: float = 1.0, length: float = 1.0) -> dict:
-    """Return the equilibrium under a load, computed once for a subject."""
+    """Return the last level of the run of `_loaded` in equilibrium under a load, computed only once for a force model."""
     run = partial(subject.run, where=f"{load:g} mu: ", weakness=_why_no_equilibrium(subject))
     return subject.once(("held", load, stress, length), lambda: run(_loaded(subject, load, stress, length)).levels[-1])
 
@@ -112,16 +118,16 @@ def _moved(level: dict) -> np.ndarray:
 
 @case("loads of 1e-9 to 1e-5 mu", "displacements in proportion, 0.2 %")
 def small_loads(subject: Subject) -> Outcome:
-    """Test loads of 1e-9 to 1e-5 shear moduli by their displacements, which must be in proportion to them.
+    """Test that displacements are proportional to small loads, of 1e-9 to 1e-5 shear moduli.
 
-    The figure is the greatest difference of displacement over load from that under the greatest of these loads.
+    The value is the greatest relative difference of displacement over load from the ratio under the greatest of these loads.
     """
     over = np.array([_moved(_level(subject, load)) / load for load in LOADS if load <= LINEAR])
     return Outcome.below(off(over, over[-1]), OFF_PROPORTION, _why_inaccurate_at_rest(subject))
 
 
 def _why_inaccurate_at_rest(subject: Subject) -> str:
-    """Return the weakness of a force that small loads are added to."""
+    """Return the weakness that explains errors under small loads: "force at rest" if the undeformed body has forces, else "accuracy"."""
     body = subject.body(6, 4)
     return "accuracy" if np.abs(force_densities(subject.bind(body), body.points)).max() < 1e-9 else "force at rest"
 
@@ -130,8 +136,8 @@ def _why_inaccurate_at_rest(subject: Subject) -> str:
 def force_balance(subject: Subject) -> Outcome:
     """Test the balance of load and reaction under loads of 1e-9 to 1 shear moduli, and the momentum of a free body that moves.
 
-    The figure is the greatest part of a load that the sum of both is, or twice the balance that the run states, of what drives the body. Of
-    a free body without damping the momentum after 100 steps may differ by rounding alone, 1e-12 of the sum of the sizes of all momenta.
+    The value is the greatest sum of load and reaction over the load, or twice the balance of forces that a run states. Without damping the
+    momentum of a free body after 100 steps may differ by rounding alone, 1e-12 of the sum of the magnitudes of all momenta.
     """
     errors = {}
     for load in LOADS:
@@ -151,7 +157,7 @@ def force_balance(subject: Subject) -> Outcome:
 
 @case("equilibrium in units of stress and length of 1e-9 and 1e9", "the same, 0.2 %")
 def scale_of_units(subject: Subject) -> Outcome:
-    """Test an equilibrium under a load of 0.01 mu in units of stress and length of 1e-9 and 1e9 by its displacements and reactions."""
+    """Test that displacements and reactions under a load of 0.01 mu do not change in units of stress and length of 1e-9 and 1e9."""
     expected, errors = _level(subject, 1e-2), {}
     for stress, length in product(POWERS, POWERS):
         level = _level(subject, 1e-2, 10.0**stress, 10.0**length)
@@ -163,9 +169,9 @@ def scale_of_units(subject: Subject) -> Outcome:
 
 @case("energy of a sudden load, undamped and damped", "accounted for within 1 %")
 def energy_account(subject: Subject) -> Outcome:
-    """Test a sudden load of 0.1 mu, without damping and with damping and viscosity, by the account of the energy put in.
+    """Test the balance of energy under a sudden load of 0.1 mu, without damping, and with damping and viscosity.
 
-    Shear waves have a speed of 1, and go along the body and back twice. What a run itself warns of is an account off by 1 % at any time.
+    Shear waves have a speed of 1, and go along the body and back twice. A run itself warns of a balance that is off by 1 % at any time.
     """
     required(subject.bind(subject.body(6, 4)).has_energy, "has no energy")
     gaps, sudden = {}, [[0.0, 0.0], [1e-9, 1.0]]
@@ -185,17 +191,20 @@ SOFT, MOVED = 0.4, 1e-3
 
 
 def _stiff(subject: Subject, contrast: float) -> Law:
-    """Return the law of the stiff parts: with K = 2 mu, as stiff materials have, unless the model is fitted to one ratio of the moduli."""
+    """Return the law of the stiff parts of a body, `contrast` times as stiff as the subject's law.
+
+    Its bulk modulus is K = 2 mu, as stiff materials have, unless the model is fitted to one ratio of the moduli.
+    """
     alike = in_units_of(subject.law, contrast)
     compressible = replace(alike, bulk_modulus=2 * alike.shear_modulus)
     return compressible if subject.describes(compressible) else alike
 
 
 def _off_series(subject: Subject, stiff: Law, held: list[dict], direction: int, where: str) -> float:
-    """Return the relative error of the force on a body of layers whose top is moved in a direction.
+    """Return the relative error of the force on a body with a soft layer between stiff layers, whose top is moved along axis `direction`.
 
-    The body is held so that every layer is deformed alike throughout: the exact force is that of springs in series, of the laws' own
-    stiffnesses, since the strains are some thousandths at the most.
+    The prescribed displacements `held` keep every layer homogeneous: the exact force is the force of springs in series with the stiffnesses
+    of the laws, since the strains are some thousandths at the most.
     """
     d, width = subject.dimension, 0.4
     low, high = np.tile([[-1.0], [2.0]], (2, 1, d))
@@ -213,10 +222,10 @@ def _off_series(subject: Subject, stiff: Law, held: list[dict], direction: int, 
 
 
 def _judged_contrasts(subject: Subject, direction: int, held: tuple[str, ...], contrasts: tuple[float, ...]) -> Outcome:
-    """Judge the force on the top of a layered body, moved along axis `direction`, at several ratios of moduli: within 5 %.
+    """Return the outcome for a layered body whose top moves along axis `direction`: at several ratios of moduli its force is within 5 %.
 
-    Bottom and top are held in the components `held`, left and right in the one of x1 and x2 that the top is not moved in, back and front in
-    x3.
+    Bottom and top are held in the components `held`, back and front in x3, left and right in x2 if the top moves along x1, and in x1 if it
+    moves along x2.
     """
     across = f"x{2 - direction}"
     sides = [("left", across), ("right", across), ("back", "x3"), ("front", "x3")][: 2 * (subject.dimension - 1)]
@@ -232,19 +241,25 @@ def _judged_contrasts(subject: Subject, direction: int, held: tuple[str, ...], c
 
 @case("sheared layer between parts 10 to 10^5 times as stiff", "force within 5 %, four points across")
 def sheared_layer(subject: Subject) -> Outcome:
-    """Test a soft layer of four points between parts 10 to 10^5 times as stiff under shear; points of the sides stay at their height."""
+    """Test the force on a body under shear with a soft layer, four points thick, between parts 10 to 10^5 times as stiff.
+
+    Points of the sides stay at their height.
+    """
     return _judged_contrasts(subject, 0, ("x1", "x2", "x3")[: subject.dimension], CONTRASTS)
 
 
 @case("confined layer between parts 10 and 10^5 times as stiff", "force within 5 %, four points across")
 def confined_layer(subject: Subject) -> Outcome:
-    """Test a soft layer of four points between parts 10 and 10^5 times as stiff that are pulled apart; rollers hold the width."""
+    """Test the force on a body in tension with a soft layer, four points thick, between parts 10 and 10^5 times as stiff.
+
+    Rollers hold the width of the body.
+    """
     return _judged_contrasts(subject, 1, ("x2",), (CONTRASTS[0], CONTRASTS[-1]))
 
 
 @case("time step 0.5, 0.9, 1.1, 2 of critical", "bounded below 1, caught within 100 steps above")
 def time_step(subject: Subject) -> Outcome:
-    """Test a hundred steps of 0.5, 0.9, 1.1 and 2 times the critical one, for a free body at rest with small random velocities.
+    """Test explicit time steps of 0.5, 0.9, 1.1 and 2 times the critical step, a hundred each, on a free body with small random velocities.
 
     Above 1 a wave grows by a factor of 2.4 or more per step, its energy by 5.8, and the run must stop with a clear error. Below 1 the step
     length causes no growth; the energy that a non-conservative force adds (see `undamped_steps`) is tolerated up to a tenth of the kinetic
@@ -271,7 +286,7 @@ def time_step(subject: Subject) -> Outcome:
 
 
 def _held(subject: Subject) -> Motion:
-    """Return the motion of a body held at both ends at stretch 1.5, with half of the critical step and the damping of `DampedExplicit`."""
+    """Return the `Motion` of a body held at both ends at stretch 1.5, with half the critical step and the damping of `DampedExplicit`."""
     body = subject.body(8, (6, 4, 4))
     free = np.ones_like(body.points)
     free[np.abs(body.points[:, 0] - body.points[:, 0].mean()) > np.ptp(body.points[:, 0]) / 2 - 1e-9] = 0
@@ -282,10 +297,10 @@ def _held(subject: Subject) -> Motion:
 
 @case("10^5 damped explicit steps at stretch 1.5", "kinetic energy falls to 1e-16", failing="loses stability")
 def damped_steps(subject: Subject) -> Outcome:
-    """Test 10^5 explicit steps on a body held at stretch 1.5, damped at the rate of `DampedExplicit`: it must come to rest.
+    """Test that a body held at stretch 1.5 comes to rest in 10^5 explicit steps, damped at the rate of `DampedExplicit`.
 
-    The figure is the kinetic energy at the end over that at the start. At the damping rate c the slowest mode loses exp(-c t) of it until
-    rounding is reached, 1e-13 squared of the speed of waves over 1e-3 squared; the limit is 1e-16.
+    The value is the kinetic energy at the end over the kinetic energy at the start. At the damping rate c it falls in the slowest mode as
+    exp(-c t) until rounding is reached, 1e-13 squared of the speed of waves over 1e-3 squared; the limit is 1e-16.
     """
     motion = _held(subject)
     first = motion.kinetic_energy
@@ -295,10 +310,10 @@ def damped_steps(subject: Subject) -> Outcome:
 
 @case("10^5 undamped explicit steps at stretch 1.5", "kinetic energy grows by 1.2 at the most")
 def undamped_steps(subject: Subject) -> Outcome:
-    """Test 10^5 steps without damping on the same body, after small random velocities, by the growth of its kinetic energy.
+    """Test that the kinetic energy of a body held at stretch 1.5 does not grow in 10^5 undamped steps, after small random velocities.
 
-    The figure is the mean over the last tenth of the steps over that of the first tenth. Small waves share their energy evenly between
-    motion and strain, so it is 1 within the scatter of some hundred modes; the limit is 1.2.
+    The value is the mean kinetic energy in the last tenth of the steps over the mean in the first tenth. Small waves share their energy
+    evenly between motion and strain, so the value is 1 within the scatter of some hundred modes; the limit is 1.2.
     """
     motion, pieces = _held(subject), 100
     steps = (STEPS // 50 if subject.quick else STEPS) // pieces
@@ -319,7 +334,7 @@ def undamped_steps(subject: Subject) -> Outcome:
 
 @case("a load from one moment to the next", "the account of energy moves by 1 % at the most in 20,000 steps", failing="not conservative")
 def sudden_load(subject: Subject) -> Outcome:
-    """Test a bar held at one end and suddenly loaded at the other by the balance of its energy.
+    """Test the balance of energy of a bar that is held at one end and suddenly loaded at the other.
 
     The load is a tenth of mu: waves run along the bar, and its end oscillates between rest and twice the static displacement. Stored and
     kinetic energy minus the work of the load vanish but for the error of the steps, half of the critical one, which stays bounded. The

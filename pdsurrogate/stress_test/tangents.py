@@ -1,4 +1,4 @@
-"""Tangents of small bodies by central differences, and the cases that use them."""
+"""Tangents of small bodies (negative derivatives of forces by displacements) by central differences, and the hard cases that use them."""
 
 from collections.abc import Callable
 from itertools import product
@@ -27,7 +27,7 @@ class Tangent(NamedTuple):
     Attributes
     ----------
     matrix : ndarray, shape (d m, d m)
-        Derivatives for the free points, component by component.
+        Derivatives for the free points; component i of free point k has row and column d k + i.
     free : ndarray, shape (m,)
         Numbers of the free points.
     """
@@ -37,24 +37,24 @@ class Tangent(NamedTuple):
 
     @property
     def symmetric(self) -> np.ndarray:
-        """Symmetric part, which decides whether a displacement is resisted."""
+        """Symmetric part of the matrix, which decides whether a displacement is resisted, shape (d m, d m)."""
         return (self.matrix + self.matrix.T) / 2
 
     @property
     def least(self) -> float:
-        """Least resistance to any displacement of the free points."""
+        """Least eigenvalue of the symmetric part: the least resistance to any displacement of the free points."""
         return float(np.linalg.eigvalsh(self.symmetric)[0])
 
     @property
     def asymmetry(self) -> float:
-        """Relative asymmetry |A - A^T|/|A| in the spectral norm."""
+        """Relative asymmetry |A - A^T|/|A| of the matrix A of the tangent, in the spectral norm."""
         return float(np.linalg.norm(self.matrix - self.matrix.T, 2) / np.linalg.norm(self.matrix, 2))
 
 
 def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> Tangent:
-    """Return the tangent by central differences over a hundred-thousandth of the spacing; curvature and rounding leave errors of 1e-10.
+    """Return the tangent of a force at given positions, by central differences over a hundred-thousandth of the spacing.
 
-    If `held`, the outermost points are fixed; otherwise all are free.
+    Curvature and rounding leave errors of 1e-10. If `held`, the outermost points are fixed; otherwise all points are free.
     """
     body, d = force.body, positions.shape[1]
     free = np.flatnonzero(inner_points(body)) if held else np.arange(len(body))
@@ -70,7 +70,7 @@ def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> T
 
 
 def states(subject: Subject) -> dict[str, np.ndarray]:
-    """Return the deformation gradients at which the tangent is computed: those of theory, section 10, and a compression with free x3."""
+    """Return, by name, the deformation gradients of the homogeneous states in which tangents are computed: rest, tension, shear etc."""
     uniaxial = {f"uniaxial {stretch:g}": subject.uniaxial(stretch) for stretch in (2.0, 3.0, 0.7)}
     sheared, equibiaxial = np.array([[1.0, 0.8], [0.0, 1.0]]), np.diag([2.0, 2.0])
     others = {"rest": np.eye(2), "shear 0.8": sheared, "equibiaxial 2": equibiaxial}
@@ -78,7 +78,7 @@ def states(subject: Subject) -> dict[str, np.ndarray]:
 
 
 def tangents(subject: Subject) -> tuple[Body, dict[str, Tangent]]:
-    """Return the tangents in all states, computed once for a subject."""
+    """Return a regular body and its tangents in all `states`, by name, computed only once for a force model."""
 
     def make() -> tuple[Body, dict[str, Tangent]]:
         body = subject.body(*CELLS)
@@ -88,7 +88,7 @@ def tangents(subject: Subject) -> tuple[Body, dict[str, Tangent]]:
 
 
 def least_of_a_continuum(body: Body, shear_modulus: float) -> float:
-    """Return the least stiffness of a continuum between the held points: d pi^2 mu V/L^2, its mode with half a wave in each direction."""
+    """Return the least stiffness of a continuum between the held points, d pi^2 mu V/L^2, of a mode with half a wave in each direction."""
     length = np.ptp(body.points[:, 0])
     return body.dimension * np.pi**2 * shear_modulus * body.volumes[0] / length**2
 
@@ -96,8 +96,9 @@ def least_of_a_continuum(body: Body, shear_modulus: float) -> float:
 def share_of_rest(subject: Subject, F: np.ndarray) -> float:
     """Return the least resistance of the material to any wave in a homogeneous state, over mu, at most 1.
 
-    It is the least eigenvalue of the acoustic tensor (Q a) = dP(F + h a n^T)/dh n at h = 0 over the directions n to the neighbours in a
-    lattice. No discretisation resists more than its material: Neo-Hookean rubber has at least mu everywhere, softening rubber has less.
+    The resistance is the least eigenvalue of the acoustic tensor (Q a) = dP(F + h a n^T)/dh n at h = 0 over the directions n to the
+    neighbours in a lattice. No discretisation resists more than its material: Neo-Hookean rubber has at least mu everywhere, softening
+    rubber has less.
     """
     d, probe, least = len(F), 1e-5, 1.0
     for direction in list(product((-1.0, 0.0, 1.0), repeat=d))[: (3**d - 1) // 2]:
@@ -109,7 +110,10 @@ def share_of_rest(subject: Subject, F: np.ndarray) -> float:
 
 
 def _over_springs(subject: Subject, stiffness: Callable[[Body, Tangent], float]) -> dict[str, float]:
-    """Return a stiffness in every state, over that of springs along the bonds that are as stiff as the rubber in that state."""
+    """Return, for every state by name, the ratio of a tangent's stiffness to the stiffness if all bonds were springs.
+
+    The springs are as stiff as the rubber in that state (`share_of_rest`).
+    """
     body, found = tangents(subject)
     springs, applied = spring_stiffness(body, subject.law.shear_modulus), states(subject)
     return {name: stiffness(body, formed) / (springs * share_of_rest(subject, applied[name])) for name, formed in found.items()}
@@ -119,7 +123,7 @@ def _over_springs(subject: Subject, stiffness: Callable[[Body, Tangent], float])
 def single_point(subject: Subject) -> Outcome:
     """Test the resistance to the displacement of one point in the middle, the least over all directions and states.
 
-    It is measured in units of the stiffness of springs along its bonds, as stiff as the rubber in that state; `HELD` is required.
+    The unit is the resistance if the bonds of the point were springs, as stiff as the rubber in that state; `HELD` is required.
     """
 
     def resisted(body: Body, formed: Tangent) -> float:
@@ -134,7 +138,7 @@ def single_point(subject: Subject) -> Outcome:
 def checkerboard(subject: Subject) -> Outcome:
     """Test the resistance to displacements that alternate in sign from point to point along any of the axes, the least over all states.
 
-    It is compared with springs as for a single point: such modes stretch the bonds even more.
+    The unit and the limit are those of `single_point`, although such modes stretch the bonds even more.
     """
 
     def resisted(body: Body, formed: Tangent) -> float:
@@ -148,11 +152,11 @@ def checkerboard(subject: Subject) -> Outcome:
 
 @case("least eigenvalue of the tangent", "at least 0.25 of a continuum's, in six states")
 def least_eigenvalue(subject: Subject) -> Outcome:
-    """Test the least eigenvalue of the symmetric part of the tangent, over that of a continuous membrane or block, over all states.
+    """Test that in all states the least eigenvalue of the tangent's symmetric part is at least a quarter of a continuum's.
 
     Neo-Hookean rubber resists every wave with at least mu |a|^2 |k|^2 in every state (its energy is mu/2 |F|^2 plus a convex function of
-    J), so the continuum's lowest mode is a lower bound. A horizon of three spacings reduces a mode of eleven spacings by up to half, as one
-    of 1.75 does one of six; a quarter is required.
+    J), so the continuum's lowest mode is a lower bound. A horizon of three spacings reduces a mode of eleven spacings by up to half, and a
+    horizon of 1.75 spacings a mode of six; hence a quarter.
     """
     body, found = tangents(subject)
     bound = least_of_a_continuum(body, subject.law.shear_modulus)
@@ -161,16 +165,17 @@ def least_eigenvalue(subject: Subject) -> Outcome:
 
 
 def why_not_resisted(resisted: float, least: float) -> str:
-    """Return the weakness of a model that resists less than `least`: about nothing, or less than nothing."""
+    """Return the weakness of a model that resists less than `least`: "zero-energy modes", or "loses stability" if clearly negative."""
     return "zero-energy modes" if resisted > -least else "loses stability"
 
 
 @case("displacements of a free body that no force answers", "the rigid ones alone: 3 in the plane, 6 in three dimensions")
 def rigid_motions(subject: Subject) -> Outcome:
-    """Test that the displacements of a free body at rest without a force are the three or six rigid ones, and no other.
+    """Test that a free body at rest resists every displacement except the three or six rigid motions.
 
-    These are singular values of the tangent below a millionth of the springs' stiffness, the level of rounding and differences. The next
-    one of a body of seven or four points a side is a bending or twisting mode of hundredths, or of thousandths with zero-energy modes.
+    A motion without resistance has a singular value of the tangent below a millionth of the springs' stiffness, the size of rounding and
+    difference errors. The next value of a body of seven or four points a side is a bending or twisting mode of hundredths, or of
+    thousandths with zero-energy modes.
     """
     body = subject.body(7, 4)
     formed = tangent(subject.bind(body), body.points.copy(), held=False)
@@ -183,7 +188,7 @@ def rigid_motions(subject: Subject) -> Outcome:
 
 @case("symmetry of the tangent", "1e-6 at the most, in six states")
 def symmetry(subject: Subject) -> Outcome:
-    """Test whether the force is the gradient of an energy by |A - A^T|/|A|, the greatest over all states.
+    """Test that the force is the gradient of an energy: the asymmetry |A - A^T|/|A| of the tangent A must vanish in all states.
 
     Rounding and differences leave 1e-9; the limit is 1e-6.
     """
@@ -192,7 +197,7 @@ def symmetry(subject: Subject) -> Outcome:
 
 
 def resistance(subject: Subject, body: Body, F: np.ndarray) -> float:
-    """Return the least eigenvalue of the tangent of any body in a homogeneous state, over that of a membrane or block."""
+    """Return the least resistance of a body in a homogeneous state with deformation gradient F, over that of a continuum at rest."""
     return tangent(subject.bind(body), body.points @ F.T).least / least_of_a_continuum(body, subject.law.shear_modulus)
 
 

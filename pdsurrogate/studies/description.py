@@ -26,7 +26,7 @@ FORCE = "force"
 
 
 class Distribution(StrictModel):
-    """A distribution of `scipy.stats` by name, with its parameters.
+    """Distribution from which a study draws the values of a parameter: a distribution of `scipy.stats` by name, with its parameters.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Distribution(StrictModel):
 
     @property
     def discrete(self) -> bool:
-        """True if its values are whole numbers."""
+        """True if the values of the distribution are whole numbers."""
         from scipy import stats
 
         return isinstance(getattr(stats, self.distribution), stats.rv_discrete)
@@ -97,7 +97,10 @@ class Fit(StrictModel):
 
 
 def _flattened(table: Any, before: str = "") -> Any:
-    """Return a table with dotted keys, which TOML reads as nested tables unless they are quoted."""
+    """Return a flat dictionary with dotted keys from the nested tables that TOML makes of unquoted dotted keys.
+
+    The table of a distribution stays whole.
+    """
     if not isinstance(table, Mapping):
         return table
     flat: dict[str, Any] = {}
@@ -108,7 +111,7 @@ def _flattened(table: Any, before: str = "") -> Any:
 
 
 def _values(values: Any) -> Any:
-    """Return a tuple of values or a distribution from what is given for a parameter."""
+    """Return the values of a parameter, given as a list, an array or a table, as a tuple or a `Distribution`; ValueError if invalid."""
     if isinstance(values, Distribution):
         return values
     if isinstance(values, Mapping):
@@ -143,9 +146,9 @@ class Study(StrictModel):
     parameters : dict
         Values of the runs by dotted key: a list, or a `Distribution`. For a scene ``force`` can be a parameter, too.
     design : {"grid", "zip", "random", "latin-hypercube"}
-        "grid" combines every value with every other; "zip" takes the first values of all, then the second ones; "random" and
-        "latin-hypercube" draw `samples` runs, independently or spread evenly over each parameter, with equal probability for the entries of
-        a list.
+        "grid" combines every value of a parameter with every value of the others; "zip" combines the first values of all parameters, then
+        the second values and so on; "random" and "latin-hypercube" draw `samples` runs, independently or spread evenly over each parameter,
+        with equal probability for the entries of a list.
     samples : int, optional
         Number of runs to draw.
     seed : int
@@ -195,9 +198,9 @@ class Study(StrictModel):
 
 
 def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, str, Path]:
-    """Return a study from its file or a mapping, the name of its source for messages, and the folder for relative scene files.
+    """Return a study from a file or a mapping, with the name of the source for messages, and the folder for relative scene files.
 
-    Raise SceneError, which names the key, if it cannot be read or is invalid.
+    Raise SceneError, which names the wrong key, if the study cannot be read or is invalid.
     """
     source, folder = "study", Path()
     if isinstance(given, Study):
@@ -246,7 +249,7 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
 
 
 def _shares(study: Study, dimension: int) -> np.ndarray:
-    """Return places in the unit cube, shape (samples, dimension)."""
+    """Return points in the unit cube, shape (samples, dimension), drawn at random or as a Latin hypercube: a quantile per parameter."""
     random, samples = np.random.default_rng(study.seed), study.samples or 0
     if study.design == "random":
         return random.random((samples, dimension))
@@ -256,7 +259,7 @@ def _shares(study: Study, dimension: int) -> np.ndarray:
 
 
 def _drawn(values: tuple | Distribution, shares: np.ndarray) -> list:
-    """Return quantiles of a distribution, or of a list whose entries have equal probability."""
+    """Return the values of a parameter at given quantiles from 0 to 1, from a distribution or a list with equally probable entries."""
     if isinstance(values, Distribution):
         quantiles = values.build().ppf(shares)
         return [int(value) if values.discrete else float(value) for value in quantiles]

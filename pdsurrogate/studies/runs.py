@@ -51,15 +51,15 @@ MOST_ENDS = 2
 
 @dataclass(frozen=True)
 class SceneTask:
-    """Run of a scene, which can be carried out in any process.
+    """One run of a scene in a study, which any process can carry out.
 
     Attributes
     ----------
     scene : Scene
     force : str or None
-        Reference that other machines resolve alike, or None for the default.
+        Reference of the force model, valid on other machines as well, or None for the default force.
     digest : str
-        Digest of everything that the result depends on.
+        Digest of everything that the result depends on: the scene, the force models and the mesh.
     """
 
     scene: Scene
@@ -67,9 +67,9 @@ class SceneTask:
     digest: str
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
-        """Simulate in the run's own folder, from the checkpoint there if there is one.
+        """Simulate the scene and save the result in the run's own folder, resuming from a checkpoint if there is one.
 
-        Return why it failed, or None; raise SimulationInterrupted if it is stopped.
+        Return the reason if the run failed, otherwise None; raise SimulationInterrupted if the run is stopped.
         """
         model = artifacts.default_force(self.scene) if self.force is None else artifacts.load_surrogate(self.force)
         if _scene_digest(self.scene, model) != self.digest:
@@ -87,7 +87,7 @@ class SceneTask:
         return failure
 
     def _simulated(self, model: ForceModel, **options) -> Result:
-        """Return the result of the run, resumed from its checkpoint if there is a usable one."""
+        """Return the result of the simulation, resumed if the folder holds a usable checkpoint of the run."""
         if (options["folder"] / checkpoint.NAME).is_file():
             with suppress(checkpoint.CheckpointError):
                 return simulate(self.scene, model, **options, resume=True)
@@ -96,14 +96,17 @@ class SceneTask:
 
 @dataclass(frozen=True)
 class FitTask:
-    """Fit of a surrogate: the material, the `FitSettings`, and a digest of both."""
+    """One fit of a surrogate in a study: the material, the `FitSettings`, and a digest of both."""
 
     material: MaterialSpec
     settings: Any
     digest: str
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None = None) -> str | None:
-        """Fit, cross-validate, and store the artefact with its scores."""
+        """Fit and cross-validate a surrogate, and store the artefact and a summary of its errors in the run's own folder.
+
+        Return the reason if the fit failed, otherwise None.
+        """
         # Imported here, since only a fit needs scikit-learn.
         from threadpoolctl import threadpool_limits
 
@@ -133,10 +136,10 @@ class FitTask:
 
 
 def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]], memory: float) -> list[SceneTask | FitTask]:
-    """Return all runs of a study, checked as far as possible without building a body.
+    """Return the tasks (runs of scenes, or fits) of a study, checked as far as possible without building a body.
 
-    `folder` is that of relative scene files, `runs` are the parameters of each run, and `memory` the bytes that a run may use. Raise
-    SceneError, which names the run and the key, if a run is invalid, and ArtifactError if a force cannot be found or read.
+    `folder` is the folder of relative scene files, `runs` lists the parameters of each run, and `memory` is the number of bytes that a run
+    may use. Raise SceneError, which names the run and the key, if a run is invalid or a force cannot be found or read.
     """
     tasks: list[SceneTask | FitTask] = []
     for number, parameters in enumerate(runs, 1):
@@ -192,14 +195,14 @@ def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
 
 
 class Outcome(NamedTuple):
-    """Outcome of a run.
+    """Outcome of one run of a study.
 
     Attributes
     ----------
     place : str
-        Name of its folder.
+        Name of the run's folder.
     failure : str or None
-        Why it failed, if it did; `NOT_DONE` if its time was over, after which it resumes with the study.
+        Reason of a failure; None if the run was completed; `NOT_DONE` if its time was over: the run resumes with the study.
     """
 
     place: str
@@ -208,7 +211,7 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Workers:
-    """Processes or Dask workers that carry out the runs.
+    """Processes on this machine, or Dask workers, that carry out the runs of a study.
 
     Attributes
     ----------
@@ -226,7 +229,7 @@ class Workers:
 
     @classmethod
     def chosen(cls, runs: int, jobs: int | None, threads: int | None, scheduler: str | None) -> Self:
-        """Return workers with the given jobs and threads; values left open are chosen from the number of cores.
+        """Return workers with given numbers of jobs and threads; None stands for a number chosen from the cores and the count of `runs`.
 
         Raise TypeError or ValueError if a number is invalid, SceneError if jobs are given together with a scheduler, or if Dask is not
         installed.
@@ -247,14 +250,14 @@ class Workers:
 
     @property
     def caution(self) -> str | None:
-        """Warning if more threads are requested than there are cores, else None."""
+        """Text of a warning if the runs together have more threads than the machine has cores, otherwise None."""
         cores = joblib.cpu_count()
         if self.scheduler is None and self.jobs * self.threads > max(cores, self.threads):
             return f"{self.jobs} jobs of {self.threads} threads share {cores} cores and will slow each other down"
         return None
 
     def carry_out(self, tasks: dict[str, SceneTask | FitTask], folder: Path, max_time: float | None = None) -> Iterator[Outcome]:
-        """Carry out the runs, each in its folder under `folder` and for at most `max_time` seconds; yield the outcome of each as it ends.
+        """Carry out runs, given by their folders under `folder`, for at most `max_time` seconds each; yield each outcome as a run ends.
 
         A run whose process is killed, for example when memory runs out, is tried once more.
         """
@@ -283,8 +286,8 @@ class Workers:
     def _backend(self, folder: Path) -> Iterator[tuple[int | None, dict[str, Any], type[Exception]]]:
         """Yield the process id of the study, options of `joblib.parallel_config`, and the exception raised when a worker is killed.
 
-        Local workers end when the process of that id ends; it is None with Dask. Raise SceneError unless the workers of a Dask scheduler
-        see the study's folder.
+        Local workers end when the process with that id ends; the id is None with Dask. Raise SceneError unless all workers of a Dask
+        scheduler see the study's folder.
         """
         if self.scheduler is None:
             yield os.getpid(), {"backend": "loky", "n_jobs": self.jobs, "inner_max_num_threads": self.threads}, TerminatedWorkerError
@@ -310,9 +313,9 @@ class Workers:
 
 
 def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int | None, max_time: float | None = None) -> Outcome:
-    """Carry out one run in this process and return its outcome, which is also in its folder.
+    """Carry out one run of a study in this process; write its outcome to the run's folder and return it.
 
-    `threads` is limited to those that numba was started with. If `study`, the process of the study, ends, this process ends as well.
+    At most as many `threads` are used as numba was started with. If the process with the id `study` ends, this process ends as well.
     """
     if study is not None and os.getpid() != study:
         _end_without(study)
@@ -333,7 +336,7 @@ def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int 
 
 
 def _hold(folder: Path, held: ExitStack) -> None:
-    """Occupy the folder, but first wait for a process whose study was killed and that will soon end."""
+    """Reserve a run's folder until `held` closes; wait a while for a worker of a killed study, which will soon end, to release it."""
     until = time.monotonic() + SECONDS_TO_LEAVE
     while True:
         try:
@@ -346,7 +349,7 @@ def _hold(folder: Path, held: ExitStack) -> None:
 
 @cache
 def _end_without(parent: int) -> None:
-    """End this process once its parent is gone, so that no orphan of a killed study writes to the folder."""
+    """Start a thread that ends this process once its parent process is gone, so that no worker of a killed study writes to a folder."""
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -1,4 +1,4 @@
-"""Run of a study: missing runs are carried out, and all results are put into one table."""
+"""Function `study`, which carries out the missing runs of a study and collects all results in one table, and its result."""
 
 import json
 import math
@@ -31,18 +31,18 @@ DIGITS = 16
 
 
 class StudyProgress:
-    """Receiver of the progress of a study, which ignores it; others have the same methods."""
+    """Receiver of the progress of a study that does nothing; subclasses override its methods to show the progress."""
 
     def begin(self, runs: int, done: int, workers: Workers) -> None:
         """Report the number of runs, how many of them are done already, and the workers for the others."""
 
     def ended(self, place: str, failure: str | None) -> None:
-        """Report that a run has ended."""
+        """Report that the run in the folder `place` has ended; `failure` is the reason if it failed, otherwise None."""
 
 
 @dataclass(frozen=True)
 class StudyResult:
-    """Results of a study.
+    """Results of all runs of a study, as rows of one table.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class StudyResult:
     rows: list[dict[str, Any]] = field(repr=False)
 
     def table(self):
-        """Return the rows as a `pandas.DataFrame`, or as they are if pandas is not installed."""
+        """Return the rows as a `pandas.DataFrame`, or as a list of dictionaries if pandas is not installed."""
         try:
             from pandas import DataFrame
         except ImportError:
@@ -86,12 +86,12 @@ class StudyResult:
         return [row for row in self.rows if row[FAILURE] == NOT_DONE]
 
     def _summaries(self) -> dict[str, dict[str, Any]]:
-        """Return the summaries of the completed runs by their folders."""
+        """Return the contents of ``summary.json`` of the completed runs, by the names of their folders."""
         done = [row[RUN] for row in self.rows if row[FAILURE] is None]
         return {place: summary for place in done if (summary := _read(self.folder / RUNS / place / SUMMARY))}
 
     def cautions(self) -> list[str]:
-        """Return warnings about quantities that no run has, and about states outside the domain of a surrogate."""
+        """Return texts of warnings about quantities that no run has, and about runs with states outside the domain of a surrogate."""
         summaries = self._summaries()
         missing = [name for name in self.study.quantities or () if not any(quantities_in(one, [name]) for one in summaries.values())]
         found = [f"quantities: no run has {name!r}" for name in missing if summaries]
@@ -239,7 +239,10 @@ def study(
 
 
 def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool) -> None:
-    """Raise FolderTaken if the folder holds a table that this study neither continues nor extends."""
+    """Raise FolderTaken if the folder holds a table with runs (`places`) that this study does not have, or a table of no study.
+
+    `overwrite` permits to replace the table of another study.
+    """
     described = (folder / DESCRIPTION).exists()
     if not described and (folder / TABLE).exists():
         raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
@@ -272,7 +275,7 @@ def _row(runs: Path, place: str, parameters: dict[str, Any], ended: Mapping[str,
 
 
 def _read(file: Path) -> Any:
-    """Return what a JSON file says; None if it cannot be read."""
+    """Return the content of a JSON file; None if the file cannot be read."""
     try:
         return json.loads(file.read_text("utf-8"))
     except (OSError, ValueError):
@@ -280,7 +283,7 @@ def _read(file: Path) -> Any:
 
 
 def _outcomes(runs: Path, tasks: Mapping[str, SceneTask | FitTask]) -> dict[str, str | None]:
-    """Return why each of the runs that are done failed, or None, by their folders."""
+    """Return, by folder, the reason of failure of each run that is done, None if it succeeded; leave out runs that are not done."""
     found = {}
     for place, task in tasks.items():
         with suppress(KeyError, TypeError):

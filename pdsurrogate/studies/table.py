@@ -62,7 +62,7 @@ MOST_DRAWN = 6
 
 
 def check_quantities(study: Study) -> None:
-    """Raise SceneError, which names the nearest possible key, for quantities that no run can have."""
+    """Raise SceneError if a study asks for a quantity that no run can have; the message suggests a similar key."""
     known = KEYS_OF_FITS if study.fit is not None else dict.fromkeys((*KEYS_OF_LEVELS, *KEYS_OF_RUNS))
     for name in study.quantities or ():
         first, *others = name.split(".")
@@ -73,7 +73,7 @@ def check_quantities(study: Study) -> None:
 
 
 def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str, Any]:
-    """Return the quantities of a run by column.
+    """Return the values that the study's table shows for a run, by the names of their columns.
 
     A name is a dotted key of the run's `summary`, or else of its last level; an asterisk stands for every key of a table. A value becomes
     one column; a table or list becomes one column for each entry at any depth. `names` defaults to the usual ones for the kind of run.
@@ -89,7 +89,7 @@ def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str
 
 
 def _leaves(place: Any, steps: list[str], before: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield every number, word and flag below the keys `steps` of a nested table, with its dotted key; ``*`` matches any key."""
+    """Yield the dotted key and the value of every entry that is no table, list or None, below the keys `steps`; ``*`` matches any key."""
     entries = dict(place) if isinstance(place, dict) else dict(enumerate(place)) if isinstance(place, list) else None
     if entries is not None:
         for key, inner in entries.items():
@@ -100,12 +100,12 @@ def _leaves(place: Any, steps: list[str], before: str = "") -> Iterator[tuple[st
 
 
 def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
-    """Return the columns that any of the rows has, in order of appearance, with the column of failures last."""
+    """Return the names of the columns that occur in any row of a study's table, in order of appearance; the column of failures is last."""
     return [*(column for column in tables.columns_of(rows) if column != FAILURE), FAILURE]
 
 
 def as_csv(rows: list[dict[str, Any]]) -> str:
-    """Return the rows as CSV; tables and lists are written as JSON, missing values as nothing."""
+    """Return the rows of a study's table as CSV; nested tables and lists are written as JSON, missing values as empty cells."""
     columns = columns_of(rows)
     return tables.as_csv([{column: _cell(row.get(column)) for column in columns} for row in rows])
 
@@ -115,16 +115,16 @@ def _cell(value: Any) -> str:
 
 
 def label_of(key: str, units: Mapping[str, str]) -> str:
-    """Return a key with its unit in brackets, if it has one."""
+    """Return the axis label of a quantity: its dotted key, followed by its unit in brackets if it has one."""
     parts = [part.removesuffix("_reference") for part in key.split(".")]
     kind = next((kind for kind, pattern in UNITS.items() if any(re.fullmatch(pattern, part) for part in parts)), None)
     return f"{key} ({units[kind]})" if units.get(kind) else key
 
 
 def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]) -> Figure | None:
-    """Draw every varying quantity against every varying parameter, up to `MOST_DRAWN` of each; return None if there is nothing to draw.
+    """Return a figure of every varying quantity against every varying parameter, up to `MOST_DRAWN` of each; None if nothing varies.
 
-    `units` has the names of the units of length, stress, force and energy from a run's summary; it is empty for fits.
+    `units` gives the names of the units of length, stress, force and energy from a run's summary; it is empty for fits.
     """
     across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1][:MOST_DRAWN]
     others = [key for key in columns_of(rows) if key not in (RUN, FAILURE, *parameters)]
@@ -152,7 +152,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _places(values: list[Any]) -> tuple[list[float], list[str]]:
-    """Return positions of values on an axis, and tick labels for values that are not numbers, which stand side by side."""
+    """Return positions of values on an axis, and tick labels: without labels for numbers, and side by side with labels for other values."""
     if all(_is_number(value) for value in values):
         return values, []
     words = list(dict.fromkeys(_cell(value) for value in values))
