@@ -49,12 +49,12 @@ WEIGHT_FUNCTIONS = {
 
 
 COINCIDING = 1e-9
-"""Distance of two points, over the horizon, below which they are one place: a bond between them has no direction."""
+"""Distance of two points, over the horizon, below which the points are refused as coinciding: a bond between them has no direction."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A solid body, or a sheet of unit thickness.
+    """Body in the reference state: points with volumes, a horizon and bonds; a solid, or a sheet of unit thickness.
 
     Parameters
     ----------
@@ -310,7 +310,7 @@ MOST_TOGETHER = 1_000_000
 
 @dataclass(frozen=True)
 class Bonds:
-    """Neighbour lists of a body, once for every point and once for every pair.
+    """Bonds of a body: neighbour lists of all points (directed bonds), and a list of pairs.
 
     A *pair* is an undirected bond. Pairs within the body come from the lists of both ends, pairs with an image from the list of the body's
     point only.

@@ -24,9 +24,9 @@ FACES = {
 """Sides of a cell by dimension and number of corners; in three dimensions their normals point outwards by the right-hand rule."""
 
 TORN = 0.5
-"""Relative distance above which the two positions that neighbouring cells predict for their common side are drawn apart. The distance is
-divided by the length from one cell through the side to the other. In a smooth deformation it is of second order in that length; across
-an open crack it is the opening.
+"""Relative distance between the two positions that neighbouring cells predict for their common side, above which the side is drawn as open.
+The distance is divided by the length from one cell through the side to the other. In a smooth deformation it is of second order in that
+length; across an open crack it is the opening.
 """
 
 

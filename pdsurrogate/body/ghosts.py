@@ -11,7 +11,7 @@ from ..kernels import ghosts as kernels
 
 @dataclass(frozen=True)
 class ReflectionPlane:
-    """A plane across which images continue a body.
+    """Reflection plane at an edge or face of a body, beyond which mirror images of points (ghosts) continue the body.
 
     Parameters
     ----------

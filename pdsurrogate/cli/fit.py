@@ -23,10 +23,10 @@ from .evaluate import print_errors
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, status, warn, writing
 
 DIGITS = 16
-"""Number of digits of the digest by which a report knows its test data."""
+"""Number of digits of the digest by which a report identifies its test data."""
 
 LARGE_GROWTH = 1.05
-"""Volume ratio of a law in the tests above which the user is warned: that of rubber grows by a per cent or so."""
+"""Volume ratio of a law in the tests above which the user is warned: the volume of rubber grows by a per cent or so."""
 
 FOLDER_HELP = "Folder of artefacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS."
 

@@ -33,7 +33,7 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses; the last one is 128 and the number of the signal, as shells have it."""
 
 SECONDS_BEFORE_THE_OTHERS = 5.0
-"""Time that ranks have to come to the same end; a rank that does not is ended with the others."""
+"""Seconds that the ranks have to end the command together; the ranks that have not ended by then are killed."""
 
 SECONDS_TO_END = 1.7
 """Time after Ctrl-C until the process is ended; a run that has noticed it takes the time that it needs to save its state."""

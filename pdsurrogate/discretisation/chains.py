@@ -1,4 +1,4 @@
-"""Closed chains of straight facets in the plane: cut where they meet, and the pieces kept that have material on one side alone."""
+"""Boundary of a plane body from closed polygons (chains of facets) of its outline and holes, which may cross or touch each other."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -7,14 +7,14 @@ from ..body import encloses
 from .places import same_places
 
 ROUNDING = 1e-9
-"""Distance over the extent of a body within which places are one."""
+"""Distance, divided by the extent of a body, within which places coincide."""
 
 BESIDE = 1e-6
-"""Distance from a facet, over the extent of a body, of the places that decide on which side of it there is material."""
+"""Distance from a facet, divided by the extent of a body, of the places that decide on which side of it there is material."""
 
 
 def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return closed chains of nodes, cut where they meet each other or themselves.
+    """Return the facets of closed polygons (chains of nodes), divided at all places where polygons cross or touch each other or themselves.
 
     Returns
     -------
@@ -22,7 +22,7 @@ def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.n
     facets : ndarray of int, shape (f, 2)
         Chain by chain, in order around each.
     curves : ndarray of int, shape (f, 2)
-        For each facet its chain, and the run of it: facets between two places where chains meet.
+        For each facet the numbers of its chain and of its run, the facets of a chain between two places where chains meet.
     """
     starts = np.concatenate(chains)
     ends = np.concatenate([np.roll(chain, -1, axis=0) for chain in chains])
@@ -46,7 +46,7 @@ def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.n
 
 
 def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the places where facets cross or touch others that do not follow in their chain: facet, share of its length, and place."""
+    """Return where facets cross or touch others, except neighbours in a chain: facet, share of its length before the place, and place."""
     along = ends - starts
     lengths = np.linalg.norm(along, axis=1)
     pairs = cKDTree((starts + ends) / 2).query_pairs(lengths.max() + tolerance, output_type="ndarray")
@@ -85,7 +85,7 @@ def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance
 
 
 def between_material_and_none(nodes: np.ndarray, facets: np.ndarray, curves: np.ndarray, beside: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the facets with material on one side only, each once and turned so that it is on their left, and their chains.
+    """Return the facets on the boundary of the body (material on one side only), with the material on their left, and their chains.
 
     The material on either side changes only where chains meet, so one facet of each run is tested.
     """

@@ -24,10 +24,10 @@ CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
 """Accepted types of cells by dimension, by their names in meshio."""
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
-"""First letters of the names of corners and sides, which a mesh may list in addition to its cells."""
+"""First letters of meshio's names of points, edges and faces, which a mesh may list in addition to its cells."""
 
 BESIDE_CORNERS = {4: [[1, 2, 3]], 8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]}
-"""Ends of the three edges at the corners of cells, which make a right-handed system; of tetrahedra one corner is enough."""
+"""Ends of the three edges at each corner of a cell, by number of corners, in right-handed order; one corner suffices for tetrahedra."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,13 @@ class MeshFile:
     Attributes
     ----------
     nodes : ndarray, shape (k, d)
+        Positions.
     cells : tuple of ndarray of int, shapes (n, corners)
         Corners of the triangles and quadrilaterals, or tetrahedra and hexahedra, block by block; cells are numbered through all blocks.
     cell_groups : mapping of str to ndarray of int
-        Cells of each physical group of them.
+        Numbers of the cells in each physical group of cells.
     side_groups : mapping of str to ndarray of int, shape (l, 2) or (l, 4)
-        Corners of the lines, or faces, of each physical group of them; of triangles the last one twice.
+        Nodes of the lines (in three dimensions faces) in each physical group of such; a triangle repeats its last node.
     """
 
     nodes: np.ndarray
@@ -51,7 +52,7 @@ class MeshFile:
     side_groups: Mapping[str, np.ndarray]
 
     def corners(self) -> list[np.ndarray]:
-        """Return the corners of the cells of each block, arrays of shape (n, corners, d)."""
+        """Return the positions of the corners of the cells, an array of shape (n, corners, d) for every block."""
         return [self.nodes[block] for block in self.cells]
 
     def centroids(self) -> tuple[np.ndarray, np.ndarray]:
@@ -71,7 +72,7 @@ class MeshFile:
         return Sides(*CellMesh(self.nodes, tuple(number[block] for block in blocks)).sides(), number)
 
     def groups_of_cells(self) -> dict[str, np.ndarray]:
-        """Return the cells of every physical group; a group of lines or faces has the cells of which they are sides."""
+        """Return the numbers of the cells in every physical group; a group of lines or faces contains the cells that have them as sides."""
         groups = dict(self.cell_groups)
         if self.side_groups:
             sides = self.sides()
@@ -82,16 +83,16 @@ class MeshFile:
 
 @dataclass(frozen=True)
 class Sides:
-    """Sides of the cells of a mesh, each once for every cell that has it.
+    """Sides (edges in the plane, faces in three dimensions) of the cells of a mesh; a side that two cells share is listed twice.
 
     Attributes
     ----------
     corners : ndarray of int, shape (e, 2) or (e, 4)
         Nodes, counter-clockwise around the cell; of faces, counter-clockwise as seen from outside, the last twice where it is a triangle.
     owners : ndarray of int, shape (e,)
-        The cells.
+        Cell to which each side belongs.
     number : ndarray of int, shape (k,)
-        Node that replaces each of the file's nodes: the first one at its place.
+        Node that replaces each of the file's nodes in `corners`: the first of all nodes at the same position.
     """
 
     corners: np.ndarray
@@ -99,23 +100,24 @@ class Sides:
     number: np.ndarray
 
     def among(self, members: np.ndarray) -> np.ndarray:
-        """Return which sides are among the members, whose corners are nodes of the file."""
+        """Return flags of the sides that occur in a list of sides, `members`, given by nodes of the file, shape (l, 2) or (l, 4)."""
         numbers = side_numbers(np.concatenate([self.corners, self.number[members]]))
         return np.isin(numbers[: len(self.corners)], numbers[len(self.corners) :])
 
     def boundary(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sides around the kept cells.
+        """Return the sides on the boundary of the kept cells.
 
         Parameters
         ----------
         kept : ndarray of bool, shape (cells,)
+            Flags of the kept cells.
 
         Returns
         -------
         sides : ndarray of int, shape (b,)
-            Their numbers.
+            Numbers of the boundary sides.
         beyond : ndarray of int, shape (b,)
-            The cell on the other side, which is not kept; -1 where there is none.
+            Cell on the other side, which is not kept; -1 where there is none.
         """
         numbers, kept = side_numbers(self.corners), kept[self.owners]
         times, other = np.bincount(numbers[kept], minlength=len(numbers)), np.full(len(numbers), -1)
@@ -125,7 +127,7 @@ class Sides:
 
 
 def mesh_of(mesh: Mesh) -> MeshFile:
-    """Return the mesh of a body; a file that has not changed since it was last read is not read again.
+    """Return the contents of a body's mesh file; a file that has not changed since the last call is not read again.
 
     Raises
     ------
@@ -175,7 +177,7 @@ def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
 
 
 def _check_solid_cells(file: str, cells: np.ndarray) -> None:
-    """Refuse tetrahedra and hexahedra, shape (n, corners, 3), that are inverted, flat, or folded at a corner."""
+    """Raise ValueError if a tetrahedron or hexahedron of `cells` (n, corners, 3) is inverted, flat, or folded at a corner."""
     kind = CELL_TYPES[3][cells.shape[1] == 8]
     edges = cells[:, BESIDE_CORNERS[cells.shape[1]]] - cells[:, : len(BESIDE_CORNERS[cells.shape[1]]), None]
     turns = np.linalg.det(edges)  # volume that the three edges at each corner span
@@ -187,9 +189,10 @@ def _check_solid_cells(file: str, cells: np.ndarray) -> None:
 
 
 def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return the physical groups of cells and of their sides.
+    """Return the physical groups of cells and of sides from what meshio has read: `cell_groups` and `side_groups` of `MeshFile`.
 
-    meshio has groups as sets of cells, block by block, or, of gmsh's files of version 2, by a number for each cell and a name for it.
+    meshio stores groups as sets of cells, block by block; for gmsh files of version 2 it stores a group number for each cell, and names
+    of the numbers.
     """
     members: dict[str, list] = {name: sets for name, sets in read.cell_sets.items() if not name.startswith("gmsh:")}
     numbers = read.cell_data.get("gmsh:physical")
@@ -222,9 +225,9 @@ def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.n
 
 
 def simplices_of(cells: np.ndarray) -> np.ndarray:
-    """Return the triangles or tetrahedra that make each cell (n, corners, d), shape (n, parts, d + 1, d).
+    """Divide cells (n, corners, d) into triangles or tetrahedra; return their corners, shape (n, parts, d + 1, d).
 
-    A face of a hexahedron need not be flat: it is four triangles about the mean of its corners, whichever of two cells it is seen from.
+    A face of a hexahedron need not be flat: it is divided into four triangles about the mean of its corners, alike for both its cells.
     """
     if cells.shape[1] == cells.shape[2] + 1:
         return cells[:, None]
@@ -238,13 +241,13 @@ def simplices_of(cells: np.ndarray) -> np.ndarray:
 
 
 def volumes_of(cells: np.ndarray) -> np.ndarray:
-    """Return the volumes (n, parts) of the simplices of cells, in the plane areas, negative where the corners run clockwise."""
+    """Return the volumes (n, parts) of the `simplices_of` cells (areas in the plane), negative where corners run clockwise."""
     parts = simplices_of(cells)
     return np.linalg.det(parts[:, :, 1:] - parts[:, :, :1]) / math.factorial(cells.shape[2])
 
 
 def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centroids (n, d) and volumes (n,) of cells of one kind, shape (n, corners, d)."""
+    """Return centroids (n, d) and volumes (n,) of cells of one type, given by positions of their corners, shape (n, corners, d)."""
     volumes = volumes_of(cells)
     volume = volumes.sum(axis=1)
     if (volume == 0).any():
@@ -263,7 +266,7 @@ SECTIONS = {
 
 
 def section_area(cells: np.ndarray, axis: int, position: float) -> float:
-    """Return the area, in the plane the length, of the cut through cells on which a coordinate has the given value."""
+    """Return the area (length in the plane) of the section of cells by the plane on which coordinate `axis` equals `position`."""
     dimension, heights = cells.shape[2], cells[..., axis] - position
     parts = simplices_of(cells[(heights.min(axis=1) <= 0) & (heights.max(axis=1) > 0)]).reshape(-1, dimension + 1, dimension)
     heights = parts[..., axis] - position
@@ -287,7 +290,7 @@ def section_area(cells: np.ndarray, axis: int, position: float) -> float:
 
 
 def loops_of(corners: np.ndarray) -> np.ndarray:
-    """Return the number of the connected chain or surface of each side, given by its corners (b, corners)."""
+    """Return for each side, given by its corners (b, corners), the number of the connected polygon or surface that contains it."""
     names, compact = np.unique(corners, return_inverse=True)
     compact = compact.reshape(corners.shape)
     pairs = np.concatenate([compact[:, [0, other]] for other in range(1, corners.shape[1])])

@@ -1,4 +1,4 @@
-"""Places that are the same to rounding."""
+"""Search for coinciding places: positions that are equal to rounding."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 
 def same_places(places: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return for each place (k, d) the number of the first place that chains of distances within the tolerance join to it."""
+    """Return for each place (k, d) the number of the first place that coincides with it, directly or through others, within a tolerance."""
     pairs = cKDTree(places).query_pairs(tolerance, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), dtype=bool), pairs.T), shape=(len(places), len(places)))
     labels = connected_components(graph, directed=False)[1]

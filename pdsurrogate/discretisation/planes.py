@@ -1,4 +1,4 @@
-"""Edges of a scene that hold its body by reflection, known from their names before the body is made."""
+"""Edges of a scene at which reflection planes hold its body, found from the scene alone before the points exist."""
 
 from collections.abc import Mapping
 
@@ -9,7 +9,10 @@ from ..scenes.regions import RegionReference, edge_names
 
 
 def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) -> str | None:
-    """Return the name of the edge that a region is, if it is one whole edge; `faces` are those of the groups of a mesh, see `Body`."""
+    """Return the name of the edge (or face) that a region of a scene covers whole; None if it covers none or only a part.
+
+    `faces` are the names of edges by the names of mesh groups that cover them, see `Body`.
+    """
     if isinstance(region, str):
         if region in edge_names(scene.dimension):
             return region
@@ -21,15 +24,15 @@ def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) 
 
 
 def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
-    """Return the components that an entry of `prescribed` holds, 0 for x1; all of a rotation."""
+    """Return the displacement components that an entry of `prescribed` of a scene fixes, 0 for x1; all if it prescribes a rotation."""
     return tuple(component for component in range(dimension) if entry.rotation is not None or entry.displacement[component] is not None)
 
 
 def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, tuple[int, ...]]:
-    """Return the edges that are held by reflection, each with the numbers of the entries of `prescribed` that hold it.
+    """Return the edges of a scene that reflection planes hold, each with the numbers of the entries of `prescribed` that hold it.
 
-    An edge is, if it is named whole, or by the group of a mesh that is all of it, and its normal component is prescribed, alone or as
-    part of a rotation.  All other edges hold their outermost points.
+    Reflection holds an edge if an entry names it as a whole, or by the group of a mesh that is all of it, and its normal component is
+    prescribed, alone or as part of a rotation.  All other edges hold their outermost points.
     """
     if scene.support != "reflected":
         return {}
@@ -48,7 +51,7 @@ def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, tuple[i
 
 
 def reflection_planes(scene: Scene, lower, upper, faces: Mapping[str, str]) -> tuple[ReflectionPlane, ...]:
-    """Return the planes that continue the body beyond its grips or the edges of `reflected_edges`; none where points are held."""
+    """Return the reflection planes at the grips and the `reflected_edges` of a scene; none if the scene holds points instead."""
     if scene.support != "reflected":
         return ()
     held = {grip.edge: (EDGES[grip.edge][0],) if grip.holds == "normal" else tuple(range(scene.dimension)) for grip in scene.grips}

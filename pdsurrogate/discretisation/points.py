@@ -1,4 +1,4 @@
-"""Points of the body of a scene, and the separation of their bonds."""
+"""Discretisation of the body of a scene: its points with volumes, and the bonds that precuts and empty space cut."""
 
 import warnings
 from collections.abc import Callable, Sequence
@@ -33,12 +33,12 @@ CLEARANCE = 0.4
 above some three cells leave the material by less and remain."""
 
 STEP = 0.15
-"""Cells between the places on a bond: a gap of one cell is empty over 0.2 of them."""
+"""Distance, in cells, of the tested places on a bond: a gap of one cell is empty over 0.2 cells."""
 
 ROOT_OF_CUBES = 1.2207440846057596
 
 MOST_PLACES = 1_000_000
-"""Places on bonds, or in cells, looked at together, which bounds the memory for them."""
+"""Number of places on bonds, or in cells, tested together, which bounds the memory for them."""
 
 STRIPS = 1e-9
 """Permitted error of a strip of a planar cut in three dimensions, relative to the area of the cut."""
@@ -48,10 +48,10 @@ CUT_SHIFT = 1e-6
 
 
 STATED = 0.01
-"""Share of the spacing of a mesh by which one that a scene states may differ from it without a remark."""
+"""Relative difference between the spacing that a scene states and that of its mesh, above which there is a warning."""
 
 PARTS = {(2, 3): 2, (3, 4): 6}
-"""Cells that make a square or cube, by dimension and corners."""
+"""Number of cells that make up a square or cube, by dimension and number of corners of a cell."""
 
 
 def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> tuple[Body, np.ndarray, np.ndarray]:
@@ -93,7 +93,7 @@ def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
 
 
 def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
-    """Return the cross-section of the body at every grip or reflected edge, by edge, in 2D at unit thickness.
+    """Return the cross-sectional area of the body at every grip or reflected edge, by the name of the edge, in 2D at unit thickness.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
     Raises
     ------
     SceneError
-        If the body has no straight edge in such a plane, or no material there.
+        If the body has no straight edge or flat face at such an end, or no material there.
     """
     areas, cells, faces = {}, None, {}
     if isinstance(scene.body, Mesh):
@@ -129,7 +129,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
 
 
 def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray, upper: np.ndarray) -> float:
-    """Return the length (in three dimensions the area) of material on the section on which a coordinate has a given value."""
+    """Return the area (length in the plane) of material on the section of a body where coordinate `axis` equals `position`."""
     others = [other for other in range(scene.dimension) if other != axis]
     if isinstance(scene.body, Rectangle | Box) and not scene.holes:
         return float(np.prod((upper - lower)[others]))
@@ -137,7 +137,7 @@ def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray,
     count = int(np.ceil(RASTER * (high - low) / scene.spacing))
 
     def lengths(strips: np.ndarray) -> np.ndarray:
-        """Return the lengths along lines, one for each row of the last of the other coordinates."""
+        """Return the length of material on each line in the section; rows of `strips` hold the remaining coordinate (3D only)."""
 
         def inside(along: np.ndarray, line: np.ndarray) -> np.ndarray:
             places = np.empty((len(along), scene.dimension))
@@ -152,7 +152,7 @@ def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray,
 
 
 def _lengths_inside(inside, low: float, high: float, count: int, lines: int) -> np.ndarray:
-    """Return the length in material between two places on each of several lines; `inside(along, line)` marks material."""
+    """Return the length of material between coordinates `low` and `high` on each of several lines; `inside(along, line)` marks material."""
     asked = low + (high - low) * (np.arange(count) + 0.5) / count
     if lines > 1:  # among them are some that a round body ends on between the last place and the end of its box
         asked = np.concatenate([[low], asked, [high]])
@@ -172,7 +172,7 @@ def _lengths_inside(inside, low: float, high: float, count: int, lines: int) -> 
 
 
 def _integral(values, low: float, high: float) -> float:
-    """Integrate a function with kinks and steps: intervals are halved until Lobatto's rule of four places agrees, at most to `STRIPS`."""
+    """Integrate a function with kinks and steps: halve intervals until the four-place Lobatto rule changes by at most `STRIPS`."""
     places, weights = np.array([-1, -(0.2**0.5), 0.2**0.5, 1]), np.array([1, 5, 5, 1]) / 6
 
     def sums(starts: np.ndarray, widths: np.ndarray) -> np.ndarray:
@@ -197,7 +197,7 @@ def _integral(values, low: float, high: float) -> float:
 
 
 def _points_of(scene: Scene):
-    """Return points, volumes, spacing and cell, the corners of the bounding box of the body, and groups of its points."""
+    """Return points and volumes of the body of a scene, spacing, sides of a cell, lower and upper corner of the box, and point groups."""
     if isinstance(scene.body, Mesh):
         mesh = mesh_of(scene.body)
         cells = mesh.corners()
@@ -224,9 +224,10 @@ def _points_of(scene: Scene):
 
 
 def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray) -> tuple[float, float]:
-    """Return the spacing of a mesh, and the side of the square or cube of a cell, of two triangles, or of six tetrahedra.
+    """Return the spacing of a mesh (mean size of a cell), and the side of the squares or cubes that its cells make up.
 
-    Both are means over the body: many small cells in a corner do not make the horizon small everywhere.
+    Two triangles count as one square, six tetrahedra as one cube.
+    Both are volume means: many small cells in a corner do not make the horizon small everywhere.
     """
     dimension = cells[0].shape[2]
     parts = np.repeat([PARTS.get((dimension, block.shape[1]), 1) for block in cells], [len(block) for block in cells])
@@ -234,7 +235,7 @@ def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarr
 
 
 def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, str]:
-    """Return the edges or faces of the bounding box that groups of a mesh cover whole, by the names of the groups."""
+    """Return the mesh groups that cover a whole edge (or face) of the bounding box: names of edges by names of groups."""
     mesh = mesh_of(scene.body) if isinstance(scene.body, Mesh) and scene.prescribed else None
     if mesh is None or not mesh.side_groups:
         return {}
@@ -250,7 +251,7 @@ def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[
 
 
 def _mesh_cells(scene: Scene) -> CellMesh | None:
-    """Return the cells of the mesh that points were made of; None of a lattice."""
+    """Return the cells outside holes of a scene's mesh, one for each point; None if the points lie on a lattice."""
     if not isinstance(scene.body, Mesh):
         return None
     mesh = mesh_of(scene.body)
@@ -258,7 +259,7 @@ def _mesh_cells(scene: Scene) -> CellMesh | None:
 
 
 def _within_outline(scene: Scene, places: np.ndarray) -> np.ndarray:
-    """Return which places lie within the outline of a body that is no mesh; all of them for a body that its grid fills."""
+    """Return flags of the places that lie within the outline of a body that is no mesh; all True for a rectangle or box."""
     return np.ones(len(places), dtype=bool) if isinstance(scene.body, Rectangle | Box) else scene.body.contains(places)
 
 
@@ -270,12 +271,12 @@ def _outside_holes(scene: Scene, places: np.ndarray) -> np.ndarray:
 
 
 def material_at(scene: Scene, places: np.ndarray) -> np.ndarray:
-    """Return which places lie in material."""
+    """Return flags of the places that lie in material: within the outline of the scene's body and outside its holes."""
     return _within_outline(scene, places) & _outside_holes(scene, places)
 
 
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
-    """Return which points within the outline remain without the holes; raise ValueError if a hole or the body contains no point."""
+    """Return flags of the points within the outline and outside holes; raise ValueError if a hole contains no point or no point is left."""
     kept = within.copy()
     for number, hole in enumerate(scene.holes):
         inside = hole.contains(points)
@@ -290,12 +291,12 @@ def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.nda
 
 
 def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, material) -> tuple[np.ndarray, np.ndarray]:
-    """Return centroids and volumes of the material in each cell; less than half a cell is added to the nearest other cell.
+    """Return centroids and volumes of the material in each cell; a cell less than half full is merged into the nearest other cell.
 
-    `material` returns which places lie in material; `kept` marks the cells whose centres do.
+    `material(places)` flags places in material; `kept` flags the cells whose centres lie in material.
 
-    Cells cut by an outline count with the part of them that is there, found on a raster: with whole cells a curved boundary would be a
-    staircase, whose steps carry no stress, and a hole larger than it is.
+    A raster of places in a cell that a boundary cuts determines its volume of material: with whole cells a curved boundary would be a
+    staircase, whose steps carry no stress, and a hole would be larger than it is.
     """
     sides = np.array(cells.sides)
     corners, raster = _places_in_a_cell(len(sides))
@@ -328,7 +329,10 @@ def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, mate
 
 
 def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return places that decide whether a boundary cuts a cell, and those that sample its share of material, in sides from its middle."""
+    """Return two sets of places in a cell, relative to its middle in units of its sides.
+
+    The first decides whether a boundary cuts the cell; the second samples the share of material in it.
+    """
     if dimension == 2:
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]]) / 2
         places = (np.arange(RASTER) + 0.5) / RASTER - 0.5
@@ -341,7 +345,7 @@ def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cuts(scene: Scene, horizon: float, cell: Sequence[float], lower: np.ndarray, upper: np.ndarray):
-    """Return a function that finds the bonds that precuts and empty space separate; None where there are neither."""
+    """Return ``separates(starts, ends)``, which flags bonds that precuts or empty space cut; None if a scene has neither."""
     tests = [precut.crosses for precut in scene.precuts]
     if not isinstance(scene.body, Mesh) and (scene.holes or not _surely_convex(scene)):
         tests.append(_across_empty_space(scene, horizon, np.array(cell), lower, upper))
@@ -358,7 +362,7 @@ def _cuts(scene: Scene, horizon: float, cell: Sequence[float], lower: np.ndarray
 
 
 def _surely_convex(scene: Scene) -> bool:
-    """Return whether no bond, nor one between images, can leave the outline."""
+    """Return whether the outline of a scene's body is surely convex, so that no bond between points or images leaves it."""
     body = scene.body
     if isinstance(body, Prism):
         return not body.straight.bores and isinstance(body.straight.section, Rectangle | Circle | Ellipse)
@@ -366,9 +370,9 @@ def _surely_convex(scene: Scene) -> bool:
 
 
 def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):
-    """Return which bonds cross a hole or leave the outline: those with a place that has no material within `CLEARANCE`.
+    """Return a function ``crosses(starts, ends)`` that flags bonds that cross a hole or leave the outline.
 
-    Beyond the planes of its grips the body is its own image.
+    Such a bond has a place without material within `CLEARANCE` around. Beyond its bounding box the body is continued by reflection.
     """
     # Half a cell apart, some place of this lattice lies within 0.36 cells of any empty place, and in the same emptiness.
     pitch = cell / 2
@@ -404,7 +408,7 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
 
 
 def _directions(dimension: int) -> np.ndarray:
-    """Return unit vectors in all directions: 16 in two dimensions; 98 in three, towards lattice points up to two cells away."""
+    """Return unit vectors spread over all directions: 16 in two dimensions; 98 in three, towards lattice points up to two cells away."""
     if dimension == 2:
         angles = np.pi / 8 * np.arange(16)
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)

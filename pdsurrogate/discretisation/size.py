@@ -23,7 +23,7 @@ SAMPLED = 32
 
 
 def memory_here() -> float:
-    """Return the bytes of memory of this machine, or of the group of this process if that is less; infinite if unknown."""
+    """Return the memory of this machine in bytes, or the limit of the process's control group if lower; infinite if unknown."""
     found = [math.inf]
     with suppress(AttributeError, OSError, ValueError):
         found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))

@@ -1,9 +1,9 @@
 """Boundary of a solid composed of shapes, as triangles.
 
-Of a prism, such as a box, a cylinder or an extrusion, it is the boundary of its section, as `surfaces` has it in the plane, times its
-length, and a cap on either end.  Holes that go all the way through along its axis are part of the section.  Other holes have a closed
-boundary of their own, and lie inside the body.  Of a part of a sphere it is that of the whole in eighths, those that are there, and flat
-faces between the rims of these; spherical holes about places on its flat faces are cut with it.
+The boundary of a prism, such as a box, a cylinder or an extrusion, is the boundary of its section (found as in `surfaces` for the plane)
+extruded along its axis, and a cap on either end.  Holes that go all the way through along its axis are part of the section.  Other holes
+have a closed boundary of their own, and lie inside the body.  The boundary of a part of a sphere consists of curved eighths of the whole
+sphere, and flat faces between the rims of these; a spherical hole about a place on a flat face is cut by that face.
 """
 
 import math
@@ -20,22 +20,23 @@ from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
 from .places import same_places
 
 AWAY = 0.6
-"""Cells from the boundary of a section within which its cap has no nodes but those of the boundary."""
+"""Distance, in cells, from the boundary of a section within which a cap has no nodes other than those on the boundary."""
 
 MOST_ROUNDS = 20
-"""Times that the sides of a section are halved until they are sides of its triangles; two or three are enough, but for acute corners."""
+"""Maximum number of times that sides of a section are halved until they are sides of its triangles; three suffice but for acute corners."""
 
 
 def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return nodes, triangles, and the part of each triangle: outline, holes.0, ...
+    """Return the boundary of a solid: nodes (k, 3), triangles (f, 3) of node numbers, and part names (f,): outline, holes.0, ...
 
-    Facets are about a cell long; those on flat rectangles are quarters of a cell, which are symmetric about its middle, and those on
-    spheres half as long.
+    Facets are about a cell long; those on flat rectangles are quarters of a cell, which are symmetric about its middle; facets on
+    spheres are half as long.
 
     Raises
     ------
     ValueError
-        If the boundary of a hole meets that of the body or of another hole, and does not go all the way through along the axis of the body.
+        If the boundary of a hole meets the boundary of the body or of another hole, and the hole does not go all the way through along the
+        axis of the body.
     """
     tolerance = ROUNDING * float((upper - lower).max())
     problem = None
@@ -75,12 +76,12 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
 
 
 def _axes_of(body: Solid) -> tuple[int, ...]:
-    """Return the axes to try for holes through the body: all of a box, its own of a prism; of a sphere x3, so that one axis is tried."""
+    """Return the axes along which to look for holes through a body: all for a box, the axis of a prism, x3 alone for a sphere."""
     return (2, 0, 1) if isinstance(body, Box) else (body.straight.along,) if isinstance(body, Prism) else (2,)
 
 
 def _along(shape: Solid, axis: int) -> Straight | None:
-    """Return a shape as a prism along an axis, if it is one."""
+    """Return the description of a shape as a prism along an axis; None if it is not such a prism."""
     if isinstance(shape, Box):
         return shape.straight_along(axis)
     return shape.straight if isinstance(shape, Prism) and shape.straight.along == axis else None
@@ -93,7 +94,7 @@ def _goes_through(hole: Straight | None, body: Straight | None, tolerance: float
 
 
 def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
-    """Return the axes of the flat faces of a part of a sphere that cut a hole: a sphere whose centre lies on these faces."""
+    """Return the normal axes of the flat faces of a body (part of a sphere) that cut a spherical hole, whose centre lies on them."""
     if not isinstance(hole, Sphere):
         return ()
     cut = tuple(axis for axis in _faces_of_part(body) if abs(hole.centre[axis] - body.centre[axis]) <= tolerance)
@@ -101,14 +102,14 @@ def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
 
 
 def _faces_of_part(body: Solid) -> tuple[int, ...]:
-    """Return the axes that the flat faces of a part of a sphere are normal to."""
+    """Return the normal axes of the flat faces of a body that is a part of a sphere; none for other bodies."""
     return body.halved if isinstance(body, Sphere) else ()
 
 
 def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> int | None:
     """Return the number of the first hole whose own closed boundary leaves the body or meets another hole; None if none does.
 
-    The rims of holes that the surface cuts lie on the flat faces of the body.
+    The rims of spherical holes that flat faces cut lie on these faces and do not count as leaving the body.
     """
     inward = np.zeros(3)
     inward[list(_faces_of_part(scene.body))] = 4 * tolerance
@@ -126,7 +127,7 @@ def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> i
 
 
 def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the triangles (f, 3, 3) of one shape, counter-clockwise as seen from outside, without flat faces of a cut sphere."""
+    """Return the closed boundary of one shape as triangles (f, 3, 3), counter-clockwise from outside; a cut sphere has no flat faces."""
     if isinstance(shape, Sphere):
         return _sphere(shape, halved, cell)
     straight = shape.straight
@@ -134,7 +135,7 @@ def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: 
 
 
 def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
-    """Return triangles (f, 3, 3) of a sphere, or of its part above the planes normal to the axes `halved`, with its exact volume.
+    """Return the curved surface of a sphere, or of the part above planes normal to axes `halved`, as triangles (f, 3, 3) of exact volume.
 
     A whole sphere is a divided icosahedron, a part of one is made of divided eighths. Nodes lie outside the sphere about as far as the
     middles of facets lie inside, so that the work of a pressure in an affine motion is exact. Facets are about half a cell long: the work
@@ -175,9 +176,9 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
 
 
 def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the triangles (f, 3, 3) of a flat face of a part of a sphere between the rims of its curved faces.
+    """Return the triangles (f, 3, 3) of the flat face of a part of a sphere, normal to `axis`, between the rims of its curved faces.
 
-    Along the lines where two flat faces meet either has the same nodes.
+    Two flat faces have common nodes along the line where they meet.
     """
     centre, across = np.array(sphere.centre), [(axis + 1) % 3, (axis + 2) % 3]
     nodes = curved.reshape(-1, 3)
@@ -212,7 +213,7 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
 
 
 def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
-    """Return the triangles (f, 3, 3) of the outline of a prism with its caps, and of each hole through it."""
+    """Return triangle arrays (f, 3, 3): first the outline of a prism with both caps, then each hole through it."""
     across = [(axis + 1) % 3, (axis + 2) % 3]
     beside = cell[across]
     low, high = straight.span
@@ -251,14 +252,14 @@ def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, ho
 
 
 def quarters(quadrilaterals: np.ndarray) -> np.ndarray:
-    """Return each quadrilateral (q, 4, d) as four triangles about the mean of its corners."""
+    """Divide each quadrilateral (q, 4, d) into four triangles about the mean of its corners; return the triangles, shape (4 q, 3, d)."""
     middles = np.broadcast_to(quadrilaterals.mean(axis=1, keepdims=True), quadrilaterals.shape)
     triangles = np.stack([quadrilaterals, np.roll(quadrilaterals, -1, axis=1), middles], axis=2)
     return triangles.reshape(-1, *triangles.shape[2:])
 
 
 def _tiles(nodes: np.ndarray) -> np.ndarray:
-    """Return a rectangle as quarters of the tiles between the nodes around it."""
+    """Divide a rectangle into the tiles between nodes on its edges, and each tile into four triangles; return them, shape (t, 3, 2)."""
     low = nodes.min(axis=0)
     on_edges = nodes - low <= ROUNDING * np.ptp(nodes, axis=0).max()
     x1, x2 = (np.unique(nodes[on_edges[:, 1 - axis], axis]) for axis in (0, 1))
@@ -270,16 +271,17 @@ def _tiles(nodes: np.ndarray) -> np.ndarray:
 def _triangulated(
     nodes: np.ndarray, sides: np.ndarray, chain: np.ndarray, cell: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the material within closed chains as triangles about a cell long.
+    """Divide the area within closed polygons (chains of sides) into triangles about a cell long.
 
-    Delaunay's triangles of nodes on the chains and of a lattice within; sides of the chains that are sides of no triangle are halved.
+    They are the Delaunay triangles of the nodes of the polygons and of a lattice within; sides of polygons that are sides of no triangle
+    are halved.
 
     Returns
     -------
     nodes, sides, chain
-        With the sides that were halved.
+        Nodes, sides and the number of the polygon of each side, as given but with the halved sides.
     triangles : ndarray, shape (t, 3, 2)
-        Counter-clockwise.
+        Positions of the corners, counter-clockwise.
     """
     used, sides = np.unique(sides, return_inverse=True)
     nodes, sides = nodes[used] / cell, sides.reshape(-1, 2)

@@ -21,7 +21,7 @@ EDGE = 0.8
 
 
 def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> Surface:
-    """Return the boundary of the body of a scene.
+    """Return the boundary of the body of a scene as facets, with their names and the map from points to nodes.
 
     Straight sides have facets of about a cell, ending at corners; of a rectangle, on the boundaries of cells.  Circles and ellipses have
     facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In 3D facets are triangles of about a cell, on
@@ -61,7 +61,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
 
 
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """Return the unit normals of the boundary on the sides of each node, shape (k, d, d).
+    """Return, for each node, the unit normals of the boundary on the sides that meet there, shape (k, d, d).
 
     In the plane they are the normals of the facets before and after the node; in three dimensions the means over groups of surrounding
     facets with normals that differ by less than `EDGE`, followed by rows of NaN.
@@ -99,10 +99,10 @@ def _normals_of_sides(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 
 def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Return nodes, facets, their parts, and the groups of a mesh, without the cells whose centroids lie in holes.
+    """Return the boundary of a mesh body: nodes, facets, names of their parts, and facets of each group, see `Surface`.
 
-    A chain or surface around no material that no hole of the scene made is a hole of the mesh; those are numbered after the scene's, from
-    left to right.
+    Cells whose centroids lie in holes of the scene are left out. A boundary around empty space of the mesh itself is a hole too; such
+    holes are numbered after the holes of the scene, from left to right.
     """
     mesh = mesh_of(scene.body)
     middles, _ = mesh.centroids()

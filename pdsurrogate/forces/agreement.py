@@ -1,6 +1,6 @@
-"""Comparison of a learnt model with the law that it describes: its force against the exact one at a few states.
+"""Check that a learnt model agrees with its material law: comparison of its force with the exact force at a few states.
 
-Name and parameters are not enough: an expression of a user's own law may have changed since the model was fitted.
+Comparing the law's name and parameters is not enough: the expression of a user's own law may have changed since the model was fitted.
 """
 
 import warnings
@@ -26,20 +26,23 @@ NOTED = 0.01
 """Error of a model without a card, relative to the greatest force, beyond which the check warns."""
 
 ROUNDING = 1e-6
-"""A card that states less than this states how its own machine rounded."""
+"""Least stated error that the check uses: smaller errors on a card are rounding of the machine that made the card."""
 
 WIDEST = (0.5, 4.0)
 """Range of stretches to which the trial states are limited, however wide the domain."""
 
 PLACES = np.stack([0.07 + 0.86 * (np.arange(1, 13) * step % 1) for step in (0.7548776662, 0.5698402910)], axis=1)
-"""Positions of the states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
+"""Positions of the trial states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
 
 _exact: dict = {}
-"""Cache of exact answers; the keys hold the box and everything that the law depends on."""
+"""Cache of trial states and exact answers; the keys hold the box of stretches and everything that the law depends on."""
 
 
 def bond_states(law: Law, first, second):
-    """Return bonds at several angles to the principal axes (stretch, rotation, length, C33, J), and their exact forces."""
+    """Return trial states for a bond force: (stretch, rotation, length, C33, J) of bonds, and the exact bond forces of a law there.
+
+    `first` and `second` are the principal stretches; the bonds lie at several angles to the principal axes.
+    """
     angle = 0.3 + np.arange(len(first))
     cos, sin = np.cos(angle), np.sin(angle)
     a, b, J = first * cos**2 + second * sin**2, (second - first) * sin * cos, first * second
@@ -49,14 +52,14 @@ def bond_states(law: Law, first, second):
 
 
 def invariant_states(law: Law, first, second):
-    """Return tr C and J with the principal stretches, and the exact derivatives of the energy by the latter."""
+    """Return trial states for a plane-stress energy: (tr C, J, both principal stretches), and exact derivatives by the stretches there."""
     trace, J = first**2 + second**2, first * second
     p, q, *_ = plane_stress.response(law, trace, J, plane_stress.volume_ratio(law, trace, J))
     return (trace, J, first, second), np.stack([p * first + q / first, p * second + q / second], axis=1)
 
 
 def isochoric_states(law: Law, first, second):
-    """Return I1bar, I2bar and the squares of three stretches of product 1, and the principal Kirchhoff stresses there."""
+    """Return trial states for an isochoric energy: (I1bar, I2bar, squared stretches of product 1), and exact Kirchhoff stresses there."""
     logs = np.log([first, second, np.ones_like(first)])
     low, high = logs.min(), logs.max()
     logs -= logs.mean(axis=0)
@@ -68,38 +71,39 @@ def isochoric_states(law: Law, first, second):
 
 
 def isochoric_slopes(law: Law, I1, I2) -> tuple[np.ndarray, np.ndarray]:
-    """Return the derivatives of the isochoric energy of a law by I1bar and I2bar."""
+    """Return the derivatives of the isochoric energy W of a law by I1bar and by I2bar at given values of both."""
     p, _, r, _ = PLANES["space"].isochoric_response(law, I1, I2, np.ones_like(I1))
     return p / 2 + I1 * r / 2, -r / 2
 
 
 def isochoric_stresses(squares, by_1, by_2) -> np.ndarray:
-    """Return principal Kirchhoff stresses (n, 3) from squares of the stretches (3, n) and the derivatives of W by I1bar and I2bar."""
+    """Return deviatoric principal Kirchhoff stresses (n, 3) from squared stretches (3, n) and the derivatives of W by I1bar and I2bar."""
     stresses = 2 * (squares * by_1 - by_2 / squares)
     return (stresses - stresses.mean(axis=0)).T
 
 
 def check_agreement(model, law: Law, exact, remedy: str) -> None:
-    """Check that a model gives the forces of a law.
+    """Check that a learnt model gives the exact forces of a law at a few states.
 
     Parameters
     ----------
-    model
-        With its `name`, `domain`, `stated`, and `answer` to the arguments that `exact` returns.
+    model : Learnt
+        Model whose `answer` at the states from `exact` is compared.
     law : Law
     exact : {`bond_states`, `invariant_states`, `isochoric_states`}
+        Function of the law and two principal stretches that returns states and the exact answers there.
     remedy : str
-        End of the error message.
+        End of the error message: what the user can do.
 
     Raises
     ------
     ValueError
-        If it is further off than its card states, or without a card than `MOST_UNSTATED`.
+        If the error exceeds `MOST_OF_STATED` times the error that the model's card states, or `MOST_UNSTATED` for a model without a card.
 
     Warns
     -----
     UserWarning
-        If it has no card, and is further off than `NOTED`.
+        If the model has no card and its error exceeds `NOTED`.
     """
     advice = f"the law has changed since, or the model is of another material, or its fit is too coarse; {remedy}"
     if model.stated is not None:

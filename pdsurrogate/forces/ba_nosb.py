@@ -17,12 +17,12 @@ from .term import Binding, StateArray, Term
 
 
 class BondAssociatedStress(Term):
-    """Forces from the stresses of the bonds, each with its own deformation gradient; gradients of the points are not needed.
+    """Internal force of BA-NOSB: forces from the stresses of the bonds, each of which has a deformation gradient of its own.
 
     Attributes
     ----------
     bond_vectors : ndarray, shape (n_bonds, 2)
-        Vectors by which the stress of every directed bond is multiplied, those of the ghosts after the points'.
+        Vectors by which the stress of every directed bond is multiplied: bonds of the points, then bonds of the ghosts.
     bond_forces : ndarray, shape (n_bonds, 2)
         Products of stress and `bond_vectors` in the state last evaluated, divided by the shear modulus.
     """
@@ -95,13 +95,13 @@ class BondAssociatedStress(Term):
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> list[int]:
-        """Compute stresses and forces; return the number of bonds without a state and the number of points without a force."""
+        """Write the forces on the points to `out`; return the numbers of bonds without a stress and of points without a finite force."""
         self._sum_forces.give("out", out)
         self._volume_ratios[len(self.body.bonds.neighbours) :] = self._volume_ratios[self._mirrored]
         return self._find_forces()
 
     def _without_state(self) -> str:
-        """Return a message about the bond with the least det F, after the gradients of all bonds have been recomputed."""
+        """Return an error message about the bond with the least det F; the gradients of all bonds are recomputed for it."""
         body, positions, owners = self.body, self.kinematics.positions, self._owners
         bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
         entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common
@@ -127,7 +127,9 @@ class BondAssociatedStress(Term):
 
 
 class BANOSBForce(ForceModel):
-    """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share. No zero-energy modes.
+    """Force model BA-NOSB (bond-associated correspondence peridynamics), without zero-energy modes.
+
+    Every bond has a deformation gradient of its own, from the points in the horizons of both its ends.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Force models that map the invariants of a bond's deformation gradient to its energy."""
+"""Force models that compute the energy of a bond from invariants of its deformation gradient, exact or learnt."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -21,7 +21,9 @@ from .term import Term
 
 @dataclass(frozen=True)
 class IsochoricEnergy:
-    """W and its stress for the pass over the pairs, as (p, q, r, energy) of `pdsurrogate.materials.response`, exact or learnt.
+    """Isochoric energy W of the bonds, exact or learnt, in the form that compiled kernels evaluate.
+
+    The result at a state is (p, q, r, energy) as in `pdsurrogate.materials.response`.
 
     Attributes
     ----------
@@ -32,8 +34,9 @@ class IsochoricEnergy:
     address : int
         Address of a learnt energy (`pdsurrogate.kernels.isochoric_energy`); 0 for the exact one.
     sizes : ndarray of int64, shape (N_SIZES,)
+        Integer constants of a learnt energy, and the count of states found outside its domain.
     weights : ndarray
-        Constants of a learnt energy; `sizes` counts the states found outside its domain.
+        Floating-point constants of a learnt energy.
     precision : {"float32", "float64"}
         Precision of states and results.
     """
@@ -47,7 +50,7 @@ class IsochoricEnergy:
 
     @classmethod
     def exact(cls, law: Law, plane: str) -> Self:
-        """Return the energy of a law itself."""
+        """Return the exact isochoric energy of a law."""
         return cls(PLANES[plane].isochoric_response.block(law).address or 0, law.parameters)
 
     @property
@@ -56,13 +59,13 @@ class IsochoricEnergy:
         return self.address, (self.sizes, self.weights, self.response, self.parameters)
 
     def count_outside(self) -> int:
-        """Return the number of states found outside the domain since the last call."""
+        """Return the number of states found outside the domain of a learnt energy since the last call, and reset it."""
         count = int(self.sizes[OUTSIDE])
         self.sizes[OUTSIDE] = 0
         return count
 
     def evaluate(self, *state) -> np.ndarray:
-        """Return the result at states given as three vectors of n numbers, shape (4, n); these states are not counted."""
+        """Return (p, q, r, energy), shape (4, n), at n states given as three vectors; `count_outside` does not count them."""
         counted = self.sizes.copy()
         found = by_blocks(partial(evaluate_isochoric_energy, *self.arguments), np.stack(state), RESULT_ROWS, self.precision)
         self.sizes[:] = counted
@@ -70,7 +73,9 @@ class IsochoricEnergy:
 
 
 class EnergyModel(ForceModel):
-    """Force model whose forces follow from the energy of the pairs, in the planes that `several_materials` names.
+    """Base class of force models whose forces are minus the derivative of the energy of the bonds.
+
+    `several_materials` names the planes that the model accepts.
 
     Attributes
     ----------
@@ -109,11 +114,11 @@ class EnergySurrogate(EnergyModel):
 
     @abstractmethod
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
-        """Return energy and derivatives in NumPy, for checks and for the tangent."""
+        """Return the energy with its first and second derivatives by tr C and J in NumPy, for checks and for the tangent."""
 
     @abstractmethod
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return energy and first derivatives for the pass over the pairs (`pdsurrogate.kernels.energy_density`)."""
+        """Return the energy and its first derivatives as a function compiled for blocks of bonds (`pdsurrogate.kernels.energy_density`)."""
 
 
 class BondEnergyForce(EnergySurrogate):
@@ -149,5 +154,5 @@ class BondEnergyForce(EnergySurrogate):
         return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the block function of the exact energy, whose law the pass supplies."""
+        """Return the exact energy as a function compiled for blocks of bonds; the caller supplies the law."""
         return CompiledBondForce(analytic_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)

@@ -1,4 +1,4 @@
-"""Force models that map quantities of a bond to its force, including the exact one, and the force term that evaluates them."""
+"""Force models that map quantities of a bond to its force (learnt or exact), and the force term that evaluates such models."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -26,12 +26,12 @@ from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from .term import Binding, DomainWatch, Term, sum_on_pairs
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
-"""Relative step of J3 at which the iteration ends: a few times the error from rounding in the force at K = 10 mu."""
+"""Relative step of J3 at which the iteration for the thickness ends: a few times the error from rounding in the force at K = 10 mu."""
 
 
 @dataclass(frozen=True)
 class BondStates:
-    """States of bonds, vectors of one length: U_nn and U_nm of theory (10), l/horizon, C33 and J."""
+    """States of n bonds, vectors of length n: ``a`` = U_nn and ``b`` = U_nm of theory (10), ``length`` = l/horizon, C33 and J."""
 
     a: np.ndarray
     b: np.ndarray
@@ -41,18 +41,18 @@ class BondStates:
 
     @property
     def has_stretch_tensor(self) -> np.ndarray:
-        """Flags of the bonds that are turned by less than a right angle."""
+        """Flags of the bonds that have a stretch tensor: those turned by less than a right angle."""
         return self.a > LEAST_NORMAL_STRETCH
 
     @cached_property
     def stretches(self) -> np.ndarray:
-        """Principal stretches in the plane, shape (n, 2)."""
+        """Principal stretches of the bonds in the plane, the greater first, shape (n, 2)."""
         trace = self.a**2 + 2 * self.b**2 + lateral_stretch(self.a, self.b, self.J) ** 2
         total, difference = np.sqrt(trace + 2 * self.J), np.sqrt(np.maximum(trace - 2 * self.J, 0))
         return np.stack([total + difference, total - difference], axis=1) / 2
 
     def chosen(self, which) -> Self:
-        """Return the states of some of the bonds."""
+        """Return the states of the chosen bonds alone."""
         return type(self)(*(getattr(self, part.name)[which] for part in fields(self)))
 
     def quantities(self) -> tuple[np.ndarray, ...]:
@@ -61,7 +61,7 @@ class BondStates:
 
 
 class PairForces:
-    """Bond pass of one material over its pairs, bound to its arrays.
+    """Forces of the pairs (undirected bonds) of one material, with their arrays and the compiled pass that computes them.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class PairForces:
         self.find = bond_force.pair_forces.bind(*arrays, *force, memory, self.forces, chunks=kinematics.chunks)
 
     def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str) -> None:
-        """Compute the geometry of some of these pairs from the strengths of all."""
+        """Compute the reference data `geometry` of some of the material's pairs from the strengths of all its pairs."""
         kinematics, points, body = self._kinematics, self.points, self._kinematics.body
         ends = points.first, points.second, body.all_points[points.numbers]
         shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
@@ -124,7 +124,7 @@ class PairForces:
 
 
 class BondForces(Term):
-    """Forces of the bonds, each a function of the states of its ends, theory (55): passes over points and pairs, and the sum to points.
+    """Internal force that sums the forces of bonds, each a function of the states of the bond's two ends, theory (55).
 
     A pair within one material carries its bond force. A pair across an interface carries the mean of two bond forces, one from the model
     and law of each material, each evaluated with the states of both ends, so that the forces on the two ends are opposite.
@@ -202,7 +202,7 @@ class BondForces(Term):
         return self._unit * of_points
 
     def bonds(self) -> tuple[np.ndarray, BondStates]:
-        """Return the numbers of the pairs that carry a force, and their states as the bond pass of one material finds them."""
+        """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body of one material."""
         body, part, bonds, points = self.body, self._parts[0], self.body.bonds, self.body.all_points
         part.points.find()
         pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)] > 0)
@@ -219,7 +219,7 @@ class BondForces(Term):
 
 
 def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain: Domain, precision: str, chunks: Chunks) -> BoundPass:
-    """Bind the pass that finds volume ratios and records of points with a learnt force, and counts the points without a state.
+    """Return the compiled pass that finds J3 and records of points with a learnt force, and counts the points without a state.
 
     The model must provide T_mm; the law determines the states of points outside the model's domain.
     """
@@ -233,23 +233,24 @@ def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain
 
 
 def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
-    """Return a bond force learnt under plane stress plus the pressure of plane strain (theory (47)); the model must provide T_mm.
+    """Return the compiled bond force for plane strain: a force learnt under plane stress plus a pressure (theory (47)).
 
-    Only the derivative of U comes from the law, so that an expensive law adds no cost in plane strain either.
+    The learnt model must provide T_mm.
+    Of the law only the derivative of U is evaluated, so that an expensive law adds no cost.
     """
     addresses = [compiled.address, volume_residual_block(law).address]
     return replace(compiled, address=bond_force.plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
 
 
 def pair_strength(body: Body) -> np.ndarray:
-    """Return 2 w l V_i V_j of every pair, see `pdsurrogate.kernels.reference_state.pair_rows`."""
+    """Return the strength 2 w l V_i V_j of every pair, the factor of its dimensionless force (`kernels.reference_state.pair_rows`)."""
     bonds, volumes = body.bonds, body.all_volumes
     length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
     return 2 * body.weigh(length) * length * volumes[bonds.first] * volumes[bonds.second]
 
 
 class ForceSurrogate(ForceModel):
-    """Force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
+    """Base class of force models that map quantities of a bond to its force: surrogates, or the exact map.
 
     Attributes
     ----------
@@ -310,10 +311,10 @@ class ForceSurrogate(ForceModel):
 
     @abstractmethod
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return `bond_force` compiled for the bond pass, which evaluates bonds in blocks of fixed size, in the given precision."""
+        """Return `bond_force` as a function compiled for blocks of bonds of fixed size, in the given precision."""
 
     def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        """Return the greatest deviation of the members' bond force from the model's, in units of the shear modulus, shape (n,)."""
+        """Return the greatest deviation of the committee members' bond forces from the model's, over the shear modulus, shape (n,)."""
         raise NotImplementedError
 
 
@@ -344,20 +345,20 @@ class AnalyticBondForce(ForceSurrogate):
         return exact_bond_force(self.law, stretch, rotation, C33, J)
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the block function of the exact bond force, whose law the bond pass supplies."""
+        """Return the exact bond force as a function compiled for blocks of bonds; the caller supplies the law."""
         none = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype)
         return CompiledBondForce(bond_force.analytic_bond_force(dtype).address, *none, 0, asks_law=True)
 
 
 def exact_bond_force(law: Law, stretch, rotation, C33, J) -> np.ndarray:
-    """Return the bond force of a law, shape (n, 2), see `ForceSurrogate.bond_force`."""
+    """Return the exact bond force of a law, shape (n, 2), for arguments as in `ForceSurrogate.bond_force`."""
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     T_nn, T_nm, _ = plane_stress.bond_traction(law, a, b, J, C33)
     return along_and_across(T_nn, T_nm, a, b, stretch)
 
 
 def bond_arrays(stretch, rotation, length, C33, J) -> tuple[np.ndarray, ...]:
-    """Return the five bond quantities as equally long vectors of doubles.
+    """Check the five bond quantities, and return them as vectors of doubles of one length.
 
     Raises
     ------

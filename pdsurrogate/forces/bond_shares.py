@@ -1,4 +1,4 @@
-"""Volume shares of the bonds of a body, and assembly of the forces and moments of its pairs at the points."""
+"""Shares of the points' volumes that bonds represent, and the sum of forces and moments of pairs at the points."""
 
 from collections.abc import Callable
 from functools import partial
@@ -13,11 +13,10 @@ from .steps import Step, Steps
 
 
 class BondShares:
-    """Division of the points' volumes among their bonds, and sums over pairs and bonds at points and ghosts.
+    """Division of the points' volumes among their bonds, and sums of forces and moments of pairs at points and ghosts.
 
-    An energy belongs to the body's own points: of a pair with a ghost, the point's share counts and the ghost's, which lies beyond the
-    reflection plane, does not. Ghosts are functions of the points they mirror, so forces and moments of a ghost are added to those of
-    that point.
+    The energy of a pair of points counts for the volume shares of both ends. In a pair with a ghost only the share of the point counts,
+    since the ghost lies beyond the reflection plane. Forces and moments of a ghost are added to those of the point that it mirrors.
 
     Parameters
     ----------
@@ -30,12 +29,12 @@ class BondShares:
     bond_shares : ndarray, shape (n_bonds,)
         Share of its point's volume that every directed bond represents.
     bond_weights : ndarray, shape (n_pairs,)
-        Volume for which the energy of every pair counts; zero for those that carry nothing.
+        Volume for which the energy of every pair counts; zero for pairs that carry no force.
     strength : ndarray, shape (n_pairs,)
-        w V_i V_j, zero where broken.
+        w V_i V_j of every pair, zero for broken pairs.
     pairs_of_points : tuple of ndarray
-        Row pointers, by point and ghost, into the pairs ordered by their first ends; row pointers into the third array; numbers of the
-        pairs ordered by their second ends.
+        Pairs of every point and ghost in three arrays: index at which the pairs with each as first end begin; index into the third array
+        at which the pairs with each as second end begin; numbers of the pairs ordered by second end.
     """
 
     def __init__(self, kinematics: Kinematics, precision: str) -> None:
@@ -62,7 +61,7 @@ class BondShares:
         self.renew(np.arange(len(length)))
 
     def renew(self, pairs: np.ndarray) -> np.ndarray:
-        """Update shares and weights after a change at given pairs; return all pairs whose weights may have changed.
+        """Update `bond_shares` and `bond_weights` after a change at given pairs; return all pairs whose weights may have changed.
 
         Shares and weights depend on the strengths and on which points have a gradient.
         """
@@ -86,7 +85,7 @@ class BondShares:
         return around
 
     def _divide_volumes(self, rows: np.ndarray) -> None:
-        """Divide the volumes of points among their directed bonds; bonds that an interface leaves out get nothing."""
+        """Divide the volumes of the points `rows` among their directed bonds; bonds that an interface omits get no share."""
         body, bonds, interfaces = self._body, self._body.bonds, self._kinematics.interfaces
         numbers, strength = bonds.pair_of, self._counted
         if interfaces is not None:
@@ -97,7 +96,10 @@ class BondShares:
         bond_shares[body.dimension](rows, *directed, body.all_points, body.volumes, strength, body.horizon, self.bond_shares)
 
     def carrying(self, breakable: bool) -> np.ndarray:
-        """Return flags of the pairs that carry forces; a pair with a ghost only if its mirrored pair does, for V_i W_ij to be symmetric."""
+        """Return flags of the pairs that carry forces.
+
+        If bonds may break, a pair with a ghost is flagged only if its mirrored pair carries force too, so that smoothing is symmetric.
+        """
         carries = self.bond_weights > 0
         if breakable and len(self._body.ghosts):
             carries[self._kinematics.outer_pairs] &= carries[self._kinematics.mirrored_pairs]
@@ -106,7 +108,8 @@ class BondShares:
     def geometry(self, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
         """Return reference data of pairs in blocks, shape (n_blocks, d + 2 or d + 3, BLOCK).
 
-        The rows are n, 1/l, the volume that weights the energy of the pair, and on a rank the part of that volume counted there.
+        The rows are the direction n, 1/l, the volume that weights the energy of the pair, and in a body divided among ranks the part of
+        that volume that this rank counts.
         """
         body, d = self._body, self._body.dimension
         pairs = np.arange(len(body.bonds.first))[pairs]
@@ -119,22 +122,23 @@ class BondShares:
         return geometry
 
     def put_weights(self, geometry: np.ndarray, places: np.ndarray, pairs: np.ndarray, weights: np.ndarray) -> None:
-        """Write the weights of given pairs of the body into the columns `places` of a geometry."""
+        """Write the energy weights of given pairs of the body into the columns `places` of an array from `geometry`."""
         body, d = self._body, self._body.dimension
         geometry[places // BLOCK, d + 1, places % BLOCK] = weights
         if body.share.divided:
             geometry[places // BLOCK, d + 2, places % BLOCK] = weights * body.share.own[body.bonds.first[pairs]]
 
     def fill_end_shares(self, end_shares: np.ndarray, places: np.ndarray, pairs: np.ndarray, own: np.ndarray | None = None) -> None:
-        """Write the shares that pairs have of the volumes of both their ends, shape (n_blocks, 2, BLOCK); ghosts have no volume.
+        """Write the shares that pairs have of the volumes of their two ends into `end_shares` (n_blocks, 2, BLOCK); zero at ghosts.
 
         Parameters
         ----------
         end_shares : ndarray
+            Array that is changed in place.
         places, pairs : ndarray of int
-            Numbers of the pairs among those of the array, and in the body.
+            Numbers of the pairs in the array, and in the body.
         own : ndarray of bool, shape (n_bonds,), optional
-            Directed bonds that count.
+            Flags of the directed bonds whose shares count; by default all.
         """
         one, other = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
         shares, within = self.bond_shares if own is None else self.bond_shares * own, self._body.bonds.second[pairs] < len(self._body)
@@ -142,17 +146,18 @@ class BondShares:
         end_shares[places // BLOCK, 1, places % BLOCK] = np.where(within, shares[other], 0.0)
 
     def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step) -> list[Step]:
-        """Return the steps that add the forces of the points' moments to those on points and ghosts, and fold all onto the body's points.
+        """Return the steps of an evaluation that turn moments of points into forces, and add forces on ghosts to their source points.
 
         Parameters
         ----------
         moments : ndarray, shape (n + m, d d)
-            Derivatives by the gradients, by columns; spoilt by the steps.
+            Derivatives of the energy by the deformation gradients, by columns; overwritten by the steps.
         forces : ndarray, shape (n + m, d), or (n, d) without ghosts
+            Forces to which the steps add.
         unit : float
             Factor of all forces.
         *before : Step
-            Steps that find the other forces, when the moments have been folded.
+            Steps that compute the other forces, run after the moments of ghosts have been added to their source points.
         """
         body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
         d, chunks = body.dimension, kinematics.chunks
@@ -167,23 +172,23 @@ class BondShares:
         return [fold, moments, *before, weigh, own, others, partial(ghosts.fold_forces, forces)]
 
     def sums_of(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float, *further: Step) -> Callable[..., int]:
-        """Bind the sum of the pairs' forces and moments at the body's points; forces on a ghost are added to the point that it mirrors.
+        """Return a function that sums forces and moments of pairs to forces on points; a ghost's force is added to the point it mirrors.
 
         Parameters
         ----------
         forces, moments : ndarray
             Forces and moments of the pairs.
         stresses : ndarray, shape (n + m, d d)
-            For the weighted moments of the points.
+            Working array for the weighted moments of the points.
         unit : float
             Factor of all forces.
         *further : Step
-            Functions that read the moments of the points before these are weighted.
+            Steps that read the moments of the points before they are weighted.
 
         Returns
         -------
         callable
-            Function of the array to write to; it returns the number of points and ghosts without a force.
+            Function of the array (n, d) to write the forces to; it returns the number of points and ghosts without a finite force.
         """
         body, chunks, d = self._body, self._kinematics.chunks, self._body.dimension
         n, total = len(body), np.empty((len(body.all_points), d))
@@ -204,7 +209,7 @@ class BondShares:
         return to_points
 
     def on_ghosts(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the forces, shape (m, d), and the moments, (m, d d), on the ghosts, from the weighted moments of the last sums."""
+        """Return the forces (m, d) and moments (m, d d) on the ghosts; `stresses` are the weighted moments that `sums_of` left."""
         n, d, pairs = len(self._body), self._body.dimension, self.pairs_of_points
         found, on_ghosts = np.empty_like(stresses), np.empty_like(self._node_parts)
         sum_moments[d](moments, *pairs, found)

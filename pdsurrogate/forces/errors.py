@@ -1,4 +1,4 @@
-"""Errors and warnings of force evaluations, and the part of their messages that names a point."""
+"""Errors and warnings of force evaluations, and functions that write their messages."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ from ..body import Body
 
 
 class OutsideDomain(RuntimeError):
-    """Bonds are outside the domain of a surrogate, and the policy is to stop.
+    """Error: bonds are outside the training domain of a surrogate, and the policy ``outside="raise"`` is to stop.
 
     Examples
     --------
@@ -23,7 +23,7 @@ class OutsideDomain(RuntimeError):
 
 
 class OutsideDomainWarning(RuntimeWarning):
-    """Bonds are outside the domain of a surrogate, and its values there are extrapolated.
+    """Warning: bonds are outside the training domain of a surrogate, whose values there are extrapolated.
 
     Examples
     --------
@@ -33,7 +33,7 @@ class OutsideDomainWarning(RuntimeWarning):
 
 
 class InvalidState(RuntimeError):
-    """A deformation that has no force: det F <= 0, a limit of the material law passed, or numbers that are not finite.
+    """Error: a deformation has no force, because of det F <= 0, a limit of the material law passed, or numbers that are not finite.
 
     Examples
     --------
@@ -49,22 +49,23 @@ class InvalidState(RuntimeError):
 
 
 def at_point(body: Body, i: int, what: str) -> str:
-    """Return a message that begins with the number and the place of a point."""
+    """Return the message `what`, preceded by the number and the reference position of point i."""
     return f"point {body.share.numbers[i]} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
 
 
 def why_invalid(F: np.ndarray, whose: str, check: Callable[[int], object], otherwise: str) -> tuple[int, str]:
-    """Return the number of a deformation gradient without a state, and the reason.
+    """Find a deformation gradient at which a law has no state; return its number in F and the reason in words.
 
     Parameters
     ----------
     F : ndarray, shape (k, d, d)
+        Deformation gradients.
     whose : str
-        Owner of a gradient in messages, "" for a point.
+        Words for messages that say what a gradient belongs to, such as " of a bond"; "" for a point.
     check : callable
-        Function of a number that raises ValueError where the law has no state; the most strained states are tried.
+        ``check(number)`` raises ValueError if the law has no state at that gradient; the 100 most strained ones are tried.
     otherwise : str
-        Message if it has a state in all of them, with places for `trace` and `J` of the most strained state.
+        Message if `check` finds no reason, a format string with fields `trace` and `J` of the most strained state.
     """
     with np.errstate(invalid="ignore"):  # values that are not finite are expected in this search
         J = np.linalg.det(F)
@@ -84,5 +85,5 @@ def why_invalid(F: np.ndarray, whose: str, check: Callable[[int], object], other
 
 
 def locate(body: Body, values: np.ndarray, what: str) -> str:
-    """Return a message about the first point at which values are not finite."""
+    """Return the message `what` about the first point at which `values`, rows by point, are not finite."""
     return at_point(body, int(np.flatnonzero(~np.isfinite(values.reshape(len(body), -1)).all(axis=1))[0]), what)

@@ -1,4 +1,4 @@
-"""Homogeneous states of a small body with any force model, as in a simulation of a uniformly stretched test piece."""
+"""Stresses of a uniformly stretched test piece (a small body) with any force model, evaluated as in a simulation."""
 
 from collections.abc import Sequence
 
@@ -11,17 +11,17 @@ from .protocol import ForceModel
 from .settings import ForceSettings
 
 SPACING = 0.25
-"""Spacing of the points of the unit square or cube."""
+"""Spacing of the points of the test piece, a unit square or cube."""
 
 TOLERANCE = 1e-9
-"""Relative tolerance of the free stretches of a state."""
+"""Relative change of the free stretch at which the secant method ends."""
 
 MOST_STEPS = 30
-"""Maximum number of secant steps for the free stretches of a state."""
+"""Maximum number of secant steps in the search for the free stretch."""
 
 
 def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return nominal stresses of a uniformly stretched small body with a force model.
+    """Return the nominal stresses of a small body with a force model at given uniform stretches.
 
     The given stretches fix the positions. The force model determines the thickness of a sheet; the free stretches of a body in three
     dimensions, and of the sides in uniaxial tension, are those at which the free stresses vanish.
@@ -83,7 +83,10 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
 
 
 def _relaxed(stress_at, at: np.ndarray, free: list[int]) -> np.ndarray:
-    """Return the stresses where those along the free axes, which share one stretch, are zero, by the secant method; NaN if it fails."""
+    """Find the common stretch of the free axes at which the stress along them is zero, and return the stresses there; NaN if it fails.
+
+    ``stress_at(stretches)`` returns the stresses along the axes; the secant method starts at the stretches `at`.
+    """
     stress, at = stress_at(at), at.copy()
     if not free:
         return stress

@@ -1,4 +1,4 @@
-"""Identity of a force model: its name, and a digest of its numbers."""
+"""Identity of a force model: its name, and a digest (SHA-256) of its learnt numbers."""
 
 import hashlib
 import json
@@ -15,7 +15,7 @@ def identity_of(model: ForceModel) -> list[str]:
 
 
 def digest_of_model(model: ForceModel) -> str:
-    """Return the digest of the numbers of a model, and of its members if it has any."""
+    """Return a digest of the learnt numbers of a model, and of the members of its committee if it has any."""
     payload = model.payload()
     if model.members:
         payload = {"runs": payload, "members": [[str(one.law), one.ratio, one.model.payload()] for one in model.members]}
@@ -28,7 +28,7 @@ def digest_of(value: Any) -> str:
 
 
 def _plain(value: Any) -> list | str:
-    """Return shape and digest of an array, or the text of anything else."""
+    """Return a stand-in that JSON can hold: shape and digest of an array, or ``str`` of any other value."""
     if isinstance(value, np.ndarray):
         return [value.shape, hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
     return str(value)

@@ -1,4 +1,4 @@
-"""Jumps of the deformation gradient at interfaces between materials, and the body as either material sees it."""
+"""Jumps of the deformation gradient at interfaces between materials, and the motion of each material continued beyond them."""
 
 from typing import TypeAlias
 
@@ -20,7 +20,7 @@ CENTRINGS = 3
 """Number of fits of the straight interface next to a point, each centred on the place that the previous one found."""
 
 REACH = 2
-"""Horizons about a place on an interface within which the motion of either side is fitted, the farther points counting less.
+"""Radius, in horizons, about a place on an interface within which the motion of either side is fitted; farther points count less.
 
 With one horizon the fit depends on the three nearest rows, and a point's continued place does not follow its own displacement: next to a
 material thirty times as stiff, bond forces then have no equilibrium. With two, `bimaterial` is as accurate, and a contrast of a hundred
@@ -51,18 +51,19 @@ WORST_CONDITION = 1e6
 """Condition number up to which a fit is accepted, with lengths in units of its reach. For a layer of two rows it is 1e3."""
 
 Near: TypeAlias = tuple[float, np.ndarray, int, float]
-"""Distance and direction of the interface near a point, the material beyond it, and the share of volume on the wrong side."""
+"""Interface near a point: distance, direction, material beyond, and share of the volume on the wrong side of the fitted plane."""
 
 
 class Interfaces:
-    """Interfaces between the materials of a body, as far as they are straight within a horizon.
+    """Interfaces between the materials of a body, where they are straight within a horizon, and the jumps of F across them.
 
     Across the interface of two bonded materials F jumps by c (x) N, with its normal N: the displacement is continuous, its slope along N
     is not. For every point near an interface, c follows from a least-squares fit of the positions by a continuous function that is linear
     or quadratic on either side, theory (54), and is linear in the positions. With c the motion of one material is continued beyond the
     interface: points of the other material are placed where they would be if they moved with this one.
 
-    A point with more than two materials in its horizon, or without a straight interface, has c = 0, and all materials use its own place.
+    A point with more than two materials in its horizon, or without a straight interface, has c = 0, and all materials use its actual
+    position.
 
     Parameters
     ----------
@@ -72,9 +73,9 @@ class Interfaces:
     moduli : ndarray, shape (n + m,)
         Shear modulus of every point and image; infinite for rigid ones.
     quadratic : bool
-        Whether the fit on either side is quadratic, and much stiffer material ignores the other side. Linear fits leave an error of first
-        order in c, which plane strain multiplies by K; quadratic fits give single points more weight, so that bond forces, which are not
-        the gradient of an energy, find no equilibrium next to a material a hundred times as stiff.
+        Whether the fit on either side is quadratic, and the energy of a much stiffer material depends on its own points only. Linear fits
+        leave an error of first order in c, which plane strain multiplies by K; quadratic fits give single points more weight, so that bond
+        forces, which are not the gradient of an energy, find no equilibrium next to a material a hundred times as stiff.
     volumes_held : bool
         Whether the place of a mirror image on the interface follows from the gradient of its own point, and not from the nearest points:
         the force on it is then distributed like the stiff material's own stress. Otherwise it alternates from point to point, which only
@@ -85,15 +86,16 @@ class Interfaces:
     Attributes
     ----------
     depths : ndarray, shape (n + m,)
-        Distance of the points from their interface; 0 for those that have none.
+        Distance of every point and image from its interface; 0 where there is none.
     normals : ndarray, shape (n, d)
         Direction from every point to its interface.
     left_out : ndarray of int
         Directed bonds across an interface that the gradient and the energy of their first point omit.
     one_sided_bonds : tuple or None
-        Directed bonds of the points that omit bonds, these points, and the change of the bonds' weights in the gradients.
+        For points that omit bonds: the directed bonds of these points, the point of each bond, and the changes of the bonds' weights in the
+        deformation gradients; None if no point omits bonds.
     on_jumps : ndarray, shape (n, d)
-        Forces on the points by which an energy acts on the jumps, as last found by `hand_on`.
+        Forces on the points due to the dependence of the energy on the jumps, as last found by `hand_on`.
     """
 
     def __init__(self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool) -> None:
@@ -153,13 +155,13 @@ class Interfaces:
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
 
     def _with_transpose(self, matrix: sparse.lil_array) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Return a matrix (n, n) of rows of own points, and its transpose including the rows of other ranks."""
+        """Return a matrix (n, n), which has rows of this rank's points only, and its transpose with the rows of other ranks included."""
         return matrix.tocsr(), self._body.share.with_rows_of_others(matrix.tocsr()).T.tocsr()
 
     def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Return the matrix (n d, n + m) from values at points and images to the columns of the points' gradients, and its transpose.
+        """Return the matrix (n d, n + m) that maps values at points and images to columns of gradients at points, and its transpose.
 
-        Bonds from `owners` to `others` have the weights (k, d).
+        The k bonds from `owners` to `others` have the weights (k, d) in the gradients of `owners`.
         """
         d, n, total = self._body.dimension, len(self._body), len(self._body.all_points)
         rows = (d * owners.astype(np.int64)[:, None] + np.arange(d)).ravel()
@@ -167,7 +169,7 @@ class Interfaces:
         return matrix, matrix.T.tocsr()
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
-        """Return the directed bonds across an interface that the energy of their point leaves out."""
+        """Return those directed bonds `across` interfaces that the gradient and energy of their first point omit (`left_out`)."""
         body, neighbours = self._body, self._body.bonds.neighbours[across]
         normals = np.vstack([self.normals, body.ghosts.reflection * self.normals[body.ghosts.source]])[neighbours]
         arms = body.all_points[owners[across]] - body.all_points[neighbours]
@@ -175,7 +177,7 @@ class Interfaces:
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbours]) | behind]
 
     def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Remove bonds from the gradients of their points; return the weights of the remaining bonds, see `gradient_weights`."""
+        """Remove the bonds `left_out` from the gradients of their points; return new `Kinematics.gradient_weights` of all bonds."""
         body, bonds = self._body, self._body.bonds
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
@@ -199,9 +201,9 @@ class Interfaces:
         return weights
 
     def cells_across(self, number: int, most: int) -> float:
-        """Return the median thickness of a material behind its interfaces, in cells: at most `most`, 0 without an interface.
+        """Return the median thickness of the layer of material `number` behind its interfaces, in cells: at most `most`, 0 without one.
 
-        The number of the material may be that of the rigid parts.
+        `number` may also stand for the rigid parts.
         """
         body, portion_of = self._body, self._portion_of
         beside = np.flatnonzero((portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0))
@@ -216,7 +218,7 @@ class Interfaces:
         return float(np.median(np.where(within.all(axis=1), most, within.argmin(axis=1))))
 
     def correct(self, positions: np.ndarray, gradients: np.ndarray) -> None:
-        """Compute the jumps, and remove the contribution of the other side from the points' gradients.
+        """Compute the jumps at interfaces, and correct the points' gradients for the other material's different motion.
 
         Parameters
         ----------
@@ -236,7 +238,7 @@ class Interfaces:
         own -= self._corrections[0] @ self.jumps
 
     def see(self, positions: np.ndarray, gradients: np.ndarray) -> None:
-        """Compute positions and gradients of all points in the continued motion of the other material."""
+        """Find `seen_positions` and `seen_gradients`: what points near interfaces would have if they moved with the other material."""
         self.seen_positions[:] = positions - self.depths[:, None] * self.jumps
         n = len(self._body)
         slopes = self.jumps[:n]
@@ -250,14 +252,14 @@ class Interfaces:
         np.add(gradients, self._changes, out=self.seen_gradients)
 
     def hand_on(self, forces: np.ndarray, moments: np.ndarray, own_moments: np.ndarray) -> np.ndarray:
-        """Return the forces on the points by which an energy acts on the jumps, shape (n, d): the transpose of `correct` and `see`.
+        """Return the forces on points due to the energy's dependence on the jumps, shape (n, d): the transpose of `correct` and `see`.
 
         Parameters
         ----------
         forces, moments : ndarray, shapes (n + m, d) and (n + m, d d)
-            Minus the derivative by the continued positions, and the derivative by the continued gradients; the latter are changed.
+            Minus the derivative of the energy by `seen_positions`, and its derivative by `seen_gradients`; `moments` is overwritten.
         own_moments : ndarray, shape (n, d d)
-            Derivative by the points' own gradients; changed by those of mirror images.
+            Derivative of the energy by the points' own gradients; terms of mirror images are added in place.
         """
         n, ghosts, share = len(self._body), self._body.ghosts, self._body.share
         on_jumps = -self.depths[:, None] * forces
@@ -288,18 +290,18 @@ class Interfaces:
 
 
 def _along(gradients: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return the products, shape (k, d), of gradients (k, d d), by columns, and vectors (k, d)."""
+    """Return the products of gradients (k, d d), stored by columns, with vectors (k, d): shape (k, d)."""
     d = normals.shape[1]
     return np.einsum("kba,kb->ka", gradients.reshape(-1, d, d), normals)
 
 
 def _columns(normals: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Return the dyads vector (x) normal by columns, shape (k, d d)."""
+    """Return the dyads vector (x) normal of vectors and normals (k, d), stored by columns, shape (k, d d)."""
     return (normals[:, :, None] * vectors[:, None]).reshape(len(normals), -1)
 
 
 def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
-    """Return the straight interface near a point that divides the volume around it as the materials do; None if there is none."""
+    """Return the plane near point i that divides the volume around it as the two materials do; None without a straight interface."""
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
@@ -330,7 +332,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
 
 
 def _nearest_softer(body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int) -> Near | None:
-    """Return the interface near a point from the nearest points of a much softer material, half a cell beyond it."""
+    """Return the interface near point i, placed half a cell before the nearest points of a much softer material; None without such."""
     around = np.array(tree.query_ball_point(body.points[i], body.horizon * (1 + 1e-9), return_sorted=True), dtype=np.int64)
     softer = around[moduli[around] * YIELDING < moduli[i]]
     if not len(softer):
@@ -345,18 +347,18 @@ def _nearest_softer(body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: n
 
 
 def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, normal: np.ndarray, quadratic: bool) -> np.ndarray | None:
-    """Return weights of the values at points in the jump of the slope along a normal, from this side of an interface to the other.
+    """Return the weights (k,) with which values at points give the jump of their slope along a normal across an interface.
 
-    The jump is that of the continuous function that fits the values best, on either side quadratic if wanted and if the points determine
-    it, or else linear; None if they do not determine that.
+    The jump belongs to the continuous function that fits the values best. On either side it is quadratic if asked for and if the points
+    determine such a function, or else linear; None if the points do not determine a linear one.
 
     Parameters
     ----------
     x : ndarray, shape (k, d)
-        The points from a place on the interface, in units of the reach of the fit.
+        Positions of the points relative to a place on the interface, in units of the radius of the fit.
     volumes : ndarray, shape (k,)
     beyond : ndarray of bool, shape (k,)
-        Which of the points are on the other side.
+        Flags of the points on the other side.
     normal : ndarray, shape (d,)
     quadratic : bool
     """
@@ -379,23 +381,24 @@ def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, norm
 def _mirrored(
     at: tuple[np.ndarray, np.ndarray, np.ndarray], normal: np.ndarray, sizes: tuple[float, float], own: np.ndarray, by_gradient: bool
 ) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-    """Return weights of the values at points in the jump that makes a point an odd mirror image of softer material.
+    """Return the weights (k,) with which values at points give the jump that makes a stiff point an odd mirror image of softer material.
 
-    Like the images of a clamp, theory (22), these images carry the stress of the softer material next to an undeformed one without a
-    disturbance. The second array holds the weights of the softer points in the value at the mirrored place; both are None if the points
-    determine no value at the interface or at that place.
+    Like the images of a clamp, theory (22), such images continue the stress of the softer material undisturbed up to a nearly undeformed
+    stiff material. The second array returned holds the weights with which values at the softer points give the value at the mirrored place.
+    Both are None if the points determine no value at the interface or at the mirrored place.
 
     Parameters
     ----------
     at : tuple of ndarray
-        Points from the place on the interface, shape (k, d), their volumes (k,), and flags of those of the softer material.
+        Positions of the points relative to the place on the interface, shape (k, d), their volumes (k,), and flags of the softer ones.
     normal : ndarray, shape (d,)
     sizes : tuple of float
-        Distance to the interface, and spacing, in the unit of the points.
+        Distance of the stiff point to the interface, and spacing, in the unit of the positions.
     own : ndarray of bool, shape (k,)
-        Flag of the point itself.
+        True at the stiff point itself.
     by_gradient : bool
-        Whether the place on the interface is found from the point and its gradient, which the weights then leave out.
+        Whether the deformed place on the interface follows from the stiff point and its gradient; the weights then omit the gradient's
+        term.
     """
     (x, volumes, beyond), (depth, spacing) = at, sizes
     mirrored = _interpolation(x[beyond], volumes[beyond], depth * normal, spacing)
@@ -410,7 +413,7 @@ def _mirrored(
 
 
 def _interpolation(x: np.ndarray, volumes: np.ndarray, place: np.ndarray, spacing: float) -> np.ndarray | None:
-    """Return weights that interpolate values at points (k, d) to a place: exact for linear functions, with as few points as possible."""
+    """Return weights that interpolate values at points (k, d) to a place: exact for linear functions, with few points; None if too few."""
     arms = x - place
     distance = np.linalg.norm(arms, axis=1) / spacing
     values = np.column_stack([np.ones(len(x)), arms / spacing])

@@ -1,4 +1,4 @@
-"""Internal force on a body: the sum of the terms of its materials."""
+"""Internal force on the points of a body, the object that solvers evaluate: the sum of the terms of a force model."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class InternalForce:
-    """Internal force on the points of a body: the sum of the terms of all its materials.
+    """Internal force on the points of a body with one or several materials: the sum of the terms of their force model.
 
     `ForceModel.bind` makes it for a body of one material, and `bind_portions` for a body of several.
 
@@ -37,13 +37,13 @@ class InternalForce:
     body : Body
     portions : sequence of Portion
     portion_of : ndarray of int, shape (n + m,), or None
-        Number of the portion of every point and image, and the number of portions for rigid ones; None if all points are of one portion.
+        Number of the material (index into `portions`) of every point and image, ``len(portions)`` for rigid ones; None with one material.
     interfaces : Interfaces or None
-        Where materials meet.
+        Interfaces between materials; None if the body has one material.
     law : Law
         Law with the greatest shear modulus, by which forces and their rounding are measured.
     laws : list of tuple
-        Laws of the body's points, each with the points that it describes.
+        Laws of the body's materials, each with the numbers of the points that it describes.
     precision : {"float32", "float64"}
         Precision of the bond pass.
     correction : str
@@ -59,7 +59,7 @@ class InternalForce:
     nearly_incompressible : bool
         Whether `linearised_dilatation` returns how the volume of the points changes with the positions, which costs the bulk modulus.
     zero_energy_modes : bool
-        Whether there are displacements from point to point that it does not resist.
+        Whether the force does not resist some displacements that alternate from point to point.
     learnt_thickness : bool
         Whether J3 of the points is found with a learnt force, and not by the law.
     learnt : Term
@@ -79,7 +79,7 @@ class InternalForce:
     pairs_outside : int
         Pairs outside the domains of the models, summed over all evaluations.
     seconds : float
-        Time spent in `timed` finished evaluations; both may be set back.
+        Time spent in the last `timed` finished evaluations; callers may set both to zero.
     timed : int
     """
 
@@ -115,7 +115,7 @@ class InternalForce:
         self.seconds = 0.0
 
     def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the moduli of stiffness and of forces at the points, from those of points and images, infinite for rigid ones."""
+        """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and images, which are infinite for rigid ones."""
         body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self._kinematics.owners()
         around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
         # A bond between very different moduli carries the force of the softer material: each point counts its own modulus only.
@@ -136,7 +136,7 @@ class InternalForce:
         Raises
         ------
         InvalidState
-            Where the state has no force; names a point.
+            If the deformation has no force; the message names a point.
         OutsideDomain
             If bonds are outside the domain of a model, and the policy is to stop.
         """
@@ -159,7 +159,7 @@ class InternalForce:
         self.timed += 1
 
     def _add_up(self, writers: Sequence[Callable[[np.ndarray], object]], out: np.ndarray) -> None:
-        """Write the sum of the forces that functions write."""
+        """Write the sum of the forces that several functions ``write(array)`` compute into `out`."""
         first, *others = writers
         first(out)
         for write in others:
@@ -167,17 +167,17 @@ class InternalForce:
             out += self._further
 
     def pass_bonds(self, out: np.ndarray) -> None:
-        """Repeat the part of an evaluation that follows the points' states, in the states last found; its time is that of the bonds."""
+        """Write the forces to `out` from the points' states last found, without finding the states anew; used to time the bonds alone."""
         self._add_up([term.pass_bonds for term in self.terms], out)
 
     def place(self, positions: np.ndarray) -> None:
-        """Set the positions (n, d) at which the points are examined, without forces; ghosts follow."""
+        """Set the positions of points (n, d) and ghosts without computing forces, before queries for gradients, stresses and the like."""
         self._kinematics.place(positions)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
         """Displace a reflection plane of the body by u(X) = displacement + turn X; its ghosts follow when positions are next set.
 
-        Only planes that are odd in all components are turned; once turned, a plane needs its turn every time.
+        Only planes that are odd in all components may be turned; once a plane has been turned, give its turn in every call.
         """
         self._kinematics.move_plane(plane, displacement, turn)
 
@@ -187,7 +187,7 @@ class InternalForce:
         return self._kinematics.positions
 
     def deformation_gradients(self) -> np.ndarray:
-        """Return F of the points at the positions last set, shape (n, d, d)."""
+        """Return the deformation gradients F of the points at the positions last set, shape (n, d, d)."""
         return self._kinematics.deformation_gradients()
 
     @property
@@ -196,17 +196,17 @@ class InternalForce:
         return self._kinematics.supported[: len(self.body)] != 0
 
     def volume_ratios(self) -> np.ndarray:
-        """Return J3 of the points at the positions last set, where their volumetric energy is taken, shape (n,).
+        """Return the volume ratios J3 at which the volumetric energy of the points is evaluated, at the positions last set, shape (n,).
 
         Raises
         ------
         InvalidState
-            Where there is none.
+            If a point has no volume ratio.
         """
         return self.terms[0].volume_ratios()
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return stress and energy at the points' own deformation gradients at the positions last set.
+        """Return stress and energy density of the points from their own deformation gradients, at the positions last set.
 
         A learnt energy of a sheet provides the energy and its derivative. For all other models, which are exact or provide only bond
         forces, both follow from the laws of the points, at the volume ratios and bulk stresses that the force evaluation computed.
@@ -226,20 +226,24 @@ class InternalForce:
         return reduce(add, (term.pair_forces(chosen) for term in self.terms))
 
     def forces_beside_pairs(self) -> np.ndarray | None:
-        """Return forces on the points in the state last evaluated that no pair exerts, shape (n, d); None where there are none."""
+        """Return the forces on points that are not forces of pairs, in the state last evaluated, shape (n, d); None if there are none.
+
+        Such forces arise at interfaces between materials, where an energy depends on the jumps of F.
+        """
         return self.terms[0].forces_beside_pairs()
 
     def levers_on_planes(self) -> np.ndarray | None:
-        """Return the sum of f (x) y for every plane of the body, shape (planes, d, d), by virtual work in the state last evaluated.
+        """Return the first moments of the forces that reflection planes exert on the body, sums of f (x) y, shape (planes, d, d).
 
-        f are the forces that a plane exerts and y the places where they act; None for a force without energy.
+        f is a force of a plane and y the place where it acts; the sums follow from virtual work in the state last evaluated. None for a
+        force without energy.
         """
         return self.terms[0].levers_on_planes()
 
     def state_arrays(self) -> dict[str, np.ndarray]:
-        """Return the values of `states` by name.
+        """Return the arrays that the next evaluation starts from (`states`), by name.
 
-        A solution saved with copies of them, and copied back into them, continues to the same bits.
+        A solution that is saved with copies of these values, and restored by copying them back, continues with identical bits.
         """
         return {array.name: array.values for array in self.states}
 
@@ -263,17 +267,17 @@ class InternalForce:
         return reduce(add, (term.tangent(positions) for term in self.terms))
 
     def linearised_dilatation(self) -> "LinearisedDilatation":
-        """Return how the points' volume changes with the positions, for a force that is `nearly_incompressible`."""
+        """Return the derivative of the points' volume ratios by the positions, for a force that is `nearly_incompressible`."""
         return self.terms[0].linearised_dilatation()
 
     def break_bonds(self, pairs: np.ndarray) -> Release | None:
-        """Remove pairs from everything: horizons, corrections and forces.
+        """Break pairs (bonds): remove them from horizons, corrections and forces for good.
 
         Returns
         -------
         Release or None
-            Energy and forces that the pairs carried at the positions last set, None if the force has no energy. Zero if the
-            body has no finite energy before or after.
+            Energy and forces that the body loses with the pairs at the positions last set; None if the force has no energy. Zero if the
+            energy or forces are not finite before or after.
 
         Raises
         ------
@@ -295,14 +299,14 @@ class InternalForce:
         return Release(energy, forces)
 
     def _held(self) -> Release:
-        """Return energy and forces at the positions last set; NaN for the energy where there is none."""
+        """Return stored energy and internal forces of the body at the positions last set; the energy is NaN if it is undefined."""
         forces = np.zeros_like(self.body.points)
         self._kinematics.form_gradients()
         self.pass_bonds(forces)
         return Release(self.energy(), forces)
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Return the numbers of the pairs that were nearly or fully turned inside out in the last evaluation, by terms that detect them."""
+        """Return the pairs that were nearly or fully turned inside out in the last evaluation; none for models that do not check."""
         return self.terms[0].collapsed_pairs()
 
     @property
@@ -314,7 +318,7 @@ class InternalForce:
 
 
 def _numbers_of(body: Body, portions: Sequence["Portion"]) -> np.ndarray:
-    """Return the number of the portion of every point and image; the number of portions for points of none."""
+    """Return the material (index into `portions`) of every point and image; ``len(portions)`` for rigid points, which have none."""
     found = np.full(len(body.all_points), len(portions))
     for number, portion in enumerate(portions):
         found[portion.points] = number

@@ -1,4 +1,4 @@
-"""Values of a model's compiled block function at vectors of bonds, for checks."""
+"""Evaluation of a model's compiled function (which simulations use) at given bonds, for checks against NumPy."""
 
 import numpy as np
 
@@ -11,15 +11,15 @@ from .bond_force import ForceSurrogate, bond_arrays
 
 
 def kernel_tractions(model: ForceSurrogate, law: Law, dtype, stretch, rotation, length, C33, J) -> np.ndarray:
-    """Return T_nn, T_nm and T_mm (theory (11)) as the bond pass finds them, shape (n, 3), in double.
+    """Return T_nn, T_nm and T_mm (theory (11)) of bonds from a model's compiled function, shape (n, 3), converted to double.
 
     Parameters
     ----------
     model : ForceSurrogate
     law : Law
-        Law behind models that are computed from it.
+        Law that exact models evaluate.
     dtype : float32 or float64
-        Precision of the bond pass.
+        Precision of the compiled function.
     stretch, rotation, length, C33, J : array_like, shape (n,)
         As for `ForceSurrogate.bond_force`.
     """
@@ -29,7 +29,7 @@ def kernel_tractions(model: ForceSurrogate, law: Law, dtype, stretch, rotation, 
 
 
 def kernel_bond_force(model: ForceSurrogate, law: Law, dtype):
-    """Return a function like `ForceSurrogate.bond_force` that evaluates the model's block function in the given precision."""
+    """Return a function with the arguments and result of `ForceSurrogate.bond_force` that evaluates the model's compiled function."""
 
     def bond_force(stretch, rotation, length, C33, J) -> np.ndarray:
         T_nn, T_nm, _ = kernel_tractions(model, law, dtype, stretch, rotation, length, C33, J).T
@@ -40,21 +40,21 @@ def kernel_bond_force(model: ForceSurrogate, law: Law, dtype):
 
 
 def kernel_energy(model: EnergySurrogate, law: Law, dtype, trace, area_ratio) -> np.ndarray:
-    """Return an energy and its derivatives by tr C and J as the pass over the pairs finds them, shape (3, n), in double.
+    """Return energy and derivatives by tr C and J from a model's compiled function, shape (3, n), converted to double.
 
     Parameters
     ----------
     model : EnergySurrogate
     law : Law
-        Law behind models that are computed from it.
+        Law that exact models evaluate.
     dtype : float32 or float64
-        Precision of the pass.
+        Precision of the compiled function.
     trace, area_ratio : array_like, shape (n,)
     """
     return _evaluate(model, law, dtype, (trace, area_ratio), ENERGY_ROWS)
 
 
 def _evaluate(model: ForceSurrogate | EnergySurrogate, law: Law, dtype, states: tuple, n_rows: int) -> np.ndarray:
-    """Return the result of a model's block function at states of n numbers each, shape (n_rows, n)."""
+    """Return the result of a model's compiled function, shape (n_rows, n), at `states`, a tuple of vectors of length n."""
     response = plane_stress.response.block(law).address
     return model.compiled(dtype).evaluate(np.stack(states).astype(float), n_rows, response, law.parameters)

@@ -1,4 +1,4 @@
-"""Positions, horizons and deformation gradients of the points of a body and of their mirror images."""
+"""Positions, shape tensors and deformation gradients of the points of a body and of their mirror images."""
 
 import math
 from functools import cached_property
@@ -14,12 +14,12 @@ from ..kernels.node_state import deformation_gradients
 from ..kernels.reference_state import shape_rows
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
-"""Share of the gradient along a clamped plane that images beyond it copy from their sources where volumes are constrained.
+"""Share of the gradient along a clamped plane that images beyond the plane copy from their sources where volumes are constrained.
 
-The plane determines the rest. The shares follow from comparisons with finite elements. For the bonded cube of 24 points a side (K = 100 mu)
-stretched to 1.5, the force is 0.02 % and the side 0.07 % off with share 0, 0.20 % and 0.28 % with share 1; compressed to 0.9, the force is
-0.13 % and 1.07 % off. In plane strain the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 % too stiff with share 0 and 0.4 %
-with share 1; at +30 % both are equally good.
+The gradient of the clamped plane makes up the rest. The shares follow from comparisons with finite elements. For the bonded cube of 24
+points a side (K = 100 mu) stretched to 1.5, the force is 0.02 % and the side 0.07 % off with share 0, 0.20 % and 0.28 % with share 1;
+compressed to 0.9, the force is 0.13 % and 1.07 % off. In plane strain the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 %
+too stiff with share 0 and 0.4 % with share 1; at +30 % both are equally good.
 """
 
 
@@ -40,17 +40,17 @@ class Kinematics:
     gradients : ndarray, shape (n + m, d d)
         F by columns.
     weighted_bonds : ndarray, shape (n_bonds, d)
-        w x V_j of every directed bond, zero where broken.
+        w x V_j of every directed bond with the reference vector x, zero where broken.
     inverse_shape : ndarray, shape (n + m, d (d + 1)/2)
-        K^-1 as its upper triangle row by row, zero where the bonds do not span all dimensions.
+        Inverse shape tensor K^-1 as its upper triangle row by row, zero where the bonds do not span all dimensions.
     supported : ndarray of uint8, shape (n + m,)
         1 where the bonds span all dimensions.
     gradient_ghosts : Ghosts
-        Ghosts that fill the gradients, and fold derivatives by them.
+        Ghosts with the continuation that is used for deformation gradients and derivatives by these.
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
     seen : list of MaterialPoints
-        Points of single materials with the continued points of others; they are updated with the gradients.
+        Copies of the points of each material in a body of several, updated whenever gradients are formed.
     changes : int
         Number of changes of positions and bonds, by which dependent states detect that they are out of date.
     """
@@ -83,16 +83,16 @@ class Kinematics:
         self._place_alone, self._form_gradients, self._place_and_form = Chain(self._place), Chain(form), Chain(self._place, form)
 
     def owners(self) -> np.ndarray:
-        """Return the first point of every directed bond, shape (n_bonds,)."""
+        """Return the number of the point at which every directed bond begins, shape (n_bonds,)."""
         return np.repeat(np.arange(len(self.body)), np.diff(self.body.bonds.pointers).astype(np.int64))
 
     @cached_property
     def sources(self) -> np.ndarray:
-        """Numbers of the points behind all points and images, shape (n + m,)."""
+        """Number of each point itself, and of the point that each image mirrors, shape (n + m,)."""
         return np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
 
     def _find_shapes(self, rows: np.ndarray) -> None:
-        """Compute the shape tensors of the given points, then of all images."""
+        """Compute `inverse_shape` and `supported` of the points `rows`, then of all images."""
         body, bonds = self.body, self.body.bonds
         bonds_of_rows = rows, bonds.pointers, bonds.neighbours, body.all_points, self.weighted_bonds
         shape_rows[body.dimension](*bonds_of_rows, self.inverse_shape, self.supported)
@@ -101,7 +101,10 @@ class Kinematics:
         body.ghosts.fill(self.supported)
 
     def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
-        """Remove pairs from the horizons of their ends; return all pairs with an end, or an image of an end, whose horizon has changed."""
+        """Break pairs: remove them from the horizons of their ends; return the numbers of all pairs that a changed horizon affects.
+
+        These have an end, or an image as end, whose shape tensor has changed.
+        """
         bonds, n = self.body.bonds, len(self.body)
         self.weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.bonds_of_pairs])] = 0.0
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
@@ -117,19 +120,19 @@ class Kinematics:
 
     @cached_property
     def bonds_of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Directed bonds of every pair from its first point and from its second; if that is an image, the former twice."""
+        """Numbers of the two directed bonds of every pair, from its first and its second end; if that is an image, the first bond twice."""
         pair_of = self.body.bonds.pair_of
         order, pointers = np.argsort(pair_of, kind="stable"), pointers_to(pair_of, len(self.body.bonds.first)).astype(np.int64)
         return order[pointers[:-1]], order[pointers[1:] - 1]
 
     @cached_property
     def outer_pairs(self) -> np.ndarray:
-        """Numbers of the pairs with an image."""
+        """Numbers of the pairs of which one end is an image."""
         return np.flatnonzero(self.body.bonds.second >= len(self.body))
 
     @cached_property
     def mirrored_pairs(self) -> np.ndarray:
-        """Numbers of the pairs of k and the image of i for the `outer_pairs` of i and the image of k under the same reflections."""
+        """Mirrored pair of each of the `outer_pairs`: of i and the image of k, the pair of k and the corresponding image of i."""
         bonds, ghosts, outer, n = self.body.bonds, self.body.ghosts, self.outer_pairs, len(self.body)
         if not len(ghosts):
             return outer
@@ -141,17 +144,20 @@ class Kinematics:
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 
     def gradient_weights(self, weighted_bonds: np.ndarray, inverse_shape: np.ndarray) -> np.ndarray:
-        """Return K^-1 w x V_j of every directed bond, shape (n_bonds, d), for given w x V_j and K^-1."""
+        """Return the weights K^-1 w x V_j of directed bonds in deformation gradients, shape (n_bonds, d), from given w x V_j and K^-1."""
         return np.einsum("bij,bj->bi", symmetric(inverse_shape)[self.owners()], weighted_bonds)
 
     def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
-        """Bind the pass that forms deformation gradients from positions; with `unsupported` 0, their changes from displacements."""
+        """Return the compiled pass that writes deformation gradients from positions; or their changes from displacements.
+
+        `unsupported` is the diagonal written at points without support: 1 for gradients, 0 for changes.
+        """
         bonds = self.body.bonds
         arrays = bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape
         return deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
-        """Displace a reflection plane, and turn it: its images follow, odd components about the new place."""
+        """Displace a reflection plane by u(X) = displacement + turn X; its images follow when positions are next set."""
         self._plane_displacements[plane] = displacement
         if turn is not None:
             if self._plane_turns is None:
@@ -161,7 +167,7 @@ class Kinematics:
         self._shifts[:] = self.body.ghosts.shifts(self.body.points, self._plane_displacements, self._plane_turns)
 
     def place(self, positions: np.ndarray, form: bool = False) -> None:
-        """Set the positions of the points, move the ghosts with them, and form the gradients at once or when they are needed."""
+        """Set the positions of the points and ghosts; compute deformation gradients at once if `form`, or else when they are needed."""
         positions = np.ascontiguousarray(positions, dtype=float)
         self.body.share.fill(positions)
         self._place.give("given", positions)
@@ -179,7 +185,7 @@ class Kinematics:
             self._complete_gradients()
 
     def _complete_gradients(self) -> None:
-        """Correct the gradients at interfaces, copy them to halo and ghosts, and update the points of single materials."""
+        """Correct new gradients at interfaces, copy them to halo and ghosts, and update the copies `seen` of each material's points."""
         if self.interfaces is not None:
             self.interfaces.correct(self.positions, self.gradients)
         self.body.share.fill(self.gradients)
@@ -194,7 +200,7 @@ class Kinematics:
         self._formed = True
 
     def deformation_gradients(self) -> np.ndarray:
-        """Return F of the body's points, shape (n, d, d)."""
+        """Return the deformation gradients F of the body's points, shape (n, d, d)."""
         self.form_gradients()
         return matrices(self.gradients[: len(self.body)])
 
@@ -208,18 +214,18 @@ def symmetric(triangles: np.ndarray) -> np.ndarray:
 
 
 def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
-    """Return where the entries of each number begin in a sorted list of them."""
+    """Return row pointers, shape (count + 1,): where entries of each number from 0 to count - 1 begin once `numbers` are sorted."""
     return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
 
 
 def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return the numbers of the entries of given rows, row by row."""
+    """Return the indices of all entries of the given rows of a list with row pointers, row by row."""
     starts = pointers[rows].astype(np.int64)
     counts = pointers[rows + 1].astype(np.int64) - starts
     return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
 
 
 def matrices(columns: np.ndarray) -> np.ndarray:
-    """Return matrices, shape (k, d, d), from records by columns, shape (k, d d); a view where possible."""
+    """Return matrices, shape (k, d, d), from arrays that store them by columns, shape (k, d d); a view where possible."""
     d = math.isqrt(columns.shape[1])
     return columns.reshape(-1, d, d).transpose(0, 2, 1)

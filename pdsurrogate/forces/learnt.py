@@ -1,4 +1,4 @@
-"""Learnt models: plain arrays with a training domain and the material that they describe."""
+"""Base class of learnt models, which are plain arrays with a training domain and the material that they describe, and their checks."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -17,22 +17,22 @@ CHUNK = 65_536
 
 @dataclass(frozen=True, repr=False)
 class Learnt(ForceModel):
-    """Model that consists of names and arrays, which it declares, with the domain and the material that it was trained for.
+    """Base class of learnt force models: fields that are names or arrays, with the domain and material of the training.
 
     Attributes
     ----------
     kind : str
         Kind of the model in the card of an artefact.
     names : mapping
-        Allowed values of the fields that are names, in the order of a payload.
+        Fields that are names (such as an activation function), in the order of a payload, with their allowed values.
     arrays : tuple of str
-        Fields that are arrays, likewise.
+        Fields that are arrays, in the order of a payload.
     exact : str
         Name of the force model that accepts every law, for error messages.
     trial : callable
         Function of a law and stretches that returns states and the exact answers there, see `pdsurrogate.forces.agreement`.
     domain, law, shape
-        Fields of all learnt models.
+        Training domain, name of the law, and dimensionless parameters of the law, which subclasses declare as fields.
     """
 
     kind: ClassVar[str]
@@ -45,7 +45,7 @@ class Learnt(ForceModel):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Main properties in words."""
+        """Main properties of the model in words, by name, for display."""
         stretches = f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}"
         error = {} if self.stated is None else {"RMS error": f"{self.stated['rms']:.2g}"}
         return {**super().facts, "law": self.law, **self.shape, "stretches": stretches, **error}
@@ -54,12 +54,12 @@ class Learnt(ForceModel):
         return f"<{type(self).__name__} {self.name} of {self.law}>"
 
     def payload(self) -> dict[str, Any]:
-        """Return the arrays of doubles and the names from which `from_payload` builds the same model."""
+        """Return the fields that define the model (arrays of doubles, and names), from which `from_payload` rebuilds it."""
         return {key: getattr(self, key) for key in (*self.names, *self.arrays)}
 
     @classmethod
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
-        """Build a model from its payload.
+        """Return the model that the fields in a payload define, after checking them.
 
         Raises
         ------
@@ -73,11 +73,11 @@ class Learnt(ForceModel):
 
     @abstractmethod
     def check_arrays(self) -> None:
-        """Raise ValueError if an array is not of the right shape."""
+        """Raise ValueError if an array of the model has a wrong shape."""
 
     @abstractmethod
     def answer(self, *states: np.ndarray) -> np.ndarray:
-        """Return the forces or stresses at the states of `trial`, shape (n, components)."""
+        """Return the model's forces or stresses at the states that `trial` returns, shape (n, components)."""
 
     @staticmethod
     def shape_of(law: Law) -> dict[str, float]:
@@ -85,7 +85,7 @@ class Learnt(ForceModel):
         return law.shape
 
     def check_material(self, law: Law) -> None:
-        """Raise ValueError if the model was not trained for this material, or its answers are not those of the law as it is now."""
+        """Raise ValueError if the model was not trained for this material, or its forces are not those of the law as it is now."""
         shape, serves = self.shape_of(law), f"force={self.exact}, which serves every law"
         if law.name != self.law:
             raise ValueError(f"{self.name} describes the law {self.law}, not {law.name}; force={self.exact} serves every law")
@@ -119,7 +119,7 @@ def check_payload(kind: str, payload: dict, names: Mapping[str, Collection[str]]
     Raises
     ------
     ValueError
-        If anything is missing, or anything else is there.
+        If a name or array is missing, unknown or invalid, or the payload has other keys.
     """
     if set(payload) != {*names, *arrays}:
         raise ValueError(f"{kind}: the payload has {', '.join([*names, *arrays])}, not {', '.join(payload)}")
@@ -133,7 +133,7 @@ def check_payload(kind: str, payload: dict, names: Mapping[str, Collection[str]]
 
 
 def check_shape(array: np.ndarray, what: str, shape: tuple[int, ...]) -> None:
-    """Raise ValueError if an array has another shape."""
+    """Raise ValueError if the array that messages call `what` does not have the given shape."""
     if array.shape != shape:
         raise ValueError(f"{what} has shape {array.shape}, not {shape}")
 
@@ -141,7 +141,7 @@ def check_shape(array: np.ndarray, what: str, shape: tuple[int, ...]) -> None:
 def greatest_deviations(model: ForceModel, law: Law, answer: Callable[[Any, Law, slice], np.ndarray], count: int) -> np.ndarray:
     """Return the greatest deviation of a committee's members from the model at each state, in units of the shear modulus, shape (count,).
 
-    Beyond its domain every member is replaced by the exact force of its own law, as in a run by default.
+    Where a state is beyond the domain of a member, `answer` uses the exact force of the member's law, as a run does by default.
 
     Parameters
     ----------
@@ -152,6 +152,7 @@ def greatest_deviations(model: ForceModel, law: Law, answer: Callable[[Any, Law,
     answer : callable
         ``answer(model, law, some)``: forces of a model at some of the states, shape (k, components), in units of its shear modulus.
     count : int
+        Number of states.
     """
     found = np.empty(count)
     for some in (slice(at, at + CHUNK) for at in range(0, count, CHUNK)):

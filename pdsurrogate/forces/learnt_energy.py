@@ -28,13 +28,13 @@ symmetric functions."""
 
 
 def energy_shape(law: Law) -> dict[str, float]:
-    """Return the dimensionless parameters of the plane-stress energy of a law, K/mu included, since C33 is condensed out."""
+    """Return the dimensionless parameters, by name, that the plane-stress energy of a law depends on; K/mu is one, as C33 is eliminated."""
     return {**law.shape, "bulk_modulus/shear_modulus": law.bulk_modulus / law.shear_modulus}
 
 
 @dataclass(frozen=True, repr=False)
 class LearntEnergy(Learnt, EnergyModel):
-    """Network of one hidden layer for an energy of two invariants.
+    """Base class of learnt energies: a network of one hidden layer that maps two invariants to an energy.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class LearntEnergy(Learnt, EnergyModel):
     hidden_biases, output_weights : ndarray, shape (n,)
         Biases and output weights, for unscaled features.
     domain : Domain
-        Principal stretches trained on; its bounds of J3^2 are those of the training states, and not tested.
+        Bounds of the principal stretches in training; its bounds of J3^2 are recorded, but not checked in a run.
     law : str
         Name of the law that it describes.
     shape : mapping
@@ -86,14 +86,14 @@ class LearntEnergy(Learnt, EnergyModel):
 
     @property
     def _at_rest(self) -> tuple[float, float]:
-        """Sum over the units at rest and its derivative by the first feature, which are subtracted as far as they do not vanish."""
+        """Output of the network at rest and its derivative by the first feature, subtracted to make energy and stress zero there."""
         value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
         return float((value * self.output_weights).sum()), float((slope * self.output_weights * self.hidden_weights[0]).sum())
 
 
 @dataclass(frozen=True, repr=False)
 class EnergyNetwork(LearntEnergy, EnergySurrogate):
-    """Network for the energy psi(tr C, J) of a sheet under plane stress; energy and stress vanish at rest by construction.
+    """Learnt energy psi(tr C, J) of a sheet under plane stress, a network; energy and stress vanish at rest by construction.
 
     Its features are `ENERGY_FEATURES`, and it has the parameters of `LearntEnergy`; its `shape` comes from `energy_shape`.
 
@@ -140,7 +140,7 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
         )
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the block function and packed weights in the given precision."""
+        """Return the network as a function compiled for blocks of bonds, with its packed weights, in the given precision."""
         sizes, weights = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, dtype)
         found = CompiledBondForce(network_energy_density(ACTIVATIONS[self.activation], dtype).address, sizes, weights, NETWORK_WORK_ROWS)
         # Energy and stress at rest are exactly zero in the kernel's precision: its own rest values are subtracted.
@@ -158,10 +158,11 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
 
 @dataclass(frozen=True, repr=False)
 class IsochoricNetwork(LearntEnergy):
-    """Network for W(I1bar, I2bar), for plane strain and three dimensions and for every bulk modulus: U(J) comes from the law.
+    """Learnt isochoric energy W(I1bar, I2bar), a network, for plane strain and three dimensions.
 
-    Its features are `ISOCHORIC_FEATURES`, and it has the parameters of `LearntEnergy`; its `shape` is that of the law, and the stretches of
-    its domain are isochoric principal stretches. Energy and stress vanish at rest; for the stress this holds for every function of these
+    It serves every bulk modulus, since the volumetric energy U(J) comes from the law.
+    The features are `ISOCHORIC_FEATURES`, the parameters are those of `LearntEnergy`. `shape` is that of the law, and the stretches of
+    `domain` are isochoric principal stretches. Energy and stress vanish at rest; the stress does so for every function of these
     invariants.
 
     Examples
@@ -184,7 +185,7 @@ class IsochoricNetwork(LearntEnergy):
         return self.honours if plane == "space" else {**self.honours, "precision": ("float64",)}
 
     def isochoric_derivatives(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return W and its derivatives by I1bar and I2bar at states of one shape, in NumPy."""
+        """Return W and its derivatives by I1bar and by I2bar at given invariants (arrays of one shape), evaluated in NumPy."""
         I1, I2 = (np.asarray(value, dtype=float)[..., None] for value in (I1, I2))
         (w1, w2), v = self.hidden_weights, self.output_weights
         value, slope, _ = ACTIVATIONS[self.activation](np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases)
@@ -194,7 +195,7 @@ class IsochoricNetwork(LearntEnergy):
         return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
-        """Return the isochoric energy of the bonds; by default the exact energy replaces it towards the edge of the domain."""
+        """Return the learnt isochoric energy for kernels; with the default ``outside`` the exact energy takes over at the domain's edge."""
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
         block = block_function_of(kernel.network_block, isochoric_energy_signature(precision), *parts)
@@ -207,7 +208,7 @@ class IsochoricNetwork(LearntEnergy):
         )
 
     def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
-        """Return the greatest deviation of the members' principal Kirchhoff stresses at stretches of product 1, shape (n,)."""
+        """Return the greatest deviation of members' principal Kirchhoff stresses from the model's, (n,), at isochoric stretches (n, 3)."""
 
         def stresses_of(model: IsochoricNetwork, law: Law, some: slice) -> np.ndarray:
             squares = stretches[some].T ** 2

@@ -27,7 +27,7 @@ MOST_COEFFICIENTS = 2**20
 
 @dataclass(frozen=True, repr=False)
 class LearntBondForce(Learnt, ForceSurrogate):
-    """Learnt map from features of a bond to its dimensionless force.
+    """Base class of learnt maps from features of a bond to its dimensionless force.
 
     Parameters
     ----------
@@ -63,11 +63,11 @@ class LearntBondForce(Learnt, ForceSurrogate):
 
     @abstractmethod
     def outputs(self, features: np.ndarray) -> np.ndarray:
-        """Return the outputs, before `at_rest` is subtracted, for features of shape (n, n_features); shape (n, 2)."""
+        """Return the two outputs of the map, before `at_rest` is subtracted, shape (n, 2), for features (n, n_features)."""
 
     @abstractmethod
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
-        """Return the address of the block function, its sizes and weights, and the rows of working memory that it needs.
+        """Return the model compiled for blocks of bonds: address, integer sizes, weights, and rows of working memory needed.
 
         The last `N_OUTPUTS` weights are `at_rest`.
         """
@@ -76,7 +76,7 @@ class LearntBondForce(Learnt, ForceSurrogate):
         check_shape(self.at_rest, "at_rest", (N_OUTPUTS,))
 
     def check_scale(self, *keys: str) -> None:
-        """Raise ValueError if an origin and a unit of the features, two arrays of those names, are not one each, and the unit positive."""
+        """Check two arrays with an origin and a unit for every feature, by their names; ValueError for a wrong shape or a unit <= 0."""
         for key in keys:
             check_shape(getattr(self, key), key, (len(self.features),))
         if not (getattr(self, keys[1]) > 0).all():
@@ -84,12 +84,12 @@ class LearntBondForce(Learnt, ForceSurrogate):
 
     @property
     def features(self) -> tuple[str, ...]:  # type: ignore[override]  # read-only here
-        """Names of the features."""
+        """Names of the features of a bond that the model maps to its force."""
         return FEATURE_SETS[self.feature_set].names
 
     @property
     def gives_transverse(self) -> bool:  # type: ignore[override]
-        """Whether the model provides T_mm, by coaxiality; models of the paper's features do not."""
+        """Whether the model provides T_mm (from coaxiality of stress and stretch); models with the paper's features do not."""
         return FEATURE_SETS[self.feature_set].gives_transverse
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
@@ -119,7 +119,7 @@ class LearntBondForce(Learnt, ForceSurrogate):
         return greatest_deviations(self, law, force_of, len(states.a))
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the block function and packed weights in the given precision."""
+        """Return the model as a function compiled for blocks of bonds, with its packed weights, in the given precision."""
         features, found = FEATURE_SETS[self.feature_set], CompiledBondForce(*self.packed(dtype))
         if features.anchored is not None and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9:
             # The force at rest is exactly zero in the kernel's precision: the kernel's own rest value is subtracted as well.
@@ -130,7 +130,7 @@ class LearntBondForce(Learnt, ForceSurrogate):
 
 @dataclass(frozen=True, repr=False)
 class NetworkForce(LearntBondForce):
-    """Network that maps features of a bond to its dimensionless force.
+    """Learnt bond force as a neural network of features of a bond.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ class NetworkForce(LearntBondForce):
 
 @dataclass(frozen=True, repr=False)
 class PolynomialForce(LearntBondForce):
-    """Sum of products of Chebyshev polynomials in two features.
+    """Learnt bond force as a sum of products of Chebyshev polynomials in two features of a bond.
 
     Parameters
     ----------
@@ -246,7 +246,9 @@ class PolynomialForce(LearntBondForce):
 
 @dataclass(frozen=True, repr=False)
 class SplineForce(LearntBondForce):
-    """Cubic spline of two or three features, with two continuous derivatives; beyond its box it has the value at the box's edge.
+    """Learnt bond force as a cubic spline in two or three features of a bond, with two continuous derivatives.
+
+    Beyond its box the spline has the value at the edge of the box.
 
     Parameters
     ----------

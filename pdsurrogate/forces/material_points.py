@@ -1,4 +1,4 @@
-"""Points of one material and the continued points of others, with their states by its law."""
+"""Points that the bonds of one material involve, with their volume ratios and thickness stretches by its law."""
 
 from functools import cached_property, partial
 
@@ -15,7 +15,7 @@ from .steps import Step, Steps
 
 
 class MaterialPoints:
-    """Points and images of one material, the points of others that it is bonded to, and the states of all of them by its law.
+    """Points and images of one material, points of other materials bonded to them, and the states of all these points by its law.
 
     If all points of the body are of the material, the arrays are the body's own. Otherwise they are copies, in which the points of other
     materials are where they would be if they moved with this material (`Interfaces`).
@@ -40,20 +40,20 @@ class MaterialPoints:
     numbers, pairs : slice or ndarray of int
         Numbers in the body of all points and images of this object, shape (k,), and of its pairs.
     own : tuple
-        Places in `numbers`, and numbers in the body, of the material's own points, without images.
+        Indices into `numbers`, and numbers in the body, of the points of the material itself, without images.
     first, second : ndarray of uint32
         Ends of the pairs by their places in `numbers`, filled up to whole blocks.
     positions, gradients : ndarray, shapes (k, d) and (k, d d)
     volume_ratios : ndarray, shape (k,)
-        J3.
+        J3 of the points.
     kept_ratios : ndarray, shape (n + m,)
         Latest volume ratios by the numbers of points and images in the body, from which the next iteration starts.
     records : ndarray, shape (k, 4)
         (cos, sin, J, C33), which bond forces read; empty in three dimensions.
     response, parameters
-        Compiled response of the law and its parameters.
+        Compiled response function of the law, and the parameters of the law.
     state_pass : BoundPass or None
-        Pass that finds volume ratios and records with a learnt force, in place of the law.
+        Compiled pass that finds volume ratios and records with a learnt force; None if the law determines them.
     """
 
     def __init__(self, kinematics: Kinematics, law: Law, precision: str, rotation: str | None = None, own=None, pairs=None) -> None:
@@ -75,7 +75,7 @@ class MaterialPoints:
         self._turn = turn and turn.bind(self.gradients, self.records, chunks=kinematics.chunks)
 
     def _see(self, own: np.ndarray, pairs: np.ndarray) -> None:
-        """Copy the material's own points and the other ends of its pairs from the body."""
+        """Set up copies of the arrays for the material's own points and the other ends of its pairs, in a body of several materials."""
         kinematics, body = self._kinematics, self._kinematics.body
         ends = body.bonds.first[pairs], body.bonds.second[pairs]
         seen = own.copy()
@@ -92,7 +92,7 @@ class MaterialPoints:
         kinematics.seen.append(self)
 
     def update(self) -> None:
-        """Copy positions and gradients from the body, and for points of other materials those of the continued motion of this one."""
+        """Copy positions and gradients from the body; points of other materials get those of this material's motion continued."""
         kinematics, interfaces, others = self._kinematics, self._kinematics.interfaces, self.numbers[self._others]
         np.take(kinematics.positions, self.numbers, axis=0, out=self.positions, mode="clip")
         np.take(kinematics.gradients, self.numbers, axis=0, out=self.gradients, mode="clip")
@@ -101,19 +101,19 @@ class MaterialPoints:
 
     @cached_property
     def _passes(self) -> list[BoundPass]:
-        """Passes that find the states, bound at their first use, when `state_pass` has been set if it replaces the law."""
+        """Compiled passes that find the states; bound at first use, as `state_pass` may be set after construction."""
         return [self.state_pass or self._pass_of_law(), *([self._turn] if self._turn else [])]
 
     @property
     def steps(self) -> list[Step]:
-        """Steps that find the states from the gradients; they count the points without a state."""
+        """Steps of an evaluation that find volume ratios and records from the gradients, and count the points without a state."""
         if self.whole:
             return self._passes
         take = partial(np.take, self.kept_ratios, self.numbers, out=self.volume_ratios, mode="clip")
         return [take, *self._passes, partial(self.kept_ratios.put, self.numbers, self.volume_ratios)]
 
     def _pass_of_law(self) -> BoundPass:
-        """Bind the pass that finds volume ratios and records by the law."""
+        """Return the compiled pass that finds volume ratios and records of the points by the law of the material."""
         kinematics, arrays = self._kinematics, (self.gradients, self.volume_ratios)
         if kinematics.plane != "stress":
             return node_state.held_states[kinematics.body.dimension].bind(*arrays, self.records, chunks=kinematics.chunks)
@@ -121,19 +121,19 @@ class MaterialPoints:
         return node_state.node_states.bind(*arrays, *law, self.records, chunks=kinematics.chunks)
 
     def find(self) -> None:
-        """Bring gradients, volume ratios and records up to date.
+        """Bring the gradients, volume ratios and records of the points up to date with the positions.
 
         Raises
         ------
         InvalidState
-            Where det F <= 0, the law ends, or numbers are not finite; names the point.
+            If a point has det F <= 0, no state by the law, or numbers that are not finite; the message names the point.
         """
         self._kinematics.form_gradients()
         if self._found_at != self._kinematics.changes:
             have_states([self], Steps(self._kinematics.body.share, *self.steps)())
 
     def note(self, counts: list[int]) -> bool:
-        """Take the counts of this material's passes from the beginning of a list; return whether all points have a state."""
+        """Remove the counts of this material's passes from the front of a list, and return whether all its points have a state."""
         found = not counts.pop(0)
         if self._turn:
             counts.pop(0)  # rotations are found everywhere
@@ -143,7 +143,7 @@ class MaterialPoints:
         return found
 
     def diagnose(self) -> str:
-        """Return a message that names a point without a state by the law, and the reason."""
+        """Return an error message that names a point that has no state by the law, and the reason."""
         body, plane = self._kinematics.body, self._kinematics.plane
         # Images are checked too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
         F, what = matrices(self.gradients), "no plane-stress state was found" if plane == "stress" else "there is no state"
@@ -159,12 +159,12 @@ class MaterialPoints:
 
 
 def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]:
-    """Check the counts of the materials' state passes, which come first, and return the others.
+    """Check that all points have a state, from the counts of passes; return the counts of the passes that follow the state passes.
 
     Raises
     ------
     InvalidState
-        Where a point has no state; names it.
+        If a point has no state; the message names it.
     """
     unsolved = [points for points in materials if not points.note(counts)]
     if unsolved:

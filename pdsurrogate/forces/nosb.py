@@ -1,4 +1,4 @@
-"""Analytic non-ordinary state-based force, theory (2): the exact constitutive law, with zero-energy modes."""
+"""Non-ordinary state-based force model, theory (2), which evaluates the exact law at points and has zero-energy modes."""
 
 from typing import ClassVar
 
@@ -14,7 +14,7 @@ from .term import Binding, Term
 
 
 class PointStress(Term):
-    """Forces from the stresses of the points, each by the law of its material."""
+    """Internal force of the non-ordinary state-based model, from the stresses of the points by the laws of their materials."""
 
     zero_energy_modes = True
 
@@ -35,7 +35,7 @@ class PointStress(Term):
         self.bind_steps(*passes, *([] if binding.whole else [self._collect]), to_points)
 
     def _collect(self) -> None:
-        """Copy the stresses of each material's points to those of the body."""
+        """Copy the stresses of each material's points into the array of all points of the body."""
         for points, stresses in zip(self.materials, self._parts, strict=True):
             self._stresses[points.numbers] = stresses
 
@@ -63,7 +63,9 @@ class PointStress(Term):
 
 
 class NOSBForce(ForceModel):
-    """Non-ordinary state-based force t_i = w P_i K_i^-1 x: exact in homogeneous states, without resistance to modes that leave F unchanged.
+    """Force model NOSB (non-ordinary state-based peridynamics), t_i = w P_i K_i^-1 x: exact in homogeneous states.
+
+    It does not resist zero-energy modes, which leave F of the points unchanged.
 
     Examples
     --------

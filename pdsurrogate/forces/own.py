@@ -18,10 +18,10 @@ from .protocol import CompiledBondForce
 from .settings import ForceSettings
 
 _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
-"""Signature of a block function (`pdsurrogate.engine.compile.bond_force_signature`), in double precision."""
+"""Signature of a function compiled for blocks of bonds (`pdsurrogate.engine.compile.bond_force_signature`), in double precision."""
 
 TRIAL = ([1.0, 1.3, 0.8, 1.1], [0.0, 0.2, -0.1, 0.05], [1.0, 0.5, 0.7, 0.2], [1.0, 0.7, 1.4, 0.9], [1.0, 1.2, 0.85, 1.05])
-"""Bonds at which a force is evaluated before a run."""
+"""Stretches, rotations, lengths, C33 and J of four bonds at which a user's own force is checked before a run."""
 
 INVARIANTS = ([3.2, 3.6, 4.5, 6.0], [3.25, 3.4, 5.0, 4.5])
 """I1bar and I2bar at which the derivatives of an energy are compared with its values before a run."""
@@ -44,28 +44,28 @@ NEAR_REST = 3.0001
 
 
 class OwnForceFailed(RuntimeError):
-    """A user's own force raised an error, or returned something that is not a force."""
+    """Error: Python code of a user's own force raised an exception, or returned something that is not a force."""
 
 
 class OwnForceInvalid(InvalidState):
-    """State in which a user's own force is not finite."""
+    """Error: a user's own force is not finite at a state, or fails a check of its values."""
 
 
 def is_own_force(thing) -> bool:
-    """Return whether a user's object has a ``bond_force`` or an ``energy``."""
+    """Return whether an object is a user's own force: whether it has a method ``bond_force`` or ``energy``."""
     return not isinstance(thing, type) and any(callable(getattr(thing, key, None)) for key in ("bond_force", "energy"))
 
 
 class OwnBondForce(ForceSurrogate):
-    """Bond force or isochoric energy that a user wrote in Python, evaluated in NumPy.
+    """Force model made of a bond force or isochoric energy that a user wrote in Python, evaluated in NumPy.
 
     Parameters
     ----------
     thing : object
         Object with a method ``bond_force(stretch, rotation, length, C33, J)`` of vectors, as `ForceSurrogate.bond_force`; or with a method
         ``energy(I1bar, I2bar)`` of vectors that returns W and its derivatives by both, in units of the shear modulus. The force must be
-        isotropic: the transverse component T_mm of a bond is T_nn of a bond across it. The thickness of the points follows from the
-        scene's material, as with every bond force.
+        isotropic: the transverse component T_mm of a bond is T_nn of a bond perpendicular to it. The thickness of the points follows from
+        the scene's material, as with every bond force.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class OwnBondForce(ForceSurrogate):
         Raises
         ------
         ValueError
-            If it is not finite; names the bond.
+            If the force is not finite; the message names the bond.
         """
         try:
             return self._force(*bond_arrays(stretch, rotation, length, C33, J))
@@ -113,7 +113,7 @@ class OwnBondForce(ForceSurrogate):
             raise ValueError(str(error)) from error
 
     def _force(self, *bonds: np.ndarray) -> np.ndarray:
-        """Return the bond force at vectors of the five bond quantities."""
+        """Return the checked bond force, shape (n, 2), at vectors of the five bond quantities, from the user's force or energy."""
         if not self._gives_force:
             stretch, rotation, _, C33, J = bonds
             return exact_bond_force(_LawOf(self), stretch, rotation, C33, J)
@@ -122,7 +122,7 @@ class OwnBondForce(ForceSurrogate):
         return force
 
     def energy(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return W and its derivatives, for an object with an ``energy``."""
+        """Return W and its derivatives by I1bar and I2bar from the user's ``energy``, checked for shape and finite values."""
         found = self.thing.energy(I1, I2)
         if not isinstance(found, tuple) or len(found) != 3:
             raise OwnForceFailed(f"{self.name}: energy must return W, dW/dI1bar and dW/dI2bar, not {type(found).__name__}")
@@ -132,7 +132,7 @@ class OwnBondForce(ForceSurrogate):
         return found
 
     def _checked(self, what: str, values, shape: tuple[int, ...]) -> np.ndarray:
-        """Return values as an array of doubles of the right shape, or raise OwnForceFailed."""
+        """Return values as an array of doubles; raise OwnForceFailed if they are complex or not of the given shape."""
         if np.iscomplexobj(values):
             raise OwnForceFailed(f"{self.name}: {what} must return real numbers, not complex ones")
         values = np.asarray(values, dtype=float)
@@ -141,7 +141,7 @@ class OwnBondForce(ForceSurrogate):
         return values
 
     def _check_finite(self, what: str, found, state: dict[str, np.ndarray]) -> None:
-        """Raise OwnForceInvalid if a component is not finite somewhere; `what` is a format string for the component."""
+        """Raise OwnForceInvalid if values found are not finite; `what` is a format string of the values, `state` the arguments by name."""
         bad = np.flatnonzero(~np.isfinite(np.stack(found)).all(axis=0))
         if len(bad):
             given = what.format(*(part.flat[bad[0]] for part in found))
@@ -149,7 +149,7 @@ class OwnBondForce(ForceSurrogate):
             raise OwnForceInvalid(f"{self.name}: {given}, which is not finite, at {', '.join(at)}")
 
     def _tractions(self, a, b, U_mm, J, C33, length) -> np.ndarray:
-        """Return T_nn, T_nm and T_mm: the last is T_nn of the bond across, whose stretch tensor has the components U_mm and -U_nm."""
+        """Return T_nn, T_nm and T_mm of bonds; T_mm is T_nn of a perpendicular bond, whose stretch tensor has components U_mm and -U_nm."""
         count, twice = len(a), np.concatenate([[length, C33, J]] * 2, axis=1)
         normal, shear = np.concatenate([a, U_mm]), np.concatenate([b, -b])
         stretch = np.hypot(normal, shear)
@@ -171,12 +171,12 @@ class OwnBondForce(ForceSurrogate):
             result[:] = np.nan
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the address of a function that calls Python."""
+        """Return the function for blocks of bonds that compiled passes call; it calls back the user's Python code."""
         address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         return CompiledBondForce(address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0, needs_length=True)
 
     def check_material(self, law: Law) -> None:
-        """Evaluate the force at a few bonds, or the derivatives of an energy at a few invariants.
+        """Check the user's force at a few bonds, or the derivatives of the user's energy at a few invariants.
 
         Raises
         ------
@@ -187,7 +187,7 @@ class OwnBondForce(ForceSurrogate):
         Warns
         -----
         UserWarning
-            If such an error is small, or an energy has another shear modulus than 1.
+            If such an error is small, or if the shear modulus of an energy is not 1.
         """
         try:
             found = self._force(*bond_arrays(*TRIAL))
@@ -205,7 +205,7 @@ class OwnBondForce(ForceSurrogate):
             raise ValueError(f"{self.name} fails on bonds of stretches {TRIAL[0]}: {type(error).__name__}: {error}") from error
 
     def _check_derivatives(self) -> None:
-        """Compare the derivatives of an energy with difference quotients of its values."""
+        """Check the derivatives of the user's energy against difference quotients of its values; raise or warn by `_judge`."""
         at = np.array(INVARIANTS)
         derivatives, quotients = np.stack(self.energy(*at))[1:], np.empty_like(at)
         for number, step in enumerate(DIFFERENCE * at[:, None] * np.eye(2)[:, :, None]):
@@ -223,7 +223,7 @@ class OwnBondForce(ForceSurrogate):
         )
 
     def _check_modulus(self) -> None:
-        """Warn if the shear modulus is not 1: a factor has most likely been forgotten."""
+        """Warn if the shear modulus of the user's energy is not 1: a factor has most likely been forgotten."""
         near = np.array([NEAR_REST])
         modulus = 2 * float(np.sum(self.energy(near, near)[1:]))
         if not abs(modulus - 1) <= MOST_OFF:
@@ -234,7 +234,7 @@ class OwnBondForce(ForceSurrogate):
             )
 
     def _check_rest(self) -> None:
-        """Check that the force vanishes at rest for every length of the bond."""
+        """Check that the user's bond force vanishes at rest for bonds of every length."""
         lengths = np.array(TRIAL[2])
         force = self._force(*bond_arrays(1.0, 0.0, lengths, 1.0, 1.0))
         off = np.linalg.norm(force, axis=1)
@@ -246,7 +246,10 @@ class OwnBondForce(ForceSurrogate):
         )
 
     def _check_isotropy(self, found: np.ndarray) -> None:
-        """Check that a bond turned the other way has the mirrored force, and that stress and stretch have the same axes."""
+        """Check that the user's force is isotropic: mirrored for the opposite rotation, stress and stretch with common principal axes.
+
+        `found` is the force at the bonds `TRIAL`.
+        """
         stretch, rotation, length, C33, J = (np.array(quantity) for quantity in TRIAL)
         size = np.linalg.norm(found, axis=1).max()
         mirrored = self._force(stretch, -rotation, length, C33, J) * [1, -1]
@@ -271,7 +274,7 @@ class OwnBondForce(ForceSurrogate):
         )
 
     def _judge(self, off: float, what: str, noted: float = NOTED) -> None:
-        """Raise ValueError for a large error, and warn about a small one."""
+        """Raise OwnForceInvalid with message `what` if an error `off` exceeds `MOST_OFF`, and warn if it exceeds `noted`."""
         if not off <= MOST_OFF:
             raise OwnForceInvalid(what)
         if off > noted:
@@ -295,7 +298,7 @@ class OwnBondForce(ForceSurrogate):
 
 
 class _LawOf(InvariantLaw):
-    """Law with a user's own energy, in NumPy alone."""
+    """Material law whose isochoric energy is the one a user wrote, for evaluation in NumPy alone."""
 
     name: ClassVar[str] = "own"
     reference: ClassVar[str] = ""
@@ -309,7 +312,7 @@ class _LawOf(InvariantLaw):
         return np.array([self.bulk_modulus / self.shear_modulus])
 
     def isochoric(self, I1, I2, parameters):
-        """Return W and its first derivatives; the second ones are not needed at a given thickness."""
+        """Return the user's W and its first derivatives by I1bar and I2bar; second derivatives are zero, as nothing needs them here."""
         W, W1, W2 = self.own.energy(I1, I2)
         return W, W1, W2, 0 * W, 0 * W, 0 * W
 

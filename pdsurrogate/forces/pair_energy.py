@@ -18,12 +18,12 @@ from .volume_energy import LinearisedDilatation, VolumeEnergy
 
 
 class PairEnergy(Term):
-    """Energy of all pairs, each a function of its deformation gradient F_ij.
+    """Internal force from the energy of all pairs (undirected bonds), each a function of the pair's deformation gradient F_ij.
 
     Under plane stress the pairs have the whole energy. In plane strain and three dimensions the energy is selective: isochoric at the pairs
-    and volumetric at the points (`VolumeEnergy`), which avoids locking. With several materials, each evaluates a bond and its ends as if
-    the other material moved with it (`Interfaces`), so that a pair across an interface has one gradient for each; the derivative of the
-    energy by the jump between them is a force on the points that determine the jump.
+    and volumetric at the points (`VolumeEnergy`), which avoids locking. With several materials, each material evaluates
+    a bond and its ends as if the other material moved with it (`Interfaces`), so that a pair across an interface has one gradient for each
+    material; the derivative of the energy by the jump between the two gradients is a force on the points that determine the jump.
 
     Attributes
     ----------
@@ -86,9 +86,9 @@ class PairEnergy(Term):
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
-        """Compute energy and forces from the gradients.
+        """Compute the energy, and write the forces on points to `out`, from the deformation gradients.
 
-        Return the number of pairs outside the domain of each model, of pairs turned inside out, and of points without a force.
+        Return the numbers of pairs outside the domain of each model, of pairs turned inside out, and of points without a finite force.
         """
         self._energy = np.nan
         if self.volume is not None:
@@ -105,7 +105,7 @@ class PairEnergy(Term):
         return list(outside), sum(invalid), without_force
 
     def _collect(self) -> None:
-        """Sum the forces and moments of the parts on the pairs, and on the continued points of other materials."""
+        """Sum the forces and moments of all materials on the pairs of the body, and on points seen by another material than their own."""
         sum_on_pairs(self._forces, self._parts, "forces")
         sum_on_pairs(self._moments, self._parts, "moments")
         self._seen_forces[:], self._seen_moments[:] = 0.0, 0.0
@@ -117,7 +117,7 @@ class PairEnergy(Term):
                 np.add.at(self._seen_moments, end[some], unit * part.moments[some])
 
     def _on_jumps(self) -> None:
-        """Find the forces on the points by which the energy acts on the jumps at interfaces."""
+        """Compute the forces on the points that arise from the energy's dependence on the jumps at interfaces."""
         moments = self._stresses[: len(self.body)]
         self._beside = self.kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
 
@@ -125,9 +125,9 @@ class PairEnergy(Term):
         return self._energy
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        """Return the forces of pairs: their own, and those that the moments S of their two ends exert along them.
+        """Return the forces of pairs on their first points: from their own energy, and from the moments S of their two ends.
 
-        The force of a pair with a ghost includes that of the mirrored pair on the ghost of this point.
+        The force of a pair with a ghost includes the force that the mirrored pair exerts on the ghost of this first point.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         first, second = bonds.first[pairs], bonds.second[pairs]
@@ -145,7 +145,7 @@ class PairEnergy(Term):
         return forces if changed is None else forces + changed[pairs]
 
     def _from_one_side(self) -> np.ndarray | None:
-        """Return the forces of pairs in addition to those without interfaces, if an interface leaves bonds out of the gradients."""
+        """Return corrections of the forces of all pairs where interfaces omit bonds from gradients, shape (n_pairs, d); None if none do."""
         interfaces, bonds, body = self.kinematics.interfaces, self.body.bonds, self.body
         if interfaces is None or interfaces.one_sided_bonds is None:
             return None
@@ -173,7 +173,7 @@ class PairEnergy(Term):
         return kinematics.gradient_ghosts.levers_on_planes(*places, forces * own, self._unit * matrices(moments * own))
 
     def mean_stress(self) -> np.ndarray:
-        """Return the mean of the bonds' own stresses: the derivative of the energy by a homogeneous F."""
+        """Return the volume mean of the bonds' first Piola-Kirchhoff stresses, (d, d): the derivative of the energy by a homogeneous F."""
         bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
         pairs = np.flatnonzero(self.body.share.own[bonds.first])
         vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
@@ -190,7 +190,7 @@ class PairEnergy(Term):
             self.volume.renew(around)
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Return the pairs that were turned inside out, or pressed below a third of their area or volume."""
+        """Return the numbers of pairs that were turned inside out, or pressed below `COLLAPSED` of their area or volume."""
         part = self._parts[0]
         if not self.selective and not part.counts()[1]:
             return super().collapsed_pairs()
@@ -280,7 +280,7 @@ class PairEnergy(Term):
         return self._unit * self._model.member_deviations(self.materials[0].law, self._stretches())
 
     def _stretches(self) -> np.ndarray:
-        """Return the principal stretches of the points; for a selective energy all three, over the cube root of their product."""
+        """Return the principal stretches of the points, shape (n, k); for a selective energy the three isochoric ones."""
         stretches = principal_stretches(self.kinematics.deformation_gradients())
         if not self.selective:
             return stretches
@@ -289,7 +289,7 @@ class PairEnergy(Term):
         return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
 
     def _gradients(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return directions n and deformation gradients F_ij of all pairs, shapes (n_pairs, d) and (n_pairs, d, d) (theory (27))."""
+        """Return reference directions n (n_pairs, d) and deformation gradients F_ij (n_pairs, d, d) of all pairs (theory (27))."""
         self.kinematics.form_gradients()
         bonds, gradients = self.body.bonds, self.kinematics.gradients
         vectors, between = (at[bonds.second] - at[bonds.first] for at in (self.body.all_points, self.kinematics.positions))
@@ -298,7 +298,7 @@ class PairEnergy(Term):
         return n, F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
 
     def _without_energy(self) -> str:
-        """Return a message that names a bond without an energy, and the reason."""
+        """Return an error message that names a point with a bond that has no energy, and the reason."""
         pairs = np.flatnonzero(self.shares.bond_weights > 0)
         F = self._gradients()[1][pairs]
 

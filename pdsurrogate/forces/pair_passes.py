@@ -1,4 +1,4 @@
-"""Passes that compute the energies and forces of the pairs of one material, from the whole energy or its isochoric part."""
+"""Energies and forces of the pairs (undirected bonds) of one material, with the compiled passes that compute them."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ class EnergyDerivatives(NamedTuple):
 
 
 class Pairs:
-    """Pairs of a material with their energy, forces and moments, which a pass finds.
+    """Base class for the pairs (undirected bonds) of one material with the arrays of their energies, forces and moments.
 
     Parameters
     ----------
@@ -48,6 +48,7 @@ class Pairs:
     moments : ndarray, shape (n_blocks * BLOCK, d d)
         See `pdsurrogate.kernels.bond_energy.pair_energies`.
     find : BoundPass
+        Compiled pass that computes energies, forces and moments.
     """
 
     find: BoundPass
@@ -60,12 +61,12 @@ class Pairs:
         self._energies = np.zeros(len(geometry))
 
     def energy(self) -> float:
-        """Return the energy last found, over the shear modulus."""
+        """Return the total energy of the material's pairs in the state last evaluated, divided by the shear modulus."""
         return float(self._energies.sum())
 
 
 class PairEnergies(Pairs):
-    """Pass over the pairs of a material that computes their whole energy under plane stress.
+    """Pairs of one material in a sheet under plane stress, whose whole energy the compiled pass `find` computes.
 
     Parameters
     ----------
@@ -91,11 +92,11 @@ class PairEnergies(Pairs):
         self.find = bond_energy.pair_energies.bind(*self.places, self.pairs, *energy, memory, results, chunks=kinematics.chunks)
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the numbers of pairs outside the model's domain, of those with det F_ij below `COLLAPSED`, and of those inside out."""
+        """Return the numbers of pairs outside the model's domain, of pairs with det F_ij below `COLLAPSED`, and of pairs inside out."""
         return tuple(self._counts.sum(axis=0).tolist())
 
     def energy_derivatives(self, trace: np.ndarray, area_ratio: np.ndarray) -> EnergyDerivatives:
-        """Return the energy and its derivatives, with the exact ones where the pass falls back on the exact energy."""
+        """Return the energy density and its derivatives; with ``outside="fallback"`` exact ones are blended in at the domain's edge."""
         found = self.model.energy_derivatives(self.points.law, trace, area_ratio)
         if self.model.domain is None or self._outside != "fallback":
             return found
@@ -107,16 +108,18 @@ class PairEnergies(Pairs):
 
 
 class SelectivePairs(Pairs):
-    """Passes over the pairs of a material that find their volumes, their isochoric energy, and the forces of that and of pressures.
+    """Pairs of one material with a selective energy: isochoric energy at the pairs, volumetric energy at the points.
 
-    Energies and forces of the pairs may be in single precision. Volumes are in double, since a pressure has K/mu times their error.
+    Compiled passes find the volume ratios of the pairs, and the forces of the isochoric energy and of the points' pressures.
+    Energies and forces of the pairs may be in single precision. Volume ratios are in double, since a
+    pressure has K/mu times their error.
 
     Parameters
     ----------
     binding, shares, model, points, weights
         Same as the parameters of `PairEnergies`; the model has an `isochoric_energy`.
     volumes : ndarray, shape (n_blocks * BLOCK,)
-        Array for det F_ij.
+        Array that receives det F_ij of the pairs.
     own : ndarray of bool, shape (n_bonds,), or None
         Directed bonds of the material's points; None if these are all.
 
@@ -157,5 +160,5 @@ class SelectivePairs(Pairs):
         return super().energy() + float(self.volume_energies.sum())
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the number of pairs outside the domain of a learnt energy since the last call; those inside out are found before."""
+        """Return the number of pairs outside the domain since the last call, and two zeros: pairs inside out are counted elsewhere."""
         return self.isochoric.count_outside(), 0, 0

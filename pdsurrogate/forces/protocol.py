@@ -1,4 +1,4 @@
-"""Protocol of force models: domain, materials, the settings that a model honours, and the terms of its internal force."""
+"""Base class of force models, their training domain, and the functions that bind models to the points of a body."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -43,9 +43,9 @@ class Domain:
 
     @property
     def interior(self) -> Self:
-        """Part of the domain in which only the surrogate counts; between it and the domain's edge the exact force is blended in.
+        """Inner part of the domain, where the surrogate alone is used; from there to the domain's edge the exact force is blended in.
 
-        Every bound lies a tenth nearer to rest, on a logarithmic scale. A domain that does not contain rest has no such band.
+        Every bound lies a tenth nearer to rest, on a logarithmic scale. A domain that does not contain rest has no such outer band.
         """
         bounds = (self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk)
         if not (bounds[0] < 1 < bounds[1] and bounds[2] < 1 < bounds[3]):
@@ -53,7 +53,7 @@ class Domain:
         return type(self)(*(bound**0.9 for bound in bounds))
 
     def deviation(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
-        """Return the greatest logarithm by which states exceed a bound, shape (n,); inside, minus the distance to the nearest bound.
+        """Return the greatest logarithmic excess of each state over a bound, shape (n,); inside, minus the distance to the nearest bound.
 
         The edge of the hull of test data, if there is one, is one of the bounds.
 
@@ -68,14 +68,17 @@ class Domain:
         return passed if self.hull is None else np.maximum(passed, self.beyond_data(stretches))
 
     def beyond_data(self, stretches: np.ndarray) -> np.ndarray:
-        """Return the `deviation` from the hull of test data alone; two stretches in the plane are completed at constant volume."""
+        """Return the `deviation` of states from the hull of test data alone, shape (n,).
+
+        Two stretches in the plane are completed by a third at constant volume.
+        """
         logs = np.log(stretches)
         logs = np.column_stack([logs, -logs.sum(axis=1)]) if logs.shape[1] == 2 else logs - logs.mean(axis=1, keepdims=True)
         planes = np.array(self.hull)
         return (-np.sort(-logs, axis=1)[:, :2] @ planes[:, :2].T - planes[:, 2]).max(axis=1)
 
     def beyond_bounds(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
-        """Return the `deviation` from the bounds of stretches and J3^2 alone, within which a run uses the model itself."""
+        """Return the `deviation` of states from the bounds of stretches and J3^2 alone, shape (n,); a run uses the model within these."""
         with np.errstate(divide="ignore"):
             stretch = np.log(stretches)
             least, greatest, low, high = np.log([self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk])
@@ -83,7 +86,7 @@ class Domain:
             return passed if bulk is None else np.maximum(passed, np.maximum(np.log(bulk) - high, low - np.log(bulk)))
 
     def limits(self, dtype) -> np.ndarray:
-        """Return the constants of `pdsurrogate.kernels.domain.is_outside`."""
+        """Return the bounds as an array of constants for the compiled test `pdsurrogate.kernels.domain.is_outside`."""
         low, high = np.float64(self.least_stretch) ** 2, np.float64(self.greatest_stretch) ** 2
         with np.errstate(divide="ignore"):
             return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, LEAST_NORMAL_STRETCH], dtype=dtype)
@@ -95,12 +98,12 @@ EVERYWHERE = Domain(0.0, np.inf, 0.0, np.inf)
 
 @kernel
 def _call(address, arguments):
-    """Call the block function at an address."""
+    """Call the function compiled for blocks of bonds at an address."""
     call_block(address, *arguments)
 
 
 def by_blocks(evaluate: Callable[[np.ndarray, np.ndarray], object], states: np.ndarray, n_rows: int, dtype) -> np.ndarray:
-    """Return the result, shape (n_rows, n), of a function of blocks of states and results for any number of states (rows, n)."""
+    """Evaluate ``evaluate(states, result)``, which accepts only blocks of BLOCK states, at n states (rows, n); return (n_rows, n)."""
     n = states.shape[1]
     found = np.empty((n_rows, n))
     for at in range(0, n, BLOCK):
@@ -115,14 +118,16 @@ def by_blocks(evaluate: Callable[[np.ndarray, np.ndarray], object], states: np.n
 
 @dataclass(frozen=True)
 class CompiledBondForce:
-    """Block function of a bond force or an energy, ready for the pass over the pairs.
+    """Bond force or energy as a function compiled for blocks of bonds, with its constants.
 
     Attributes
     ----------
     address : int
-        Address of the block function (`pdsurrogate.engine.compile.bond_force_signature`).
+        Address of the function (`pdsurrogate.engine.compile.bond_force_signature`).
     sizes : ndarray of int64
+        Integer constants.
     weights : ndarray, in the precision of the bond pass
+        Floating-point constants.
     work_rows : int
         Rows of working memory that the function needs, in that precision.
     needs_length : bool
@@ -140,17 +145,17 @@ class CompiledBondForce:
     asks_law: bool = False
 
     def constants(self, points: MaterialPoints) -> tuple:
-        """Return the constants of this function and of the law of some points, an argument of passes."""
+        """Return the constants of this function, and response and parameters of the law of `points`, as compiled passes expect them."""
         return self.sizes, self.weights, points.response.address, points.parameters
 
     def memory(self, threads: int, dtype) -> np.ndarray:
-        """Return working memory for every thread."""
+        """Return an array of working memory for the function, one block for every thread."""
         return aligned_rows((threads, max(self.work_rows, 1), BLOCK), dtype)
 
     def evaluate(self, states: np.ndarray, n_rows: int, response: int = 0, parameters: np.ndarray | None = None) -> np.ndarray:
-        """Return the result, shape (n_rows, n), at states (rows, n), in double; for checking, not for speed.
+        """Return the result of the function, shape (n_rows, n), at states (rows, n), in double; for checks, as it is slow.
 
-        `response` and `parameters` are those of the law, for functions that use it (`asks_law`).
+        `response` and `parameters` are the compiled response and the parameters of the law, for functions that use it (`asks_law`).
         """
         dtype = self.weights.dtype
         law = response, np.zeros(1) if parameters is None else parameters
@@ -181,7 +186,7 @@ class Portion:
 
 @dataclass(frozen=True)
 class Member:
-    """Member of the committee of a learnt model.
+    """Member of the committee of a learnt model: another learnt model, whose deviation from it a run can report.
 
     Attributes
     ----------
@@ -199,7 +204,9 @@ class Member:
 
 
 class ForceModel(ABC):
-    """Base class of force models: each declares the settings that it honours, and is bound to a body with a material and settings.
+    """Base class of force models, rules for the forces between points: exact laws, surrogates, and reference methods.
+
+    A model declares the settings that it honours; `bind` combines it with a body, a material and settings.
 
     Attributes
     ----------
@@ -215,7 +222,7 @@ class ForceModel(ABC):
     stated : mapping, optional
         Errors that the card of a learnt model states, see `pdsurrogate.forces.agreement`.
     members : tuple of Member
-        Members of its committee, in a run that reports their deviation.
+        Members of the committee of a learnt model, in a run that reports their deviation.
 
     Examples
     --------
@@ -235,10 +242,10 @@ class ForceModel(ABC):
     @property
     @abstractmethod
     def honours(self) -> Mapping[str, tuple]:
-        """Values that it can honour, for every field of `ForceSettings` that it uses."""
+        """Values that the model can honour, for every field of `ForceSettings` that the model uses."""
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
-        """Prepare the evaluation of this model on a body of one material.
+        """Return the internal force of this model on a body of one material, ready to be evaluated.
 
         Raises
         ------
@@ -260,22 +267,22 @@ class ForceModel(ABC):
         """Return the classes of the terms of the internal force under plane stress, in plane strain, or in three dimensions."""
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:
-        """Return `honours` under plane stress, in plane strain or in three dimensions, if it depends on that."""
+        """Return `honours` for a given `plane` (plane stress, plane strain or three dimensions)."""
         return self.honours
 
     def usual_precision(self, settings: ForceSettings) -> str:
-        """Return the precision of the settings, or else the model's default; double where pressures balance stresses."""
+        """Return the precision of the bond pass: from the settings, or else the model's default; double except under plane stress."""
         return settings.precision or (self.default_precision if settings.plane == "stress" else "float64")
 
     def cause_of(self, error: RuntimeError) -> RuntimeError:
-        """Return the error of a user's own code of which the error of an evaluation is a consequence, or else that error itself."""
+        """Return the error to report for a failed evaluation: the error in a user's own code that caused it, or else `error` itself."""
         return error
 
     def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
         """Raise ValueError if the model does not describe this material; a model without learnt data accepts every law."""
 
     def payload(self) -> dict:
-        """Return the learnt numbers, in plain containers and arrays, which distinguish this model from others of its name."""
+        """Return the learnt numbers, in plain containers and arrays, which distinguish models of one name; empty if nothing is learnt."""
         return {}
 
     @property
@@ -285,7 +292,7 @@ class ForceModel(ABC):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Main properties in words."""
+        """Main properties of the model in words, by name, for display."""
         return {"family": self.family, "learnt": self.size or "nothing: it is exact and serves every law"}
 
     def __repr__(self) -> str:
@@ -296,15 +303,15 @@ class ForceModel(ABC):
 
 
 def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettings, rigid: np.ndarray | None = None) -> InternalForce:
-    """Prepare the evaluation of a body whose points are of several materials.
+    """Return the internal force on a body of several materials, ready to be evaluated.
 
-    Portions of the same law and model are one material; if all portions are, the body is evaluated as one of a single material.
+    Portions with equal law and model are merged; if one portion is left, the body is evaluated as a body of one material.
 
     Parameters
     ----------
     body : Body
     portions : sequence of Portion
-        Portions that together contain every point of the body once.
+        Points of each material with its law and force model, which together contain every point of the body once.
     settings : ForceSettings
         Settings that every model honours, as far as it uses them.
     rigid : ndarray of int, optional
@@ -313,8 +320,8 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     Raises
     ------
     ValueError
-        If a point is in none or in two, a model does not describe its law or cannot honour a setting, models of two kinds meet, or bonds
-        are to break.
+        If a point is in no portion or in two, a model does not describe its law or cannot honour a setting, models of two families meet, or
+        bonds are to break.
     """
     rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
     if not portions:

@@ -10,12 +10,12 @@ from ..materials import PLANES, dimension_of
 from ..paper.rotation import convected_rotations
 
 OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "extrapolate": TURNED}
-"""Policies for bonds outside a surrogate's domain, each with the guard of the bond pass."""
+"""Policies for bonds outside a surrogate's domain, each with the constant that selects it in compiled passes."""
 
 PRECISIONS = ("float32", "float64")
 
 ROTATIONS = {"polar": None, "convected": convected_rotations}
-"""Rotations of a horizon: that of the polar decomposition, which the pass over the points finds, or that of a further pass."""
+"""Rotations of a horizon by name, each with an extra pass; None for the polar decomposition, which needs no extra pass."""
 
 WHERE = {"stress": "", "strain": " in plane strain", "space": " of solids"}
 OTHERS = {
@@ -23,17 +23,17 @@ OTHERS = {
     "strain": "force=analytic and force=bond-energy take both",
     "space": "force=bond-energy, force=nosb and artefacts of isochoric energies take solids",
 }
-"""Name of a plane, and the models that support it, for messages about a model that does not."""
+"""Advice for error messages about a model that does not support a plane: which models do, by the plane."""
 
 ROTATION, OUTSIDE = "polar", "fallback"
-"""Defaults of models that honour these settings."""
+"""Default rotation of a horizon and default policy outside the domain, for models that honour these settings."""
 
 
 @dataclass(frozen=True)
 class ForceSettings:
-    """Settings of the evaluation of a force model; the model chooses those that are left at their default.
+    """Settings of the evaluation of a force model on a body; the model chooses values for settings that are None.
 
-    A setting that a model cannot honour is rejected (`check`), so that none is ignored silently.
+    A setting that a model cannot honour is rejected (`check`), so that no setting is ignored silently.
 
     Parameters
     ----------
@@ -78,14 +78,14 @@ class ForceSettings:
                 raise ValueError(f"{key} must be one of {names}, not {getattr(self, key)!r}")
 
     def check(self, name: str, honours: Mapping[str, tuple]) -> None:
-        """Raise ValueError for a setting that a model cannot honour.
+        """Check that a model can honour all settings that are given.
 
         Parameters
         ----------
         name : str
             Name of the model.
         honours : mapping
-            Values that the model can honour, by setting; it does not use a setting that is missing.
+            Values that the model can honour, by setting; the model does not use a setting that is missing here.
 
         Raises
         ------

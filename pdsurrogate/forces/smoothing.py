@@ -10,22 +10,23 @@ from ..kernels import dilatation, selective_energy
 from .kinematics import pointers_to
 
 SLAB = 4_000_000
-"""Pairs that are prepared together, so that temporary arrays stay small in comparison with the body's own."""
+"""Number of pairs that are prepared together, so that temporary arrays stay small in comparison with the body's own."""
 
 
 class Smoothing:
-    """Weights of neighbours in the smoothed dilatation of the points (theory (50)).
+    """Smoothing W of the dilatations of points: weights of each point and its neighbours in a mean (theory (50)).
 
-    On a grid they are (1 2 1)/4 along each axis. Rows add up to one, so that a uniform dilatation is unchanged; V_i W_ij is symmetric, so
-    that its mean is unchanged as well, and a uniform pressure too. If points lie closer than on a grid, a point keeps its weight of a grid,
-    a quarter in the plane and an eighth in three dimensions. The weight of a neighbour beyond a surface or a crack stays with the point. A
-    mirror image is a neighbour; images beyond a clamped plane deform differently from the body and have no weight.
+    On a grid the weights are (1 2 1)/4 along each axis. Rows add up to one, so that a uniform dilatation is unchanged; V_i W_ij is
+    symmetric, so that the mean dilatation is unchanged as well, and a uniform pressure too. If points lie closer than on a grid, a point
+    keeps its weight of a grid, a quarter in the plane and an eighth in three dimensions. The weight of a neighbour beyond a surface or a
+    crack stays with the point. A mirror image is a neighbour; images beyond a clamped plane deform differently from the body and have no
+    weight.
 
     Parameters
     ----------
     body : Body
     carries : ndarray of bool, shape (n_pairs,)
-        Flags of the pairs that carry anything: pairs across a cut carry nothing.
+        Flags of the pairs that carry force; pairs across a cut carry none.
     breakable : bool
         Whether bonds may break, see `renew`.
     """
@@ -56,7 +57,7 @@ class Smoothing:
             self._raw, self._pairs = raw, np.concatenate([pairs, pairs[within]])[order].astype(np.uint32)
 
     def _limit(self, raw: np.ndarray) -> None:
-        """Set the weights from those on a grid; the total share of the neighbours of a point is at most that on a grid."""
+        """Set the weights from unlimited weights `raw`, so that the neighbours of a point have together at most their weight on a grid."""
         n = len(self._own)
         rows = np.repeat(np.arange(n), np.diff(self._pointers).astype(np.int64))
         caps = self._most / np.maximum(np.bincount(rows, raw, n) / self._volumes, self._most)
@@ -65,16 +66,19 @@ class Smoothing:
         self._own[:] = 1 - np.bincount(rows, self._weights, n)
 
     def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
-        """Bind the pass that smooths values at the points (n,) into the first n of another array, in the precision of the values."""
+        """Return the compiled pass that writes the smoothed `values` (n,) of points to ``out[:n]``, in the precision of the values."""
         return selective_energy.smooth.bind(self._matrix(values.dtype), values, out, chunks=chunks)
 
     def bind_sum(self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks) -> BoundPass:
-        """Bind the pass that writes a multiple of the smoothed values, plus three others (factor, values), of which `out` may be one."""
+        """Return the compiled pass that writes `factor` times the smoothed `values` plus three products (factor, array) to `out`.
+
+        `out` may be one of these arrays.
+        """
         others = tuple((float(of_other), other) for of_other, other in others)
         return dilatation.smooth_and_add.bind(self._matrix(values.dtype), values, factor, others, out, chunks=chunks)
 
     def _matrix(self, dtype) -> tuple[np.ndarray, ...]:
-        """Return the weights as CSR arrays and diagonal, in single precision if asked for."""
+        """Return the weights in a precision: CSR pointers, columns and values of the neighbours, and the points' own weights."""
         if dtype == np.float64:
             return self._pointers, self._columns, self._weights, self._own
         if self._single is None:
@@ -82,17 +86,17 @@ class Smoothing:
         return self._pointers, self._columns, *self._single
 
     def take(self) -> None:
-        """Bring the weights in single precision up to date."""
+        """Copy the weights to their single-precision arrays, after a change."""
         for single, exact in zip(self._single, (self._weights, self._own), strict=True):
             single[:] = exact
 
     def matrix(self) -> sparse.csr_array:
-        """Return the weights, shape (n, n)."""
+        """Return the weights as a sparse matrix W, shape (n, n): ``W @ values`` are smoothed values."""
         n = len(self._own)
         neighbours = sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
         return neighbours + sparse.diags_array(self._own, format="csr")
 
     def renew(self, carries: np.ndarray) -> None:
-        """Bring the weights up to date after some pairs have ceased to carry anything."""
+        """Update the weights after bonds have broken; `carries` flags the pairs that still carry force."""
         self._raw[~carries[self._pairs]] = 0.0
         self._limit(self._raw)

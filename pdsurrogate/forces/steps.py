@@ -1,4 +1,4 @@
-"""Passes and other steps of an evaluation, run in order."""
+"""Sequence of compiled passes and other steps that evaluates a force."""
 
 from collections.abc import Callable
 from functools import partial
@@ -11,11 +11,11 @@ from ..engine.passes import BoundPass, Chain
 from ..ranks import Share
 
 Step: TypeAlias = BoundPass | Callable[[], object] | np.ndarray
-"""A bound pass, a function without arguments, or an array with a row for every point, whose halo is filled on a body in shares."""
+"""A bound pass, a function without arguments, or an array with a row for every point, whose halo rows are copied from their ranks."""
 
 
 class Steps:
-    """Steps of an evaluation, run in order; passes that follow each other run as one `Chain`."""
+    """Sequence of steps that evaluates a force: compiled passes (consecutive ones run as one `Chain`), functions, and halo exchanges."""
 
     def __init__(self, share: Share, *steps: Step) -> None:
         self._calls: list[Callable[[], object]] = []
@@ -26,7 +26,7 @@ class Steps:
         self._only = self._calls[0] if len(self._calls) == 1 and isinstance(self._calls[0], Chain) else None
 
     def __call__(self) -> list[int]:
-        """Run all steps; return the counts of the passes in their order."""
+        """Run all steps in order; return the count that each pass returns, such as the number of points without a state."""
         if self._only is not None:
             return self._only()
         counts = []

@@ -1,4 +1,4 @@
-"""Terms of the internal force, with the quantities that each needs of the points and the state that it keeps."""
+"""Base class of the terms of the internal force, and the classes for the state that terms keep between evaluations."""
 
 import warnings
 from abc import ABC, abstractmethod
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StateArray:
-    """Array that a bound force keeps from one evaluation to the next; checkpoints hold it, ranks divide it, and results may show it.
+    """Array that a force keeps from one evaluation to the next, such as volume ratios.
+
+    Checkpoints save such arrays, ranks divide them, and results may show them.
 
     Attributes
     ----------
@@ -34,7 +36,7 @@ class StateArray:
     values : ndarray
         Changed in place.
     shown : bool
-        Whether results have it as a field on the points; values of bonds and pairs as the mean over the bonds of a point.
+        Whether results show the array as a field on the points; values of bonds and pairs are averaged over the bonds of a point.
     """
 
     name: str
@@ -43,7 +45,7 @@ class StateArray:
     shown: bool = False
 
     def at_points(self, body: Body) -> np.ndarray:
-        """Return the values of the points, shape (n, ...); of bonds and pairs the mean over the bonds of a point, 0 without bonds."""
+        """Return one value for every point, shape (n, ...); values of bonds and pairs are averaged over a point's bonds (0 if none)."""
         if self.rows in ("points", "images"):
             return self.values[: len(body)]
         counts = np.diff(body.bonds.pointers).astype(np.int64)
@@ -55,7 +57,7 @@ class StateArray:
 
 @dataclass(frozen=True)
 class Kept:
-    """Declaration of a `StateArray`: its rows, the shape and type of a row, its value at rest, and whether results show it."""
+    """Declaration of a `StateArray` by a term: kind of rows, shape and type of a row, value at rest, and whether results show it."""
 
     name: str
     rows: str
@@ -65,7 +67,7 @@ class Kept:
     shown: bool = False
 
     def allocate(self, body: Body) -> StateArray:
-        """Return the array for a body at rest."""
+        """Return a new `StateArray` with the declared values for a body at rest."""
         bonds = body.bonds
         sizes = {"points": len(body), "images": len(body.all_points), "bonds": len(bonds.neighbours), "pairs": len(bonds.first)}
         return StateArray(self.name, self.rows, np.full((sizes[self.rows], *self.shape), self.at_rest, self.dtype), self.shown)
@@ -73,7 +75,7 @@ class Kept:
 
 @dataclass(frozen=True)
 class Release:
-    """Stored energy that the body loses when bonds break, and forces on the points, shape (n, d), that vanish with them."""
+    """Stored energy that a body loses when bonds break, and the forces on points, shape (n, d), that vanish with these bonds."""
 
     energy: float
     forces: np.ndarray
@@ -81,7 +83,7 @@ class Release:
 
 @dataclass(frozen=True)
 class Binding:
-    """Body, materials and settings to which a term is bound.
+    """Data that the terms of an internal force share: body and kinematics, materials, and settings.
 
     Attributes
     ----------
@@ -91,7 +93,7 @@ class Binding:
     precision : str
         Precision of the bond pass.
     portion_of : ndarray of int, shape (n + m,), or None
-        Number of the portion of every point and image, and the number of portions for rigid ones; None if all points are of one portion.
+        Number of the material (index into `portions`) of every point and image, ``len(portions)`` for rigid ones; None with one material.
     """
 
     kinematics: Kinematics
@@ -102,17 +104,17 @@ class Binding:
 
     @property
     def outside(self) -> str:
-        """Policy for pairs outside the domain of a model."""
+        """Policy of the settings for pairs outside the training domain of a model."""
         return self.settings.outside or OUTSIDE
 
     @property
     def whole(self) -> bool:
-        """Return whether all points are of one portion."""
+        """Whether all points of the body are of one material."""
         return self.portion_of is None
 
 
 class Term(ABC):
-    """Term of the internal force, bound to a body and its materials.
+    """Base class of the terms of an internal force, bound to a body and its materials: each computes forces on the points.
 
     A term derives from this class, declares its properties in class attributes, and binds its steps in `bind_steps`. A term whose forces
     need more than these steps overrides `find` and `pass_bonds`.
@@ -122,7 +124,7 @@ class Term(ABC):
     needs_gradients : bool
         Whether the term needs the deformation gradients of the points; `points_of` provides their states by the laws.
     keeps : tuple of Kept
-        Declared state; `kept` holds the arrays by name.
+        Declarations of the arrays that the term keeps; `kept` holds the arrays by name.
     has_energy : bool
         Whether the forces are minus the derivative of an energy.
     has_tangent : bool
@@ -138,8 +140,9 @@ class Term(ABC):
     state : list of StateArray
         Arrays that the next evaluation starts from, apart from positions and broken bonds.
     materials : list of MaterialPoints
-        Points of each material with the continued points of others.
+        Points of each material, with the points of other materials that are bonded to them.
     watches : list of DomainWatch
+        Counters of the pairs outside the domain of each model.
     """
 
     needs_gradients: ClassVar[bool] = True
@@ -157,7 +160,7 @@ class Term(ABC):
         self.watches: list[DomainWatch] = []
 
     def points_of(self, number: int, pairs: np.ndarray | None = None) -> MaterialPoints:
-        """Bind the points of a portion and those bonded to it by the given pairs of the body; they become part of the state."""
+        """Return the points of material `number` and the points bonded to them by the given pairs; their J3 becomes part of `state`."""
         binding = self.binding
         own, end = (None, "") if binding.whole else (binding.portion_of == number, f"_{number}")
         points = MaterialPoints(self.kinematics, binding.portions[number].law, binding.precision, binding.settings.rotation, own, pairs)
@@ -168,19 +171,19 @@ class Term(ABC):
     _find_forces: Callable[[], list[int]]
 
     def bind_steps(self, *steps: Step) -> None:
-        """Bind the steps of an evaluation after the states of the points; the last step is the pass that writes the forces to `out`."""
+        """Set the steps of an evaluation that follow the states of the points; the last must be the pass that writes forces to `out`."""
         share, states = self.body.share, [step for points in self.materials for step in points.steps]
         self._sum, self._find_forces, self._find_all = steps[-1], Steps(share, *steps), Steps(share, *states, *steps)
 
     def find(self, out: np.ndarray) -> None:
-        """Write the forces on the points, shape (n, d), in the state of the kinematics.
+        """Evaluate the term: write the forces on the points, shape (n, d), to `out` at the positions in `kinematics`.
 
-        The first steps count, model by model, the pairs outside the model's domain.
+        The first steps of `bind_steps` must count, model by model, the pairs outside the model's domain.
 
         Raises
         ------
         InvalidState
-            Where the state has no force; names a point.
+            If the deformation has no force; the message names a point.
         """
         self._sum.give("out", out)
         counts = have_states(self.materials, self._find_all())
@@ -190,7 +193,7 @@ class Term(ABC):
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> object:
-        """Write the forces in the states of the points last found, without checks; for timings, and for the energy that bonds release."""
+        """Write the forces to `out` from the points' states last found, without checks; for timings, and for energies of broken bonds."""
         self._sum.give("out", out)
         self._find_forces()
 
@@ -199,25 +202,26 @@ class Term(ABC):
         """Return the force on the first point of given pairs in the state last evaluated, shape (k, d)."""
 
     def diagnose(self, out: np.ndarray) -> str:
-        """Return a message about a point without a finite force."""
+        """Return an error message that names a point whose force in `out` is not finite."""
         return locate(self.body, out, "the force on it is not finite")
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
-        """Drop broken pairs, in a model that honours `ForceSettings.breakable`; `changed` are all pairs with a changed horizon."""
+        """Remove broken `pairs` from the term, whose model honours `ForceSettings.breakable`; `changed` are all pairs this affects."""
         raise NotImplementedError
 
     def forces_beside_pairs(self) -> np.ndarray | None:
-        """Return the forces on the points that no pair exerts, shape (n, d); None without such forces."""
+        """Return the forces on points that are not forces of pairs, shape (n, d); None if there are none."""
         return None
 
     def levers_on_planes(self) -> np.ndarray | None:
-        """Implement `InternalForce.levers_on_planes`."""
+        """Return first moments of the forces of reflection planes, see `InternalForce.levers_on_planes`; None without energy."""
         return None
 
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the first Piola-Kirchhoff stress, shape (d, d): (1/V) sum of f (x) x over the bonds.
 
-        It is work-conjugate to the mean deformation gradient; half of a bond with a ghost lies within the body.
+        f is the force and x the reference vector of a bond; half of a bond with a ghost lies within the body. The stress is work-conjugate
+        to the mean deformation gradient.
         """
         bonds, points = self.body.bonds, self.body.all_points
         share = np.where(bonds.second < len(self.body), 1.0, 0.5) * self.body.share.own[bonds.first]
@@ -229,19 +233,19 @@ class Term(ABC):
         raise TypeError(f"{type(self).__name__} has no energy")
 
     def tangent(self, positions: np.ndarray) -> LinearOperator:
-        """Implement `InternalForce.tangent`."""
+        """Return the second derivative of the term's energy at positions (n, d), see `InternalForce.tangent`."""
         raise TypeError(f"{type(self).__name__} has no tangent")
 
     def linearised_dilatation(self) -> "LinearisedDilatation":
-        """Implement `InternalForce.linearised_dilatation`."""
+        """Return the derivative of the points' volume ratios by the positions, see `InternalForce.linearised_dilatation`."""
         raise TypeError(f"{type(self).__name__} has no dilatation of its own")
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Implement `InternalForce.collapsed_pairs`."""
+        """Return the numbers of pairs nearly or fully turned inside out in the last evaluation; none unless a subclass finds them."""
         return np.empty(0, dtype=np.int64)
 
     def volume_ratios(self) -> np.ndarray:
-        """Return J3 of the points, shape (n,); 1 for rigid ones."""
+        """Return the volume ratios J3 of the points, shape (n,); 1 for rigid points."""
         found = np.ones(len(self.body))
         for points in self.materials:
             points.find()
@@ -250,14 +254,14 @@ class Term(ABC):
         return found
 
     def _bulk_stresses(self) -> np.ndarray:
-        """Return U' of the points, the hydrostatic part of a stress that U gives, in units of mu, shape (n,)."""
+        """Return the derivative U' of the volumetric energy at the points, in units of mu, shape (n,)."""
         found, J3 = np.zeros(len(self.body)), self.volume_ratios()
         for portion in self.binding.portions:
             found[portion.points] = portion.law.volumetric(J3[portion.points], portion.law.parameters)[1]
         return found
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return stress and energy of the points by their laws, at the volume ratios and bulk stresses of the force.
+        """Return stress and energy density of the points by their laws, at the volume ratios and bulk stresses that the force uses.
 
         See `InternalForce.stress_and_energy`.
         """
@@ -276,22 +280,23 @@ class Term(ABC):
         return None
 
     def beyond_data(self) -> np.ndarray | None:
-        """Return how far bonds, or for an energy points, are beyond the test data (`Domain.beyond_data`), each counted on one rank.
+        """Return how far the states of bonds are beyond the test data (`Domain.beyond_data`), for an energy the states of points.
 
-        None if the model has no hull of test data.
+        Each bond or point is counted on one rank only. None if the model has no hull of test data.
         """
         return None
 
     def member_deviation(self) -> np.ndarray | None:
         """Return the greatest deviation of a committee's members from the model at every point, shape (n,); None without members.
 
-        It is a stress; for a bond force it is the greatest of the bonds of a point (`pdsurrogate.forces.learnt.greatest_deviations`).
+        The deviation is a stress; for a bond force it is the greatest among the bonds of a point
+        (`pdsurrogate.forces.learnt.greatest_deviations`).
         """
         return None
 
 
 class DomainWatch:
-    """Counter of the pairs outside the domain of a model, which stops the evaluation or warns, according to the policy.
+    """Counter of the pairs outside the training domain of a model; according to the policy it raises an error or warns.
 
     Parameters
     ----------
@@ -305,9 +310,9 @@ class DomainWatch:
     Attributes
     ----------
     n_pairs : int
-        Pairs in one evaluation of the model.
+        Number of pairs in one evaluation of the model.
     found : int
-        Pairs outside in the last evaluation.
+        Number of pairs outside the domain in the last evaluation.
     """
 
     def __init__(self, binding: Binding, model: "ForceModel", points: MaterialPoints, quantity: str, stand_in: str) -> None:
@@ -316,7 +321,7 @@ class DomainWatch:
         self.found, self._warned = 0, False
 
     def settle(self) -> None:
-        """Apply the policy to the pairs found, once all ranks have evaluated.
+        """Apply the policy (error, warning or nothing) to the number of pairs found, once all ranks have evaluated.
 
         Raises
         ------
@@ -336,7 +341,10 @@ class DomainWatch:
 
 
 def sum_on_pairs(target: np.ndarray, parts: Sequence, quantity: str) -> None:
-    """Write the sum of a quantity of the pairs of several materials, which each part has in units of its own, for the body's pairs."""
+    """Write to `target`, by pairs of the body, the sum over several materials of a quantity of their pairs.
+
+    Every part holds the pairs of one material; its attribute named `quantity` is in units of ``part.unit``.
+    """
     target[:] = 0.0
     for part in parts:
         pairs = part.points.pairs
@@ -344,5 +352,5 @@ def sum_on_pairs(target: np.ndarray, parts: Sequence, quantity: str) -> None:
 
 
 def whole_volume(body: Body) -> float:
-    """Return the volume of a body, or of the whole body that it is a share of."""
+    """Return the volume of the whole body, also if `body` is the part of one rank."""
     return body.share.total(float((body.volumes * body.share.own).sum()))

@@ -1,4 +1,4 @@
-"""Volumetric part of a selective energy: a function of the smoothed dilatations of the points, theory (48)-(52).
+"""Volumetric part of a selective energy (isochoric at bonds, volumetric at points), theory (48)-(52).
 
 At K = 1000 mu an energy evaluated only at the bonds locks: every bond would have to keep its volume, which are more conditions than the
 body has degrees of freedom. The mean over the bonds of a point is one condition per point.
@@ -21,7 +21,7 @@ from .term import Binding
 
 
 class VolumeEnergy:
-    """Sum of V_i U(J_i), whose forces act through the pressures of the pairs (`SelectivePairs`).
+    """Volumetric energy of a body: sum over points of V_i U(J_i), whose forces act as pressures on the pairs (`SelectivePairs`).
 
     J_i is the mean of det F_ij over the bonds of a point in the motion of its own material, smoothed over its nearest neighbours of that
     material, so that the pressure can jump at an interface. The mean alone is exact in homogeneous states, but its pressure is rough;
@@ -34,7 +34,7 @@ class VolumeEnergy:
     parts : sequence of SelectivePairs
         Pairs of every material.
     volumes : ndarray
-        det F_ij of the pairs of all parts, one part after the other.
+        det F_ij of the pairs of all materials, one material after the other.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class VolumeEnergy:
         self.steps = [*before, *passes, *after, *spread, *shown]
 
     def _places(self) -> np.ndarray:
-        """Return, for every directed bond, the index of its det F_ij in its point's own material among the volumes of all parts."""
+        """Return, for every directed bond, the index into `volumes` of its det F_ij as the material of its first point sees it."""
         binding, bonds, start = self.binding, self.binding.kinematics.body.bonds, 0
         if binding.whole:
             return bonds.pair_of
@@ -95,11 +95,11 @@ class VolumeEnergy:
         return places
 
     def find_dilatations(self) -> int:
-        """Bring the dilatations up to date with the gradients; return the number of pairs turned inside out."""
+        """Compute `dilatations` from the current deformation gradients; return the number of pairs turned inside out."""
         return sum(self._find()[: len(self.parts)])
 
     def renew(self, pairs: np.ndarray) -> None:
-        """Update shares and smoothing of a body of one material after a change of the weights of given pairs."""
+        """Update volume shares and smoothing after the weights of given pairs have changed, in a body of one material."""
         self.shares.fill_end_shares(self.parts[0].end_shares, pairs, pairs)
         self.smoothing.renew(self.shares.carrying(self.binding.settings.breakable))
 
@@ -165,14 +165,14 @@ class LinearisedDilatation:
         self.stiffness = np.zeros(n)
 
     def take(self) -> None:
-        """Linearise the dilatations about the state last evaluated."""
+        """Compute the derivative D and `stiffness` at the state last evaluated."""
         self._linearise()
         self._volume.smoothing.take()
         law = self._pairs.points.law
         self.stiffness[:] = self._pairs.unit * self._body.volumes * law.volumetric(self._volume.dilatations, law.parameters)[2]
 
     def changes(self, displacements: np.ndarray) -> np.ndarray:
-        """Return D u, shape (n,), for displacements (n, d)."""
+        """Return the changes D u of the dilatations, shape (n,), for displacements u (n, d)."""
         displacements = np.ascontiguousarray(displacements)
         self._body.share.fill(displacements)
         self._place.give("given", displacements)
@@ -181,7 +181,7 @@ class LinearisedDilatation:
         return self._changes.astype(float)
 
     def forces(self, values: np.ndarray) -> np.ndarray:
-        """Return D^T s, shape (n, d), for values (n,) at the points; it costs about as much as `changes`."""
+        """Return D^T s, shape (n, d), for values s (n,) at the points: vectors such as forces; it costs about as much as `changes`."""
         # The smoothing, weighted by volumes, is its own transpose. A power of two keeps the values in the range of single precision.
         pressures = values / self._body.volumes
         unit = power_of_two(self._body.share.total(float(np.abs(pressures).sum())))

@@ -24,7 +24,7 @@ RIGID = 1e3
 """Stiffness of rigid regions over that of the rest of the body in a first guess; the guess is then moved until they are rigid."""
 
 SAMPLES = 5
-"""Values of the parameter in each stage at which prescriptions are compared: amplitudes that agree at all of these are the same."""
+"""Number of values of the parameter in each stage at which prescribed motions are compared: if equal there, they count as equal."""
 
 LEAST_SPREAD = 1e-6
 """Singular value of the constraints below which a rigid motion counts as free: two points a thousandth of the body apart yield more."""

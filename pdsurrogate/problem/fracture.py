@@ -1,4 +1,4 @@
-"""Fracture: the stretch at which bonds break, from the fracture energy of a law, and the energy that a tear test shows."""
+"""Fracture: the bond stretch at which bonds break, from a fracture energy, and the fracture energy from a tear test."""
 
 import numpy as np
 from scipy.optimize import brentq
@@ -53,7 +53,10 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
 
 
 def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> float | None:
-    """Return the critical stretch that a scene gives, or the one that follows from its fracture energy for a family of force models."""
+    """Return the critical stretch of bonds that a scene gives, or that follows from its fracture energy; None without fracture.
+
+    The effective diameter of a crack tip depends on the `family` of force models.
+    """
     spec = scene.fracture
     if spec is None or spec.energy is None:
         return spec.critical_stretch if spec else None
@@ -111,7 +114,7 @@ def _check_positive(values: dict[str, float]) -> None:
 
 
 def _stretch_at(law: Law, quantity: str, wanted: float, what: str) -> float:
-    """Return the uniaxial stretch at which a quantity of the homogeneous state is as wanted; raise ValueError where the law ends before."""
+    """Return the uniaxial stretch at which a quantity of a law has a wanted value; raise ValueError if the law ends before."""
     checked_law(law)
 
     def excess(stretch: float) -> float:

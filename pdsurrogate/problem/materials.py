@@ -1,4 +1,4 @@
-"""Materials of a scene: force model and points of each, and warnings about their combination."""
+"""Materials of a scene: the force model and the points of each material, and warnings about their combination."""
 
 import warnings
 from collections.abc import Iterator, Sequence
@@ -15,24 +15,26 @@ from ..scenes.tip_diameter import tip_diameter
 from .regions import BodyRegions, text_of
 
 LEAST_CELLS = 3
-"""Thickness of a part in cells below which a warning is given: at a horizon of 3.15 cells its neighbours are bonded through it."""
+"""Thickness in cells of a region of one material below which the run warns: at a horizon of 3.15 cells bonds reach through the region."""
 
 LEAST_LOADED_CELLS = 5
-"""Thickness of a rigid region in cells below which tractions on it are warned of; at a free side one more is counted than there are."""
+"""Thickness in cells of a rigid region below which the run warns of tractions on it; at a free side the count is one too many."""
 
 MOST_CONTRAST = 30.0
-"""Ratio of shear moduli beyond which a force that has no energy is warned of."""
+"""Ratio of the shear moduli of two materials beyond which the run warns of a force model that has no energy."""
 
 NOT_CONFINED = 2.0
-"""Bulk modulus of a soft material over the shear modulus of an adjacent stiff one, beyond which plane strain warns of confined parts."""
+"""Bulk modulus of a soft material over the shear modulus of a stiff one, beyond which the run warns of confined parts in plane strain."""
 
 AS_GOOD_AS_RIGID = 1e4
-"""Ratio of shear moduli beyond which a rigid region is recommended: a box of rubber between blocks 1,000 times as stiff converges in
-1,800 evaluations, between blocks 80,000 times as stiff not within 4,500, and with rigid blocks in 970."""
+"""Ratio of shear moduli beyond which the run recommends a rigid region for the stiff material.
+
+A box of rubber between blocks 1,000 times as stiff converges in 1,800 evaluations, between blocks 80,000 times as stiff not within 4,500,
+and with rigid blocks in 970."""
 
 
 def settings_of(scene: Scene) -> ForceSettings:
-    """Return the choices of a scene for the evaluation of its force model."""
+    """Return the settings of a scene that force models need: precision, correction, rotation, outside, fracture and plane."""
     return ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None, scene.plane)
 
 
@@ -41,7 +43,7 @@ def _warn(scene: Scene, text: str) -> None:
 
 
 def warn_of_bulk_moduli(scene: Scene) -> None:
-    """Warn of moduli that no rubber has, as where a bulk modulus is missing and the shear modulus is in other units."""
+    """Warn of a bulk modulus less than two thirds of the shear modulus, as where it is a default and the shear modulus has other units."""
     laws = {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.material.rigid}
     for key, law in {"material": scene.law(), **laws}.items():
         if law.bulk_modulus < 2 / 3 * law.shear_modulus:
@@ -51,7 +53,7 @@ def warn_of_bulk_moduli(scene: Scene) -> None:
 
 
 def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[str]) -> None:
-    """Warn of materials that are too thin or too stiff for the force model; refuse with ValueError a rigid region one cell thick."""
+    """Warn of materials that are too thin or too stiff for the force model; raise ValueError for a rigid region one cell thick."""
     laws = [portion.law for portion in force.portions]
     if rigid:
         _check_rigid_thickness(scene, force.interfaces.cells_across(len(laws), LEAST_LOADED_CELLS), ", ".join(rigid))
@@ -83,7 +85,7 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
 
 
 def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
-    """Refuse rigid regions one cell thick, and warn of thin ones that are loaded on their boundary."""
+    """Raise ValueError for rigid regions one cell thick, and warn of thin rigid regions with a traction or pressure in the scene."""
     if cells < 2:
         raise ValueError(f"materials: a rigid region ({names}) is one cell thick, and needs 2; take a smaller spacing")
     if 0 < cells < LEAST_LOADED_CELLS and {load.kind for load in scene.loads} & {"traction", "pressure"}:
@@ -94,7 +96,7 @@ def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
 
 @contextmanager
 def scene_errors(scene: Scene, key: str = "") -> Iterator[None]:
-    """Context in which errors of values are those of a scene, and name it, and a key of it."""
+    """Context that turns every ValueError into a SceneError with the name of the scene, and optionally a key, in its message."""
     try:
         yield
     except SceneError:
@@ -104,17 +106,17 @@ def scene_errors(scene: Scene, key: str = "") -> Iterator[None]:
 
 
 def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
-    """Return the models of all materials of a scene, that of the remaining body first.
+    """Return the force model of every material of a scene, after checks: `model` of the rest of the body, then those of `materials`.
 
-    A part has the model that it names, or else that of the rest if it describes the part's law, or else its law's surrogate of the same
-    kind.
+    An entry of `materials` has the model that it names; or else the model of the rest, if this describes the entry's law; or else a
+    surrogate of the entry's law of the same kind.
 
     Raises
     ------
     SceneError
-        If a model does not describe its material, or cannot honour a setting of the scene, a part's artefact cannot be read or is of
-        another kind than the model of the rest, a rigid region is beside a force that has no energy, or no critical stretch follows from
-        the fracture energy with this model.
+        If a model does not describe its material, or cannot honour a setting of the scene, an artefact cannot be read or is of another kind
+        than the model of the rest, a region is rigid and the model of the rest has no energy, or no critical stretch follows from the
+        fracture energy with this model.
     """
     with scene_errors(scene):
         settings_of(scene).check(model.name, model.honoured(scene.plane))
@@ -129,7 +131,7 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
 
 
 def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
-    """Return the force model of a part; raise ValueError if it cannot be combined with that of the rest."""
+    """Return the force model of an entry of `materials`; raise ValueError if it cannot be combined with `rest`, the body's model."""
     if part.material.rigid:
         if rest.family != "bond energy":
             raise ValueError(f"a rigid region takes a force that has an energy, as bond-energy; {rest.name} has none")
@@ -151,21 +153,22 @@ def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
 def portions_of(
     scene: Scene, body: Body, models: Sequence[ForceModel], regions: BodyRegions
 ) -> tuple[list[Portion], dict[str, np.ndarray]]:
-    """Return a portion for every material that has points: the rest first, then `materials` in order.
+    """Assign the points of a body to the materials of a scene: return law, model and points of each, and the rigid regions.
 
     Parameters
     ----------
     scene : Scene
     body : Body
     models : list of ForceModel
-        Models of the rest, then of `materials`.
+        Force model of the rest of the body, then those of the scene's `materials`.
     regions : BodyRegions
 
     Returns
     -------
     list of Portion
+        Law, force model and points of every deformable material with points: the rest of the body, then `materials` in order.
     dict of ndarray
-        Points of the rigid regions, by the regions' names.
+        Points of the rigid regions, by name.
 
     Raises
     ------

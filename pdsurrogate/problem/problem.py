@@ -34,7 +34,7 @@ class Problem:
     scene : Scene
         Scene that the results describe; the solvers do not read it.
     models : sequence of ForceModel
-        Of the rest of the body, then of the scene's `materials`; empty where no force is bound.
+        Force model of the rest of the body, then those of the scene's `materials`; empty where no force is bound.
     settings : ForceSettings
         Choices for the evaluation of the force models.
     body : Body
@@ -46,7 +46,7 @@ class Problem:
     stages : tuple of Stage
     loading : Loading
     portions : list of Portion
-        Points of every material.
+        Law, force model and points of every deformable material.
     rigid : dict of ndarray
         Points of the rigid regions, by name.
     measures : Measures
@@ -81,21 +81,21 @@ class Problem:
 
     @property
     def solver(self) -> SolverSpec:
-        """Return the settings of the solution for equilibrium."""
+        """Return the scene's settings of the solver for equilibrium."""
         return self.scene.solver
 
     @property
     def meshed(self) -> bool:
-        """Return whether the body is read from the file of a mesh."""
+        """Return whether the body is read from a mesh file."""
         return isinstance(self.scene.body, Mesh)
 
     @cached_property
     def law(self) -> Law:
-        """Return the law of the rest of the body."""
+        """Return the material law of the body, except in regions of other materials."""
         return self.scene.law()
 
     def describe(self) -> dict:
-        """Return the entries of a summary that follow from the scene alone."""
+        """Return the entries of a run's summary that follow from the scene alone."""
         units = self.scene.units
         return {
             "scene": self.name,
@@ -107,12 +107,12 @@ class Problem:
         }
 
     def bind(self, precision: str | None = None) -> tuple[InternalForce, LoadedForce]:
-        """Return the internal force of the body, and the force that solvers work with: it has loads, supports and rigid regions.
+        """Return the internal force of the body, and the force with loads, supports and rigid regions with which solvers work.
 
         Parameters
         ----------
         precision : {"float32", "float64"}, optional
-            Instead of the scene's.
+            Precision of the force in place of the scene's setting.
 
         Raises
         ------
@@ -130,7 +130,7 @@ class Problem:
         return force, loaded
 
     def reached(self, parameter: float) -> str:
-        """Return the progress of prescriptions and loads at a value of t, in words; empty for stretches, which describe it themselves."""
+        """Return the prescribed motions and loads at a value of t, as text for messages; empty if the loading parameter is the stretch."""
         if self.loading.parameter == "stretch":
             return ""
         found = [f"{one.key} to {words}" for one in self.prescriptions if (words := one.reached(parameter))]
@@ -140,10 +140,9 @@ class Problem:
         return "; ".join(found)
 
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:
-        """Return the rigid regions.
+        """Return the rigid regions of the body; raise ValueError for one that cannot move as prescribed, or that nothing holds.
 
-        Raise an error if no rigid body can follow the motion prescribed for one, or if one is neither held nor bonded to anything that is
-        deformed: loads would carry it anywhere.
+        A region that is neither held nor bonded to a deformable material could be anywhere.
         """
         first, second, every = self.body.bonds.first, self.body.bonds.second, np.arange(len(self.body.all_points))
         rigid = np.isin(every, _together(self.rigid))
@@ -166,7 +165,10 @@ class Problem:
         return regions
 
     def _check_support(self, force: InternalForce) -> None:
-        """Refuse points whose bonds lie on one line, or in one plane: only a crack may leave points without a deformation gradient."""
+        """Raise ValueError for points whose bonds lie on one line, or in one plane in a solid: they have no deformation gradient.
+
+        Only a crack may leave points without a deformation gradient.
+        """
         alone = np.flatnonzero(~force.supported & self.body.share.own)
         if len(alone):
             plane = self.body.dimension == 2
@@ -177,12 +179,12 @@ class Problem:
 
 
 def _together(rigid: dict[str, np.ndarray]) -> np.ndarray:
-    """Return the points of all rigid regions."""
+    """Return the points of all rigid regions in one array, from the points of each by name."""
     return np.concatenate([np.zeros(0, np.int64), *rigid.values()])
 
 
 def _describe_part(part: Part, model: ForceModel) -> dict:
-    """Return the entry of a summary about a region of another material."""
+    """Return the entry of a run's summary about a region of another material: region, material and force model."""
     region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
     if part.material.rigid:
         return {**region, "material": {"law": RIGID}}
@@ -198,13 +200,12 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     models : sequence of ForceModel
         The models that `checked_models` returns for the scene; needed to bind a force.
     ranks : Communicator, optional
-        Processes that share the run.
+        Processes that share the run; by default this one alone.
 
     Raises
     ------
     SceneError
-        If the body cannot be built, a region is empty, or the body is held or loaded in a way that has no
-        solution; names the key.
+        If the body cannot be built, a region is empty, or the body is held or loaded in a way that has no solution; names the key.
     """
     if models:
         warn_of_bulk_moduli(scene)

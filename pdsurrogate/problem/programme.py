@@ -22,7 +22,7 @@ from .regions import BodyRegions
 
 @dataclass(frozen=True)
 class Inertia:
-    """Settings of a stage in dynamics, in addition to its path.
+    """Settings of a stage in dynamics: density, damping, and how fast the loading parameter changes.
 
     Attributes
     ----------
@@ -33,9 +33,9 @@ class Inertia:
     duration : float or None
         Duration of the stage.
     rate : float or None
-        Rate of the loading parameter; one of the two is given.
+        Rate of the loading parameter; either the duration or the rate is given.
     key : str
-        Key in the scene.
+        Key of these settings in the scene.
     """
 
     density: float
@@ -48,24 +48,24 @@ class Inertia:
 
     @property
     def pace(self) -> str:
-        """Return the name of the key, within the scene's table `key`, that sets how fast the stage runs."""
+        """Return the name of the setting, within the scene's table `key`, that sets how fast the loading parameter changes."""
         return "stretch_rate" if self.duration is None else "duration"
 
     def motion(self, begin: float, end: float) -> Motion:
-        """Return the loading parameter as a function of time."""
+        """Return the loading parameter as a function of time, from the value `begin` to the value `end`."""
         return Motion.at_rate(begin, end, self.rate) if self.duration is None else Motion.lasting(begin, end, self.duration)
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a programme.
+    """Stage of a loading programme, in equilibrium or in dynamics.
 
     Attributes
     ----------
     to : float
-        Loading parameter at its end.
+        Loading parameter at the end of the stage.
     outputs : int
-        States recorded on the way, evenly, the last one at the end.
+        Number of states to record, evenly spaced, the last one at the end of the stage.
     largest_increment : float or None
         Greatest increment of the parameter between two equilibria; None where the first guess determines it.
     inertia : Inertia or None
@@ -79,7 +79,7 @@ class Stage:
 
 
 def stages_of(scene: Scene) -> tuple[Stage, ...]:
-    """Return the stages of a scene: with grips, one for every stretch and one for the dynamics after them; otherwise one for every step."""
+    """Return the stages of a scene's programme: one for each step; or with grips, one for each stretch, and a last one for dynamics."""
     if not scene.stretched:
         return tuple(
             Stage(step.to, step.outputs, step.largest_increment, _inertia(step.dynamics, f"steps.{number}.dynamics"))
@@ -92,7 +92,7 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
 
 
 def _inertia(spec: DynamicsSettings | None, key: str) -> Inertia | None:
-    """Return the settings of dynamics under a key of the scene; None for a stage in equilibrium."""
+    """Return the settings of a stage in dynamics from the scene's settings under `key`; None for a stage in equilibrium."""
     if spec is None:
         return None
     pace = getattr(spec, "duration", None), getattr(spec, "stretch_rate", None)
@@ -101,13 +101,14 @@ def _inertia(spec: DynamicsSettings | None, key: str) -> Inertia | None:
 
 @dataclass(frozen=True)
 class NominalStress:
-    """Pull of a grip outwards along the loaded axis over its cross-section.
+    """Nominal stress of a body between grips: the outward force of one grip along the loaded axis over its cross-section.
 
     Attributes
     ----------
     edge : str
-        Edge of the grip: of the two that which travels further, or the right or top one of two that travel alike.
+        Edge of that grip: of the two grips the one that travels farther, or the right or top one if they travel alike.
     area : float
+        Cross-section of the body at the grip.
     number : int
         Number of the grip among the holders.
     """
@@ -117,25 +118,25 @@ class NominalStress:
     number: int
 
     def of(self, forces: np.ndarray) -> float:
-        """Return the stress from the forces of the grips, shape (2, d)."""
+        """Return the nominal stress from the forces of both grips on the body, shape (2, d)."""
         axis, side = EDGES[self.edge]
         return float(side * forces[self.number, axis] / self.area)
 
 
 @dataclass(frozen=True)
 class Measures:
-    """Measures that results of a problem report.
+    """Quantities that the results of a problem report, depending on the kind of its scene.
 
     Attributes
     ----------
     nominal_stress : NominalStress or None
-        Measure of a body between two grips; other results report moments, and their outputs in dynamics among the levels.
+        Nominal stress of a body between two grips; without it results report moments, and outputs in dynamics among the levels.
     lateral : int or None
-        Axis across the load whose edges move straight, of a rectangle between grips.
+        Axis across the load, along which the displacements of the edges of a rectangle between grips are reported; None otherwise.
     areas : dict of float
         Cross-section of the body at every grip or reflected edge.
     reference : callable
-        Known values of measures at a value of the loading parameter, by name.
+        Function that returns reference values of reported quantities, by name, at a value of the loading parameter.
     """
 
     nominal_stress: NominalStress | None
@@ -145,7 +146,7 @@ class Measures:
 
 
 def measures_of(scene: Scene, areas: dict[str, float]) -> Measures:
-    """Return the measures of a scene, for cross-sections at its grips."""
+    """Return the quantities that results of a scene report, given the cross-sections `areas` at its grips by edge."""
     if not scene.stretched:
         return Measures(None, None, areas, lambda parameter: {})
     grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
@@ -162,11 +163,11 @@ class Prescription:
     Attributes
     ----------
     key : str
-        Key in the scene.
+        Key of the entry in the scene.
     name : str
         Name in messages.
     holder : str or None
-        Name under which results report its force; None where they do not.
+        Name under which results report the force of the support; None where they do not report it.
     region : str or Region
     components : tuple of int
         Components that are held.
@@ -195,7 +196,7 @@ class Prescription:
     axis: np.ndarray | None = None
 
     def motion(self, parameter: float) -> np.ndarray:
-        """Return [Q - I, c] at a value of the parameter, shape (d, d + 1): a place X moves by (Q - I) X + c."""
+        """Return the motion [Q - I, c] at a value of the loading parameter, shape (d, d + 1): a place X moves by (Q - I) X + c."""
         factor, dimension = self.factor(parameter), len(self.displacement)
         found = np.zeros((dimension, dimension + 1))
         found[:, -1] = self.displacement * factor
@@ -206,28 +207,31 @@ class Prescription:
         return found
 
     def angle(self, parameter: float) -> float:
-        """Return the angle in degrees by which the region has turned."""
+        """Return the angle in degrees by which the region has turned at a value of the loading parameter."""
         return self.rotation * self.factor(parameter)
 
     def held(
         self, names: tuple[str, ...], points: np.ndarray, places: np.ndarray, components: tuple[int, ...] | None = None, **further
     ) -> Held:
-        """Return points at given places, some components of which, by default all that are prescribed, move so."""
+        """Return the held part of a body that makes the prescribed motion: given points, with their places at rest.
+
+        `names` are those of all holders; `components` are by default all that are prescribed; `further` goes to `Held`.
+        """
         holder = None if self.holder is None else names.index(self.holder)
         angle = None if self.rotation is None else self.angle
         return Held(self.name, holder, components or self.components, self.motion, points, places, angle, **further)
 
     def reached(self, parameter: float) -> str:
-        """Return the progress of the prescription at a value of the parameter, in words; empty if it moves nothing."""
+        """Return the prescribed displacement and rotation at a value of the parameter, as text for messages; empty if all are zero."""
         factor = self.factor(parameter)
         found = [f"x{component} = {value * factor:.4g}" for component, value in enumerate(self.displacement, 1) if value]
         return ", ".join(found + ([f"rotation = {self.rotation * factor:.4g}"] if self.rotation else []))
 
 
 def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ...]) -> list[Prescription]:
-    """Return the prescriptions of a scene in the order in which they take effect: of two that hold a point, the later one counts.
+    """Return the prescribed motions of a scene in the order in which they take effect: of two that hold a point, the later one counts.
 
-    Grips move in proportion to the elongation of the body, as do holds.
+    Grips and holds move in proportion to the elongation of the body.
 
     Raises
     ------
@@ -259,7 +263,10 @@ def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ..
 
 
 def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) -> Prescription:
-    """Return the prescription of an entry of `prescribed` for a programme over a span of the parameter."""
+    """Return the prescribed motion of one entry of the scene's `prescribed`.
+
+    `label` is the name under which results report its force, `span` the range of the loading parameter in the programme.
+    """
     entry, key = scene.prescribed[number], f"prescribed.{number}"
     values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
     components = prescribed_components(entry, scene.dimension)
@@ -272,10 +279,10 @@ def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) 
 
 
 def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], t: float) -> float:
-    """Return the amplitude at t; raise InvalidState where it has no value.
+    """Return the value of an amplitude at t, continued beyond the programme's `span`; raise InvalidState where it has no value.
 
-    An amplitude may have no value beyond its programme, but a force with viscosity evaluates it slightly later: the amplitude is then
-    continued at its last rate, so that parts that move at the end of the programme keep their velocity.
+    An amplitude may have no value beyond the programme, but viscous forces need one slightly later: the amplitude is continued at its last
+    rate, so that parts that move at the end of the programme keep their velocity.
     """
     try:
         within = min(max(t, span[0]), span[1])
@@ -285,7 +292,7 @@ def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, fl
 
 
 def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
-    """Return the names under which results report forces of prescribed entries; raise ValueError if two regions share a name."""
+    """Return the names under which results report the forces of the entries of `prescribed`; ValueError if two regions share a name."""
     labels, owners = [], {}
     for kind in ("prescribed", "loads"):
         for number, entry in enumerate(getattr(scene, kind)):

@@ -1,4 +1,4 @@
-"""Resolution of the regions of a scene into numbers of points of its body, or of facets of its boundary."""
+"""Regions of a scene, resolved into the numbers of the points of its body, or of the facets of its boundary, that lie in them."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -17,47 +17,49 @@ from ..scenes.problems import suggestion
 from ..scenes.regions import edge_names
 
 LAYER = 0.99
-"""Distance in cells from an edge, or from the boundary, up to which points belong to it.
+"""Greatest distance, in cells, of points that belong to an edge or to the boundary.
 
-The outermost points lie half a cell inside; so do points along a boundary whose cells include a part of another, cut cell. The points
-of the second row lie one and a half cells inside."""
+The outermost points lie half a cell inside; so do points along a boundary whose cells include a part of another, cut cell. Points of the
+second layer lie one and a half cells inside."""
 
 ROUNDING = 1e-9
-"""Share of the extent of a body within which places count as lying on the boundary of a region."""
+"""Distance, over the extent of a body, within which places count as lying on the boundary of a region."""
 
 RIM = 0.05
-"""Distance in cells by which a place may lie outside the facets: facets of round outlines, half a cell long, are up to 0.02 inside."""
+"""Distance in cells by which a place may lie outside the facets of the boundary and still count as inside the body.
+
+Facets of round outlines, half a cell long, lie up to 0.02 cells inside the outline."""
 
 NEAR = 2.0
-"""Greatest distance in cells between a place and the point that is nearest to it."""
+"""Greatest distance in cells between the place of a region `near` and the nearest point; an error beyond it."""
 
 ALIKE = 1e-3
-"""Distance in cells within which points count as equally near to a place.
+"""Difference of distance, in cells, within which points count as equally near to a place.
 
-Such points lie on either side of an axis of the body, where a support at one of them alone would turn it."""
+Such points lie on either side of an axis of symmetry, where a support at one of the points alone would turn the body."""
 
 
 class Found(NamedTuple):
-    """Result of a search for a region: whether each part is inside, and its distance, infinite where that has no meaning."""
+    """Result of a search for the points or facets in a region: which are inside, and the distance of each, infinite if undefined."""
 
     inside: np.ndarray
     distance: np.ndarray
 
 
 class _Parts:
-    """Base class of the parts that form regions: points of the body, or facets of its boundary, each with a place."""
+    """Base class of the things that regions contain, each with a place: the points of a body, or the facets of its boundary."""
 
     def __init__(self, regions: "BodyRegions", places: np.ndarray, groups: Mapping[str, np.ndarray]) -> None:
         self.body, self.surface, self.places, self.groups = regions.body, regions.surface, places, groups
         self._corners = {-1: regions.lower, 1: regions.upper}
 
     def from_edge(self, name: str) -> np.ndarray:
-        """Return the distances of the places from an edge of the bounding box."""
+        """Return the distance of every point or facet from an edge or face of the bounding box, positive inside."""
         axis, side = EDGES[name]
         return -side * (self.places[:, axis] - self._corners[side][axis])
 
     def group(self, name: str) -> Found:
-        """Return the parts in a physical group of a mesh."""
+        """Return the points or facets in a physical group of the mesh file."""
         if not self.groups:
             raise ValueError(f"there is no group {name!r}: the body is of no mesh with physical groups of cells or lines")
         if name not in self.groups:
@@ -65,14 +67,14 @@ class _Parts:
         return self.numbered(self.groups[name])
 
     def numbered(self, numbers: np.ndarray) -> Found:
-        """Return the parts of the given numbers."""
+        """Return the points or facets with the given numbers, as the result of a search."""
         inside = np.zeros(len(self.places), dtype=bool)
         inside[numbers] = True
         return Found(inside, np.where(inside, 0.0, np.inf))
 
 
 class _Points(_Parts):
-    """Points of the body."""
+    """Points of the body, among which the points of a region are searched."""
 
     what = "no point of the body lies in it"
 
@@ -106,7 +108,7 @@ class _Points(_Parts):
 
 
 class _Facets(_Parts):
-    """Facets of the boundary."""
+    """Facets of the boundary of the body, among which the facets of a region are searched."""
 
     what = "no part of the boundary lies in it"
 
@@ -125,7 +127,7 @@ class _Facets(_Parts):
 
 
 def _facets_of(surface: Surface, name: str) -> np.ndarray:
-    """Return the numbers of the facets of the outline, of the holes, or of one hole."""
+    """Return the numbers of the facets of the outline, of all holes, or of one hole, by name."""
     holes = np.char.startswith(surface.parts, "holes.")
     found = np.flatnonzero(~holes if name == "outline" else holes if name == "holes" else surface.parts == name)
     if not len(found):
@@ -135,11 +137,12 @@ def _facets_of(surface: Surface, name: str) -> np.ndarray:
 
 
 class BodyRegions:
-    """Regions of a scene, as numbers of the points of its body and of the facets of its boundary.
+    """Regions of a scene, resolved into numbers of points of its body and of facets of its boundary.
 
-    A region of points holds those inside it; an edge those within a cell of it, the outline and the holes those within a cell of their
-    facets, and a group of a mesh those of its cells, or of the cells that its lines are sides of.  A region of facets holds those whose
-    middle is inside; an edge those that lie on it, the outline and the holes their own, and a group those of its cells or its lines.
+    The points of a region are those inside it; of an edge, those within a cell of the edge; of the outline and the holes, those within a
+    cell of their facets; of a group of a mesh, those of its cells, or of the cells with one of its lines as a side. The facets of a region
+    are those whose middle is inside it; of an edge, those on the edge; of the outline and the holes, their own; of a group, those of its
+    cells or lines.
 
     Error messages identify a region by its name, or by the `key` of the entry that defines it in place.
 
@@ -148,9 +151,9 @@ class BodyRegions:
     scene : Scene
     body : Body
     lower, upper : ndarray, shape (d,)
-        Corners of its bounding box.
+        Corners of the bounding box of the body.
     surface : callable
-        Returns its boundary; called once, where a region first needs it.
+        Returns the boundary of the body; called once, where a region first needs it.
     """
 
     def __init__(self, scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
@@ -168,7 +171,7 @@ class BodyRegions:
         Raises
         ------
         ValueError
-            If there are none; the message names the region and the nearest parts.
+            If there are none; the message names the region and the nearest point.
         """
         return self._found(reference, key, self._points)
 
@@ -178,7 +181,7 @@ class BodyRegions:
         Raises
         ------
         ValueError
-            If there are none, or one has too few points near it to move with; names the region and the place.
+            If there are none, or a facet has too few points near it to follow; names the region and the place.
         """
         found = self._found(reference, key, self._facets)
         surface = self.surface()
@@ -190,7 +193,7 @@ class BodyRegions:
         return found
 
     def edge(self, reference: str | Region) -> str | None:
-        """Return the name of the edge that a region is, if it is exactly one of them."""
+        """Return the name of the edge or face of the bounding box that a region is; None if it is anything else."""
         return whole_edge(self._scene, reference, self.body.faces)
 
     def is_place(self, reference: str | Region) -> bool:
@@ -199,18 +202,18 @@ class BodyRegions:
         return isinstance(region, Region) and region.near is not None
 
     def label(self, reference: str | Region, otherwise: str) -> str:
-        """Return the name of a region, or of its edge or group, with letters that results have no room for replaced by _."""
+        """Return the name of a region for results, or of its edge or group, else `otherwise`; characters not allowed there become _."""
         if isinstance(reference, str):
             return reference
         return reference.edge or re.sub(r"[^A-Za-z0-9_.-]", "_", reference.group or "").lstrip("_.-")[:64] or otherwise
 
     def check_place(self, key: str, place: Sequence[float]) -> None:
-        """Refuse a place outside the body, or in one of its holes.
+        """Check that a place lies in the body, and not in one of its holes.
 
         Raises
         ------
         ValueError
-            Names the key and the nearest point.
+            If it does not; names the key and the nearest point.
         """
         at = np.array([place], dtype=float)
         surface = self.surface()
@@ -230,7 +233,7 @@ class BodyRegions:
         return numbers
 
     def _unnamed(self, reference: str | Region) -> str | Region:
-        """Return the region that the scene defines under a name; names that every body has are returned unchanged."""
+        """Return the region that the scene defines under a name; other names, as of edges, and regions are returned unchanged."""
         while isinstance(reference, str) and reference in self._scene.regions:
             reference = self._scene.regions[reference]
         return reference
@@ -258,7 +261,7 @@ class BodyRegions:
         return Found(distance <= self._tolerance, distance)
 
     def _nearby(self, reference: str | Region, parts: _Points | _Facets, distance: np.ndarray) -> str:
-        """Return a description, for messages, of the parts near an empty region."""
+        """Return, for the message about an empty region, which point or facet is nearest, or why there is none."""
         region = self._unnamed(reference)
         if isinstance(region, Region) and region.both is not None:
             counts = [f"{key} {self._resolved(member, parts).inside.sum()}" for key, member in region.members()]
@@ -280,7 +283,7 @@ class BodyRegions:
 
 
 def _distance(region: Region, places: np.ndarray) -> np.ndarray:
-    """Return the distances of places (n, d) from a box, a disc or ball, or a half-plane or half-space; zero within."""
+    """Return the distances of places (n, d) from a region that is a box, disc, ball, half-plane or half-space; zero inside it."""
     if region.box is not None:
         lower, upper = np.array(region.box)
         return np.linalg.norm(np.maximum(0, np.maximum(lower - places, places - upper)), axis=1)
@@ -292,5 +295,5 @@ def _distance(region: Region, places: np.ndarray) -> np.ndarray:
 
 
 def text_of(place: np.ndarray) -> str:
-    """Return the coordinates of a place, for messages."""
+    """Return the coordinates of a place as text for messages."""
     return f"({', '.join(f'{coordinate:.4g}' for coordinate in place)})"

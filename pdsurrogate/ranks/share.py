@@ -105,7 +105,7 @@ class Share:
 
     In a single process all points are its own. Points are numbered in the order of the whole body, with those of the halo in between, so
     that sums over bonds are taken in the same order on any number of ranks, to the same bits. Values summed over all bonds of a point are
-    right on owned points, and are copied from there to the halo.
+    correct on owned points, and are copied from their owners to the halo.
 
     Reductions over ranks take one of two kinds of argument. `dot` and `sum` take an array with a row for every local point, and count each
     point of the body once. `total`, `greatest` and `any` take results of the local points and bonds: a number, a tuple of numbers, or a

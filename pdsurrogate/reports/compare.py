@@ -34,7 +34,7 @@ FITTING, TIMING, ERRORS, SCENE = "Fitting", "Timing", "Errors", "Section 6.2"
 """Stages of a comparison."""
 
 RIVAL, REFERENCE = "BA-NOSB", "NOSB"
-"""Titles of the models to whose cost that of the others is compared."""
+"""Titles of the two models with whose cost the cost of the other models is compared."""
 
 
 SHIPPED = {("symmetric", 20): "neo-hookean@1", ("isochoric", 4): "neo-hookean@2"}

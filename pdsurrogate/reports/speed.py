@@ -20,7 +20,7 @@ ENOUGH = 12
 """Number of undisturbed timings required for every model."""
 
 UNDISTURBED = 1.1
-"""Ratio of the reference arithmetic's time beside a timing to its best, up to which the timing counts as undisturbed."""
+"""Ratio of the reference arithmetic's time around a timing to its shortest time, up to which the timing counts as undisturbed."""
 
 TIMINGS = 4
 """Timings in each turn of a model."""
@@ -29,7 +29,7 @@ WARM_UP = 8e-3
 """Seconds for which a model runs before it is timed, since the caches first hold another model's data."""
 
 PIECE = 5e-4
-"""Seconds of reference arithmetic, on one thread of an undisturbed core, beside each timing."""
+"""Seconds of reference arithmetic before and after each timing, on one thread of an undisturbed core."""
 
 
 ROWS = 2

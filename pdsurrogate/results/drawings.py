@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 FRAMES_PER_SECOND = 8
 
 SHOWN_SHARE = 1e-3
-"""Share of the greatest force that a component reaches which is drawn: smaller ones are residuals."""
+"""Share of the greatest force above which a component of force is drawn: smaller components are residuals."""
 
 
 def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:

@@ -1,1 +1,1 @@
-"""Loading programmes: levels in equilibrium, and explicit dynamics."""
+"""Simulation of a scene: stages in equilibrium and in explicit dynamics, cracks, energy accounts, checkpoints and results."""

@@ -1,4 +1,4 @@
-"""Energy account of a stage in dynamics: work of holders and loads, kinetic energy, and energy lost in damping and breaking bonds."""
+"""Energy account of a stage in dynamics: work of supports and loads, kinetic energy, and energy lost in damping and breaking bonds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,26 +16,26 @@ STEPS_PER_ROW = 20
 """Steps between rows of the history; every output has a row as well.
 
 Work and damped energy are summed in every step by the trapezoidal rule; in the plane, with grips and a force that has no energy, they are
-summed over these rows, since the account cannot close. The viscous part needs the forces at the positions. They are evaluated in each row
-and, if the force has an energy, in every step for this number of steps after a bond breaks, because they then change fast, and while held
-parts change their velocity; in other steps they are followed (`ExplicitDynamics.elastic`)."""
+summed over these rows, since the account cannot close. The viscous part needs the elastic forces at the positions. These are evaluated in
+each row and, if the force has an energy, in every step for this number of steps after a bond breaks, because they then change fast, and
+while held parts change their velocity; in other steps they are approximated (`ExplicitDynamics.elastic`)."""
 
 MOST_ENERGY = 1.5
-"""Greatest share of the supplied energy in motion and damping; more indicates an unstable step, or a force that has no energy.
+"""Greatest kinetic plus damped energy over the supplied energy; more indicates an unstable step, or a force that has no energy.
 
-The part above 1 is relative to the greatest energy supplied so far. A force map has no energy, so that the account of a body that has
-been unloaded and has returned nearly all its energy has an error in proportion to the energy that it held, not to the rest."""
+The part above 1 is relative to the greatest energy supplied so far: a force map has no energy, so that the account of a body that has
+been unloaded and has returned nearly all its energy has an error in proportion to the energy that it held, not to the remaining energy."""
 
 GAP_WARNED, GAP_FAILED = 0.01, 0.05
-"""Gaps of the account relative to the supplied energy: beyond the first the run warns, beyond the second it fails."""
+"""Gaps of the energy account relative to the supplied energy: beyond the first the run warns, beyond the second it fails."""
 
 MEND_GAP = "a smaller dynamics.safety or more dynamics.viscosity mends it"
-"""Advice for an account that does not close: forces are closer to linear within a shorter step, and viscosity damps bond-long waves."""
+"""Advice for an energy account that does not close: forces are closer to linear within a shorter step, and viscosity damps short waves."""
 
 LEAST_UNEVENNESS = 0.01
-"""Deviation of held parts from their velocity, relative to their way within the viscosity, beyond which elastic forces are evaluated anew.
+"""Change of velocity of held parts within the retardation time, relative to that velocity, beyond which elastic forces are evaluated.
 
-If they were followed, the work of holders that viscosity dissipates would have this relative error."""
+If the elastic forces were approximated instead, the work of supports that viscosity dissipates would have this relative error."""
 
 
 @dataclass
@@ -51,22 +51,22 @@ class Account:
     work, damped_energy, released_energy : float
         Work of all holders and loads, energy dissipated by damping, and energy released by breaking bonds since then.
     power, damped_power : Power
-        Power as last computed; lists in a checkpoint.
+        Power of holders and loads, and of damping, as last computed; lists in a checkpoint.
     rate_time : float
-        Time at which these were computed: at the last row of the history or in a step since.
+        Time at which these powers were computed: at the last row of the history or in a step since.
     row_time : float
-        Time of the last row.
+        Time of the last row of the history.
     most_put_in : float
         Greatest sum of initial energy and work at any row.
     gap, greatest_gap : float
-        Energy at the last row minus the supplied energy, and the value of greatest magnitude so far.
+        Energy at the last row, including dissipated and released energy, minus the supplied energy; and its value of greatest magnitude.
     on_planes, levers : list or None
-        Forces f that each reflection plane exerts, and sums of f (x) y over the places y where it exerts them, from the elastic forces
+        Forces f that each reflection plane exerts, and sums of f (x) y over the places y at which f act, from the elastic forces
         (see `ExplicitDynamics.elastic`); None until they are computed.
     last_break : int
         Step in which a bond last broke.
     outputs : int
-        Number of states written so far.
+        Number of outputs of the stage so far.
     """
 
     time: float = 0.0
@@ -88,7 +88,7 @@ class Account:
 
 
 class Bookkeeping:
-    """Bookkeeping of the account of a stage.
+    """Energy account of a stage in dynamics while it runs: sums work and losses, and checks that the account closes.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class Bookkeeping:
         self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
 
     def kinetic_energy(self) -> float:
-        """Return the kinetic energy at the time of the positions if `every_step`, else that of the last half step."""
+        """Return the kinetic energy at the time of the positions if `every_step`, else with the velocities half a step before."""
         integrator = self._integrator
         kinetic = integrator.kept_energy()[1] if self.every_step else integrator.kinetic_energy()
         if not np.isfinite(kinetic):
@@ -127,41 +127,44 @@ class Bookkeeping:
         return kinetic
 
     def count_release(self) -> None:
-        """Add the energy that breaking bonds removed in the last step."""
+        """Add the kinetic energy that bonds broken in the last step removed, the change in `kept_energy`, to the released energy.
+
+        Without `every_step` nothing is added.
+        """
         if self.every_step:
             arriving, leaving = self._integrator.kept_energy()
             self.account.released_energy += arriving - leaving
 
     def between_rows(self) -> None:
-        """Add work and damped energy in a step that has no row."""
+        """Add work and damped energy to the account after a time step without a row in the history, if `every_step`."""
         if self.every_step:
             breaking = self.closes and self._integrator.steps - self.account.last_break < STEPS_PER_ROW
             self.advance(self._run.loading.reactions(self._run.force, self._integrator.forces), evaluate=breaking or self._uneven())
 
     def _uneven(self) -> bool:
-        """Return whether supports change velocity faster than the viscosity allows the elastic forces to be followed."""
+        """Return whether supports change velocity too fast for the approximation of elastic forces in `ExplicitDynamics.elastic`."""
         viscosity, motion, now = self._viscosity, self._motion, self._run.state.parameter
         last = motion.at(self.account.time - self._integrator.last_step)
         return viscosity > 0 and self._run.loading.unevenness(last, now, now + viscosity * motion.rate) > LEAST_UNEVENNESS
 
     def _power_of_holders(self, reactions: Reactions) -> Power:
-        """Return the power of all supports, moving as over the last step, and as over a step of that length to come."""
+        """Return the power of all supports at given reactions, with their velocities over the last step and over the next one."""
         course, time, step = self._run.loading.course, self.account.time, self._integrator.last_step
         before = course.power(reactions, self._motion, time, step)
         after = course.power(reactions, self._motion, time + step, step) if self.every_step else before
         return Power(before, 0.5 * (before + after), after)
 
     def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
-        """Return the work by the trapezoidal rule, over the time since the power was last computed."""
+        """Return the work by the trapezoidal rule over the `elapsed` time, from the power `last` at its start and `power` at its end."""
         if self.every_step and elapsed < 1.5 * self._integrator.last_step:
             return 0.5 * elapsed * (last.after + power.before)
         return 0.5 * elapsed * (last.now + power.now)
 
     def advance(self, reactions: Reactions, evaluate: bool) -> None:
-        """Add the work of holders and loads, and the energy that damping dissipated, since the last call.
+        """Add the work of supports and loads, and the energy that damping dissipated, since the last call to the account.
 
-        The force is still the one that moves the body, with its `reactions`. The viscous part needs the forces at the positions, which are
-        either evaluated, so that the force is last evaluated there, or followed.
+        On call the force was last evaluated for the motion, with its `reactions`. The viscous part needs the elastic forces at the
+        positions: with `evaluate` the force is evaluated there, otherwise they are approximated by `ExplicitDynamics.elastic`.
         """
         run, account, integrator = self._run, self.account, self._integrator
         elapsed, held = account.time - account.rate_time, self._power_of_holders(reactions)
@@ -188,7 +191,7 @@ class Bookkeeping:
         account.power, account.damped_power, account.rate_time = power, damped, account.time
 
     def _elastic_reactions(self, held: Reactions, evaluated: bool) -> Reactions:
-        """Return the reactions without viscosity: exact if just `evaluated`, else relaxed as `ExplicitDynamics.elastic` is."""
+        """Return the reactions to the elastic forces: exact if these were just `evaluated`, else approximated from reactions `held`."""
         account, loading, on_points = self.account, self._run.loading, self._integrator.elastic_with_loads()
         if evaluated:
             found = loading.reactions(self._run.force, on_points)
@@ -201,7 +204,10 @@ class Bookkeeping:
         return found
 
     def columns(self, kinetic: float, strain: float, first: bool) -> dict[str, float]:
-        """Return the energies of a row of the history; raise Diverging if motion and damping exceed the supplied energy."""
+        """Return the energies of a row of the history; raise Diverging if kinetic and damped energy exceed the supplied energy.
+
+        `first` marks the first row of the stage, at which the energies are the initial ones.
+        """
         account = self.account
         account.row_time = account.time
         if first:
@@ -219,7 +225,7 @@ class Bookkeeping:
         return {"work": account.work, "kinetic_energy": kinetic, "damped_energy": account.damped_energy, "strain_energy": strain}
 
     def entries(self) -> dict:
-        """Return the entries of the summary about the account."""
+        """Return the entries of the run's summary about the energy account: supplied energy, gaps and a remark."""
         account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
         if not self.closes:
             remark = f"{self._run.model.name} has no energy: whether the motion keeps it is not known"
@@ -233,7 +239,7 @@ class Bookkeeping:
         }
 
     def check(self) -> None:
-        """Raise Diverging if the gap of the account is so large that the motion is wrong."""
+        """Raise Diverging if the gap of the energy account is so large that the motion is wrong."""
         account = self.account
         if abs(account.gap) > GAP_FAILED * account.most_put_in + self._rounding:
             raise Diverging(f"time {account.time:.4g}: {self._words_for_gap(account.gap)}")

@@ -1,4 +1,4 @@
-"""State of a run, and what the run writes to its folder as it goes on: checkpoints, and tables that a killed run leaves."""
+"""State of a run, and the files that it writes while it runs: checkpoints to resume from, and tables of results so far."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from .run import Run
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
-"""Time between two checkpoints, which bounds the work that is lost when a run is killed."""
+"""Least time between two checkpoints in seconds, which bounds the work that is lost when a run is killed."""
 
 CHECKPOINT_SHARE = 20
 """Least time between two checkpoints, over the time that writing one took."""
 
 SECONDS_BETWEEN_TABLES, TABLES_SHARE = 1.0, 20
-"""The same of tables, where no state was recorded in between."""
+"""Pause after the tables were written: seconds, unless a state is recorded, plus a multiple of the time that writing took."""
 
 ACCEPTED = "accepted_"
-"""Beginning of the names of arrays that belong to the last equilibrium on the way to an output."""
+"""Prefix of the names of arrays in a checkpoint that belong to the last equilibrium on the way to an output."""
 
 
 @dataclass
@@ -40,15 +40,15 @@ class State:
     parameter : float
         Loading parameter at the positions.
     begin : float
-        Loading parameter where the stage under way began.
+        Loading parameter at which the present stage began.
     stage, outputs : int
-        Number of the stage that is under way, and of its outputs so far.
+        Number of the present stage, and number of its outputs so far.
     elapsed : float
         Time that earlier stages in dynamics took.
     steps : int
         Steps in dynamics.
     wasted : int
-        Evaluations of increments that failed.
+        Number of force evaluations in increments that failed.
     greatest_drive : float
         Greatest `Equilibrium.drive` of the outputs so far.
     crack : dict or None
@@ -58,7 +58,8 @@ class State:
     levels, history, convergence : list of dict
         Measures at every level; rows of the history; rows about the search for equilibrium.
     beyond_data : list of dict
-        For every recorded state of an energy from test data, the share of the bonds that is beyond them, and the farthest distance.
+        For every recorded state with a force learnt from test data, the share of the bonds or points beyond these data, and the greatest
+        distance from them.
     """
 
     parameter: float
@@ -78,7 +79,7 @@ class State:
 
 
 class Checkpoints:
-    """Checkpoints of a run; without a folder none is written.
+    """Writer and reader of the checkpoints of a run; for a run without a folder none is written.
 
     Arrays are in the order of the whole body, so that any number of ranks can continue from them.
 
@@ -98,18 +99,18 @@ class Checkpoints:
 
     @property
     def late(self) -> bool:
-        """Return whether a checkpoint is due."""
+        """Return whether the next checkpoint of the run is due."""
         return self.run.folder is not None and time.monotonic() >= self._due
 
     @property
     def identity(self) -> dict:
-        """Return the identity that a checkpoint of the run must have."""
+        """Return the entries by which a checkpoint is recognised as one of this run: scene, force and sizes of the body."""
         run = self.run
         sizes = {"n_points": self._share.size, "n_pairs": self._share.total(run.counted_pairs())}
         return {**run.contents.describe(), **sizes}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
-        """Write a checkpoint, with entries and arrays of the present stage."""
+        """Write a checkpoint of the run, with the entries `progress` and the `arrays` of the present stage added."""
         run = self.run
         if run.folder is None:
             return
@@ -133,7 +134,7 @@ class Checkpoints:
         self.resumable, self._due = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, CHECKPOINT_SHARE * (ended - began))
 
     def restore(self) -> Checkpoint:
-        """Read a checkpoint on the first rank, restore the run except for its stage, and return every rank's rows of the checkpoint."""
+        """Restore the run from its checkpoint, except for the present stage, and return the checkpoint with this rank's rows of arrays."""
         run, held, identity = self.run, self._held(), self.identity
         shapes = {key: ((self._rows_of(key).total, *array.shape[1:]), array.dtype) for key, array in held.items()}
         with run.ranks.together():
@@ -157,19 +158,19 @@ class Checkpoints:
         return Checkpoint(identity, progress, arrays)
 
     def _held(self) -> dict[str, np.ndarray]:
-        """Return the arrays that every checkpoint of the run holds."""
+        """Return the arrays, by name, that every checkpoint of the run contains: positions, state of the force, and damage."""
         run = self.run
         damage = {} if run.damage is None else {"broken": run.damage.broken, "recent": run.damage.recent}
         return {**run.arrays(), **damage}
 
     def _rows_of(self, key: str) -> Rows:
-        """Return the rows of the whole body that an array of a checkpoint holds."""
+        """Return the correspondence of local and whole-body rows for an array of a checkpoint, by its name: rows of points, pairs, ..."""
         kind = "pairs" if key in ("broken", "recent") else self.run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
         return self._rows(kind)
 
 
 class Record:
-    """History, convergence and summary of a run in its folder, written as the run goes on.
+    """Writer of the tables of a run (history, convergence and summary) to its folder while it runs.
 
     Parameters
     ----------
@@ -180,11 +181,11 @@ class Record:
         self._run, self._summary, self._began, self._earliest = run, None, 0.0, 0.0
 
     def begin(self, summary: dict) -> None:
-        """Begin with the summary of the run as it begins; without one nothing is written."""
+        """Set the summary with which the tables begin; before that nothing is written."""
         self._summary, self._began = summary, time.monotonic()
 
     def keep_if_due(self, rest: float = SECONDS_BETWEEN_TABLES) -> None:
-        """Write the tables if the last ones are older by `rest` than writing them allows."""
+        """Write the tables if they are due: `rest` seconds after the pause that followed their last writing."""
         run, state, began = self._run, self._run.state, time.monotonic()
         if self._summary is None or began < self._earliest + rest:
             return

@@ -14,18 +14,18 @@ from .run import Run
 logger = logging.getLogger(__name__)
 
 LEAST_RATIO = 0.1
-"""det F, of areas in the plane, below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
+"""Determinant of the deformation gradient below which a point that has lost bonds has failed: intact rubber in a tear stays above 0.5."""
 
 
 class Cracks:
-    """Breaking of bonds during a stage in dynamics, of a run with damage.
+    """Breaking of bonds during a stage in dynamics, and the summary of where cracks begin and grow, for a run with damage.
 
     Parameters
     ----------
     run : Run
     integrator : ExplicitDynamics
     account : Account
-        Account of energy, which the release of broken bonds enters.
+        Energy account, to which the energy released by broken bonds is added.
     """
 
     def __init__(self, run: Run, integrator: ExplicitDynamics, account: Account) -> None:
@@ -34,7 +34,7 @@ class Cracks:
             run.state.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
     def evaluate_and_break(self) -> None:
-        """Break bonds that are stretched too far, and those of failed points, until the forces are those of the remaining bonds."""
+        """Break overstretched bonds and the bonds of failed points, and evaluate the forces, until no more bonds break."""
         run, integrator, share = self._run, self._integrator, self._run.body.share
         run.force.place(run.positions)
         pairs = self._damage.overstretched(run.force.positions)
@@ -58,7 +58,7 @@ class Cracks:
                 return
 
     def _bonds_of_failed_points(self) -> np.ndarray:
-        """Return the intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
+        """Return the numbers of the intact pairs to break since a point has lost bonds and its deformation gradient has collapsed.
 
         The deformation gradient of the few bonds that remain at a crack front or on a fragment may be meaningless: if it turns a point
         inside out, or compresses it to a tenth of its area or volume, the point has lost its support and its bonds are broken. For a
@@ -89,7 +89,7 @@ class Cracks:
         return pairs
 
     def _break(self, pairs: np.ndarray) -> None:
-        """Break pairs in one event."""
+        """Break pairs, given by number, in one event: update damage, force, energy account, velocities and the summary about cracks."""
         run, crack, share = self._run, self._run.state.crack, self._run.body.share
         crack["broken_bonds"] += share.total(int(np.count_nonzero(share.own[run.body.bonds.first[pairs]])))
         self._damage.break_bonds(pairs)
@@ -106,7 +106,7 @@ class Cracks:
         self._account.last_break = self._integrator.steps
 
     def _now(self) -> dict[str, float]:
-        """Return the present time and loading parameter."""
+        """Return the present time and loading parameter, by name, for the summary about cracks."""
         run = self._run
         return {"time": run.state.elapsed + self._account.time, run.loading.parameter: run.state.parameter}
 
@@ -129,7 +129,9 @@ class Cracks:
 
 
 def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
-    """Return the places where cracks have grown, the largest first: the front of each group of broken pairs within a horizon.
+    """Return the places of the crack tips, that of the largest crack first.
+
+    A crack is a group of broken pairs joined by distances of up to a horizon; its tip is the mean place of the last tenth to break.
 
     Parameters
     ----------
@@ -149,7 +151,7 @@ def starts_of_cracks(places: np.ndarray, events: np.ndarray, horizon: float) -> 
     places : ndarray, shape (k, d)
         Middles of the pairs.
     events : ndarray of int, shape (k,)
-        Rising numbers of the events in which they broke.
+        Number of the event in which each pair broke, rising with time.
     horizon : float
 
     Returns
@@ -167,7 +169,7 @@ def starts_of_cracks(places: np.ndarray, events: np.ndarray, horizon: float) -> 
 
 
 def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:
-    """Return the numbers of places (k, d) that are joined by distances of up to a horizon, the largest group first."""
+    """Group places (k, d) that are joined by distances of up to a horizon: return the numbers in each group, the largest group first."""
     if not len(places):
         return []
     near = cKDTree(places).query_pairs(horizon, output_type="ndarray")

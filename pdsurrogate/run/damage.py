@@ -13,7 +13,7 @@ from ..ranks import Rows
 
 
 class Damage:
-    """Damage of a body: its broken bonds, and the search for those that break next.
+    """Damage of a body: its broken bonds, and the search for overstretched bonds.
 
     Parameters
     ----------
@@ -24,6 +24,7 @@ class Damage:
     Attributes
     ----------
     broken : ndarray of bool, shape (n_pairs,)
+        True for pairs that have broken.
     recent : ndarray of int, shape (n_pairs,)
         Number of the event in which each pair broke since the last output, from 1; 0 for other pairs.
     """
@@ -67,23 +68,23 @@ class Damage:
         return np.concatenate([self._found[start : start + count] for start, count in zip(starts, self._counts, strict=True)])
 
     def break_bonds(self, pairs: np.ndarray) -> None:
-        """Mark pairs as broken in one event."""
+        """Mark pairs, given by number, as broken in one event."""
         self._events += 1
         self.broken[pairs], self.recent[pairs] = True, self._events
         self._limits[pairs] = np.inf
 
     def restore(self) -> None:
-        """Continue from the present `broken` and `recent`."""
+        """Update the search for overstretched bonds and the number of events after `broken` and `recent` were read from a checkpoint."""
         self._limits[: len(self.broken)][self.broken] = np.inf
         self._events = int(self.body.share.greatest(float(self.recent.max(initial=0))))
 
     @cached_property
     def _rows(self) -> Rows:
-        """Rows of the whole body that arrays of pairs hold."""
+        """Correspondence of the pairs of this rank to the pairs of the whole body."""
         return rows_of(self.body, "pairs")
 
     def take_recent(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middles (k, d) of all pairs that broke since the last call, and the rising numbers (k,) of their events."""
+        """Return the middles (k, d) of all pairs that broke since the last call, and the numbers (k,) of their events, in rising order."""
         found = self.in_order(np.flatnonzero(self.recent))
         self.recent[:] = 0
         return found
@@ -103,7 +104,7 @@ class Damage:
         return places[order], events[order]
 
     def at_points(self) -> np.ndarray:
-        """Return the damage (31) of every point, shape (n,): the share of its bonds, by weight and volume, that are cut or broken."""
+        """Return the damage of every point, shape (n,): the share of its bonds, by weight and volume, cut or broken (paper, Eq. (31))."""
         return 1 - _by_points(self.body, self.body.bonds.first, self.body.bonds.second, self._weights * ~self.broken) / self._whole
 
 
@@ -112,7 +113,7 @@ def _lengths(body: Body, first, second) -> np.ndarray:
 
 
 def _by_points(body: Body, first: np.ndarray, second: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return the sum of w V over some bonds of every point."""
+    """Return, for every point, the sum over given bonds of weight times the volume of the other end, shape (n,)."""
     n, volumes, within = len(body), body.all_volumes, second < len(body)
     return np.bincount(first, weights * volumes[second], n) + np.bincount(second[within], (weights * volumes[first])[within], n)
 

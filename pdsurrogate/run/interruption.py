@@ -9,24 +9,24 @@ import threading
 import time
 
 SECONDS_TO_HEAR = 1.0
-"""Seconds after an interrupt within which a run should stop by itself; otherwise it is ended, with the results saved so far."""
+"""Seconds after Ctrl-C within which a run should stop by itself; otherwise it is ended, with the results saved so far."""
 
 
 class Interrupted(RuntimeError):
-    """Raised where a run stops because of a signal or its time limit."""
+    """Exception that stops a run after Ctrl-C or at its time limit, at a consistent state."""
 
 
 class Interruption:
-    """Context in which an interrupt requests the end of a run, and enforces it if the run does not react; a second one ends it at once.
+    """Context in which Ctrl-C requests the end of a run, and enforces it if the run does not react; a second Ctrl-C ends it at once.
 
     Only the main thread is interrupted, and only where no other handler of the signal is installed.
 
     Parameters
     ----------
     until : float
-        Time limit of the run, by `time.perf_counter`.
+        Time by `time.perf_counter` at which the run should end.
     insists : bool
-        Whether to end a run at once that does not react: the set-up of a preconditioner, or compilation, may last minutes. False with
+        Whether to end a run that does not react in time, since setting up a preconditioner, or compilation, may last minutes. False with
         several ranks, since the others would wait for the one that ended.
     """
 
@@ -41,7 +41,7 @@ class Interruption:
 
     @property
     def asked(self) -> bool:
-        """Return whether the run should stop; read it only at a consistent state, since reading acknowledges the signal."""
+        """Return whether the run should stop; to be read only at a consistent state, since reading it acknowledges the signal."""
         if self.told:
             self._hear()
         return self.told or self.out_of_time
@@ -72,7 +72,7 @@ class Interruption:
 
 
 def _insist() -> None:
-    """Interrupt the main thread, even while it waits; on Windows at its next instruction."""
+    """Send the signal of Ctrl-C to the main thread, to end it even while it waits; on Windows it ends at its next instruction."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
     else:
@@ -80,4 +80,4 @@ def _insist() -> None:
 
 
 heard = threading.Event()
-"""Set once an interrupted run ends by itself, so that nothing else has to end it."""
+"""Event that is set once an interrupted run ends by itself, so that nothing else has to end it."""

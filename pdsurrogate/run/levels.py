@@ -22,42 +22,44 @@ from .run import Run
 logger = logging.getLogger(__name__)
 
 HARD = 2.0
-"""Evaluations of an increment, relative to the mean of earlier ones in its stage, beyond which the next increment is not lengthened."""
+"""Force evaluations of an increment, over the mean of earlier increments in its stage, beyond which the next one is not lengthened."""
 
 FARTHEST = 0.5
-"""Greatest distance over the extent of the body by which loads may carry a point from the first guess of an increment.
+"""Greatest distance, over the extent of the body, by which loads may carry a point from the first guess of an increment.
 
-Without an equilibrium a solver moves that far within some ten evaluations, and then needs thousands to fail; equilibria beyond this
+Without an equilibrium a solver moves points that far within some ten evaluations, and then needs thousands to fail; equilibria beyond this
 distance are found with shorter increments too."""
 
 PATIENCE, LEAST_PATIENCE = 30, 2000
-"""Evaluations allowed for all increments after a failed one until one succeeds: a multiple of the mean of earlier successful ones, and a
+"""Force evaluations allowed after a failed increment until one succeeds: a multiple of the mean of earlier successful increments, and a
 minimum. Close below a limit load the stiffness vanishes and solvers make no progress."""
 
 MOST_WASTED = 5000
-"""Evaluations in failed increments of a run beyond which the next failure ends the run: good runs need tens to some hundreds."""
+"""Force evaluations in failed increments beyond which the next failure ends a run: good runs need tens to some hundreds of them."""
 
 FINE, COARSE = 1e-3, 1e-2
-"""Tolerances of intermediate states, which only serve as starts of the next ones. The second is for nearly incompressible bodies, whose
-preconditioner corrects the remaining error (a fifth fewer evaluations of bonded blocks)."""
+"""Tolerances of the solver in intermediate states, from which only the next increments start.
+
+The second tolerance is for nearly incompressible bodies, whose preconditioner corrects the remaining error (a fifth fewer evaluations of
+bonded blocks)."""
 
 PRECISION_NAMES = {"float32": "single", "float64": "double"}
 
 RESOLVED = 1000
-"""Least strain of the body's most strained bond, relative to the rounding error of strains: smaller ones would have errors above 0.1 %."""
+"""Least strain of the most strained bond over the rounding error of strains: smaller strains would have errors above 0.1 %."""
 
 FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
 """Strain whose stress equals the rounding error of the forces, by precision. In single, forces at a strain of 1e-4 were 0.03 % off."""
 
 MOST_OFF = 1e-3
-"""Greatest sum of all loads and reactions of an equilibrium, relative to the driving forces."""
+"""Greatest permitted sum of all loads and reactions of an equilibrium, over the forces that drive the body."""
 
 FAILURES = NoEquilibrium, InvalidState
-"""Failures that a shorter increment may avoid."""
+"""Errors of an increment that a shorter increment may avoid."""
 
 
 def solver_of(run: Run) -> EquilibriumSolver:
-    """Return the solver that the scene names.
+    """Return the solver for equilibrium that the scene of a run names.
 
     Raises
     ------
@@ -74,10 +76,10 @@ def solver_of(run: Run) -> EquilibriumSolver:
 
 
 class Equilibria:
-    """Stage in equilibrium: its outputs in sequence, and increments of the loading parameter between them.
+    """Stage in equilibrium while it runs: its outputs in turn, and increments of the loading parameter between them.
 
-    An increment that finds no equilibrium, or one that does not continue the last, is undone and shortened. A checkpoint between outputs
-    holds the increments and the state of the solver.
+    An increment that finds no equilibrium, or one that does not continue the last equilibrium, is undone and shortened. A checkpoint
+    between outputs contains the increments and the state of the solver.
 
     Parameters
     ----------
@@ -98,9 +100,9 @@ class Equilibria:
         self._iterate: np.ndarray | None = None  # state of the solver of a resumed run
 
     def go(self) -> bool:
-        """Compute the remaining outputs; return whether the end was reached.
+        """Compute and record the remaining outputs of the stage; return whether its end was reached.
 
-        If a bond would break, the stage ends and the body returns to the last output, since what follows is not in equilibrium.
+        If a bond would break, the stage ends early and the body returns to the last output, since cracks grow out of equilibrium.
         """
         run, state = self.run, self.run.state
         while state.outputs < self.stage.outputs:
@@ -121,7 +123,7 @@ class Equilibria:
         return True
 
     def resume(self, checkpoint: Checkpoint) -> None:
-        """Restore the stage from a checkpoint that was written at an output or between two."""
+        """Restore the stage from a checkpoint that was written at an output or between two outputs."""
         run, kept, arrays = self.run, checkpoint.progress["way"], checkpoint.arrays
         self.solver.gave_up = bool(checkpoint.progress["gave_up"])
         if kept is not None:
@@ -133,7 +135,7 @@ class Equilibria:
         run.loading.apply(run.state.parameter, run.loaded, run.positions)
 
     def checkpoint(self, increments: Increments | None = None) -> None:
-        """Write a checkpoint at an output or between two."""
+        """Write a checkpoint: at an output, or with `increments` between two outputs."""
         kept, arrays = None, {}
         if increments is not None:
             kept = {"increments": increments.describe(), "evaluations": self._evaluations, "last_output": self._last_output[1]}
@@ -141,7 +143,7 @@ class Equilibria:
         self.run.checkpoints.write({"gave_up": self.solver.gave_up, "way": kept}, arrays)
 
     def _go_to_output(self, increments: Increments) -> Equilibrium | None:
-        """Follow the equilibrium to the run's target; return None if a bond would break on the way."""
+        """Return the equilibrium at the next output, reached in increments; None if a bond would break on the way."""
         run, ran_away, patience = self.run, None, np.inf
         while not increments.finished:
             self._accepted, began = _Accepted(run, self.solver), run.force.evaluations
@@ -172,7 +174,7 @@ class Equilibria:
         return equilibrium
 
     def _follow(self, increments: Increments, patience: float) -> Equilibrium:
-        """Bring the run to equilibrium at the end of the present increment, within `patience` evaluations."""
+        """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations, and check it."""
         run, state, target = self.run, self.run.state, increments.target
         guess = self._best(self._course.guesses(run.positions, state.parameter, target, run.earlier), target)
         tolerance = run.problem.solver.tolerance
@@ -189,7 +191,7 @@ class Equilibria:
         return equilibrium
 
     def _best(self, guesses: list[np.ndarray], target: float) -> np.ndarray:
-        """Return the guess with the least residual force."""
+        """Return the first guess (n, d) with the least residual force at the loading parameter `target`."""
         run = self.run
 
         def residual(guess: np.ndarray) -> float:
@@ -205,12 +207,12 @@ class Equilibria:
         return guesses[0] if len(guesses) == 1 else min(guesses, key=residual)
 
     def _take_back(self, increments: Increments, error: Exception, cause: Exception, spent: bool) -> None:
-        """Undo an increment that failed with an error, and shorten it unless failures have used all their evaluations.
+        """Undo an increment that failed with an error, and shorten it unless all evaluations for failures are `spent`.
 
         Raises
         ------
         NoEquilibrium, InvalidState
-            If the increment is not shortened: the cause of the failure, with the progress of the loading.
+            If the increment cannot be shortened; an error of the type of `cause`, with the loading that was reached.
         """
         run, state = self.run, self.run.state
         run.note(increments.target, failure=str(error))
@@ -228,7 +230,7 @@ class Equilibria:
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
 
     def _record_reached(self) -> None:
-        """Record the last equilibrium before an output that is not reached, if it converges to the tolerance of an output."""
+        """Record the last equilibrium before the run fails, if it converges to the tolerance of an output."""
         run = self.run
         target, run.target = run.target, run.state.parameter
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
@@ -239,7 +241,10 @@ class Equilibria:
     def _solve(
         self, target: float, tolerance: float, guess: np.ndarray, patience: float, increments: Increments | None = None
     ) -> Equilibrium:
-        """Return the equilibrium at a value of the parameter, from the present state near a guess, within `patience` evaluations."""
+        """Solve for equilibrium at the parameter `target` from the present positions, within `patience` force evaluations.
+
+        Raise RanAway if loads carry a point too far from `guess`; write checkpoints and stop on request on the way.
+        """
         run, began = self.run, self.run.force.evaluations
 
         def report(evaluations: int, residual: float) -> None:
@@ -260,10 +265,10 @@ class Equilibria:
         return self.solver.solve(run.loaded, run.positions, tolerance, report, least_drive)
 
     def _keep_or_stop(self, increments: Increments | None) -> None:
-        """Write a checkpoint where one is due, or where none exists yet, and stop a run that received a signal.
+        """Write a checkpoint if one is due, and raise Interrupted in a run that should stop.
 
-        An interrupted run continues from its last output, to the same bits, if it is recent; a run whose time limit has passed continues
-        from its present state.
+        A signal alone makes no checkpoint due unless none exists yet: the run resumes from the existing one, to the same bits. A time
+        limit that has passed makes one due, so that the run resumes from its present state.
         """
         run = self.run
         asked = run.interruption.asked
@@ -292,14 +297,14 @@ class Equilibria:
 
 
 class _Accepted:
-    """Copy of the equilibrium from which an increment starts and to which the run returns if it fails."""
+    """Copy of the equilibrium from which an increment starts, and to which the run returns if the increment fails."""
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
         self.parameter, self.gave_up = run.state.parameter, solver.gave_up
         self.arrays = {key: array.copy() for key, array in run.arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
-        """Restore a run and its solver to this equilibrium."""
+        """Bring a run and its solver back to this equilibrium."""
         run.state.parameter, solver.gave_up = self.parameter, self.gave_up
         for key, array in run.arrays().items():
             array[:] = self.arrays[key]

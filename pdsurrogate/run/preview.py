@@ -1,4 +1,4 @@
-"""Picture of a scene before it is run: its body, with regions, prescribed motions, loads, cuts and probes."""
+"""Picture of a scene before it is run: the body, with regions, prescribed motions, loads, cuts and probes."""
 
 from contextlib import suppress
 from typing import NamedTuple
@@ -26,18 +26,19 @@ from ..scenes.solids import DiscCut, ParallelogramCut
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
 FEW = 8
-"""Points of a region that are shown by dots, since their cells are hardly seen."""
+"""Greatest number of points of a region that are marked by dots as well, since so few cells are hardly seen."""
 
 SIGHT, WITHIN = 0.75, 0.6
-"""Cells from a place, towards the eye, from which it is looked whether points lie in between, and from a point that is its own: over a side
-that faces the eye the first place of the way is 0.77 cells and more from the nearest point, half a cell beneath it."""
+"""Distances in cells to decide whether a body hides a place: where the line of sight begins, and how near to it a point is in the way.
+
+Over a side that faces the eye, the line of sight begins 0.77 cells or more from the nearest point, which is half a cell below that side."""
 
 ARROW = 0.12
 """Length of an arrow over the extent of the body."""
 
 
 class _Mark(NamedTuple):
-    """A labelled part of the body: its points and colour, their middle, and the direction that it moves or is pulled in, if any."""
+    """Labelled part of the body in a picture: label, points, colour, place of the arrow, and direction of motion or load, or None."""
 
     text: str
     points: np.ndarray
@@ -91,7 +92,7 @@ def preview(scene: Scene) -> Figure:
 
 
 def _marks(problem: Problem) -> list[_Mark]:
-    """Return the labelled parts of the body, larger ones first, since later ones are drawn over them."""
+    """Return the labelled parts of the body to draw, later ones over earlier ones: materials, regions, prescribed motions and loads."""
     scene, regions = problem.scene, problem.regions
     found: list[tuple[str, np.ndarray, np.ndarray | None]] = []
     for number, part in enumerate(scene.materials):
@@ -116,7 +117,7 @@ def _marks(problem: Problem) -> list[_Mark]:
 
 
 def _in_the_plane(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tuple[Figure, Axes]:
-    """Draw the cells of a sheet in their colours, with the arrows of its marks."""
+    """Draw the picture of a sheet: its cells in given colours, with arrows of the labelled parts, cuts and probes."""
     scene, body = problem.scene, problem.body
     polygons = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
@@ -149,7 +150,7 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> 
 
 
 def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tuple[Figure, Axes]:
-    """Draw a solid from outside, its cells in their colours, with the arrows of its marks."""
+    """Draw the picture of a solid from outside: its cells in given colours, with arrows of the labelled parts, cuts and probes."""
     scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
@@ -174,13 +175,13 @@ def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tupl
 
 
 def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
-    """Return whether a place lies inside the body or on its far side: whether points lie between it and the eye."""
+    """Return whether the body hides a place from the eye: points of the body lie along the line of sight, up to the distance `reach`."""
     way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * figures.EYE
     return bool((points.query(place + way)[0] < WITHIN * cell).any())
 
 
 def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
-    """Return the corners of a cut of a solid, shape (k, 3)."""
+    """Return the corners of the polygon that shows a planar cut of a solid, shape (k, 3)."""
     if isinstance(cut, ParallelogramCut):
         one, other = map(np.array, cut.sides)
         return np.array(cut.corner) + np.array([0 * one, one, one + other, other])

@@ -9,12 +9,15 @@ from .run import Run
 
 
 def forces_by_name(run: Run, reactions: Reactions) -> dict[str, np.ndarray]:
-    """Return the force of every support and load on the body, shape (d,), in the state last evaluated; in the plane per unit thickness."""
+    """Return, by name, the force (d,) of every support and load in the state last evaluated, in the plane per unit thickness."""
     return _with_loads(run.loading.names, reactions.forces, {} if run.loads is None else run.loads.by_name(*_state(run)))
 
 
 def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
-    """Return the moments of supports and loads about the origin: one number, counter-clockwise, in two dimensions, three in three."""
+    """Return, by name, the moment of every support and load about the origin.
+
+    The moment is one number, counter-clockwise, in the plane, and a list of three numbers in three dimensions.
+    """
     positions, thickness = _state(run)
     loads = {} if run.loads is None else run.loads.moments(positions, np.zeros(run.body.dimension), thickness)
     found = _with_loads(run.loading.names, run.loading.moments(run.loaded, reactions), loads)
@@ -22,18 +25,18 @@ def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
 
 
 def displacements_by_name(run: Run) -> dict[str, np.ndarray]:
-    """Return the mean displacement of every holder and load, shape (d,), by name, at the present positions of the body."""
+    """Return, by name, the mean displacement (d,) of the points that every support or load acts on, at the present positions."""
     found = dict(zip(run.loading.names, run.loading.displacements(run.state.parameter, run.positions), strict=True))
     return found if run.loads is None else run.loads.displacements(run.positions) | found
 
 
 def _state(run: Run) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the positions, and the stretch of the thickness where a load needs it."""
+    """Return the present positions (n, d), and the stretch of the thickness (n,) if a load needs it, else None."""
     return run.positions, None if run.loads is None else run.loaded.thickness()
 
 
 def _with_loads(names: tuple[str, ...], values: np.ndarray, loads: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return values of supports by name, with those of loads of the same name added."""
+    """Return the values of supports and loads by name; those of a support and a load with one name are added."""
     found = dict(zip(names, values, strict=True))
     for name, value in loads.items():
         found[name] = found.get(name, 0.0) + value
@@ -41,18 +44,18 @@ def _with_loads(names: tuple[str, ...], values: np.ndarray, loads: dict[str, np.
 
 
 def place_columns(run: Run, time: float | None = None) -> dict:
-    """Return the columns that every row of the history begins with: its place in the programme, and the evaluations so far."""
+    """Return the first columns of a row of the history: stage, loading parameter, number of force evaluations, and time in dynamics."""
     row = {"step": run.state.stage, run.loading.parameter: run.state.parameter, "evaluations": run.force.evaluations}
     return row if time is None else row | {"time": time}
 
 
 def state_columns(run: Run) -> dict[str, float]:
-    """Return the columns that every row of the history ends with: displacements, by name and at probes."""
+    """Return the last columns of a row of the history: displacements of supports and loads by name, and at probes."""
     return component_columns("displacement", displacements_by_name(run)) | run.probes.columns(run.positions - run.body.points)
 
 
 def equilibrium_columns(run: Run, level: dict) -> dict:
-    """Return the row of the history at an output in equilibrium, with the measures of its level."""
+    """Return the row of the history at an output in equilibrium, given `level`, the measurements from `output_row`."""
     row = place_columns(run)
     if "nominal_stress" in level:
         row["nominal_stress"] = level["nominal_stress"]
@@ -65,7 +68,7 @@ def equilibrium_columns(run: Run, level: dict) -> dict:
 
 
 def component_columns(kind: str, values: dict[str, np.ndarray | list | float]) -> dict[str, float]:
-    """Return vectors by name as columns of the history, one for each component; a number has one column."""
+    """Return the values of a quantity by name as columns of the history, one for each component of a vector, called KIND_NAME_COMPONENT."""
     columns = {}
     for name, value in values.items():
         numbers = np.atleast_1d(value)
@@ -75,16 +78,16 @@ def component_columns(kind: str, values: dict[str, np.ndarray | list | float]) -
 
 
 def output_row(run: Run, time: float | None = None, drive: float | None = None) -> dict:
-    """Return the measurements of an output in equilibrium, or at a time in dynamics.
+    """Return the measurements at an output, a row of ``summary["levels"]``: stress, forces, moments, displacements, energy and probes.
 
     Parameters
     ----------
     run : Run
-        With its force evaluated at its positions.
+        Run with the force last evaluated at the present positions.
     time : float, optional
-        Time since the dynamics began; none in equilibrium.
+        Time since the dynamics began; None in equilibrium.
     drive : float, optional
-        See `force_balance`.
+        Magnitude of the forces that drive the body, see `force_balance`.
     """
     reactions, declared = run.loading.reactions(run.loaded), run.problem.measures
     row: dict = {run.loading.parameter: run.state.parameter}
@@ -129,7 +132,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
 
 
 def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float | None:
-    """Return the size of the sum of all loads and reactions over the forces that drive the body; None where nothing does."""
+    """Return the magnitude of the sum of all loads and reactions over `drive`, the forces that drive the body; None without `drive`."""
     if not drive:
         return None
     total = reactions.on_planes.sum(axis=0)
@@ -141,7 +144,7 @@ def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float 
 
 
 def _lateral(body: Body, displacements: np.ndarray, axis: int) -> dict[str, float]:
-    """Return the displacements along an axis of the edges of a rectangle, and their roughness, from those (n, 2) of its points."""
+    """Return the mean and greatest displacement of a rectangle's edges along an axis, and their roughness, from all points' (n, 2)."""
     _, low, high = measures.edge_displacements(body, displacements, axis)
     return {
         "lateral_displacement": float((low - high).mean() / 2),

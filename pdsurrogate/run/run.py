@@ -1,4 +1,4 @@
-"""One simulation under way: the problem, its forces, and the state that the stages of the programme advance."""
+"""Simulation in progress: the problem, its forces, and the state that the stages of the programme advance."""
 
 import os
 import warnings
@@ -32,7 +32,7 @@ Gathering the state of so many points costs the first rank 0.16 GB and 10 s of p
 
 @runtime_checkable
 class Progress(Protocol):
-    """Receiver of the progress of a simulation; every method may do nothing."""
+    """Receiver of reports on the progress of a simulation, as a terminal that shows them; every method may do nothing."""
 
     def compiling(self) -> None:
         """Report that kernels are being compiled, which happens once on a machine."""
@@ -41,26 +41,26 @@ class Progress(Protocol):
         """Report that the search for an output in equilibrium begins: the number of its stage and its loading parameter."""
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        """Report the residual of a level."""
+        """Report the residual after a number of force evaluations in the search for an output in equilibrium."""
 
     def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
-        """Report the share of a stage in dynamics that is done, from 0 to 1."""
+        """Report the fraction of a stage in dynamics that is done, from 0 to 1, its loading parameter and its broken bonds."""
 
     def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
-        """Report the row that a stage in dynamics adds to the history."""
+        """Report the number of steps and the energies when a stage in dynamics adds a row to the history."""
 
 
 class Silent:
-    """Progress that is not shown."""
+    """Receiver of progress that ignores all reports."""
 
     def compiling(self, *_: Any, **__: Any) -> None:
-        """Do nothing."""
+        """Ignore the report."""
 
     level = residual = dynamics = account = compiling
 
 
 class Oversubscribed(RuntimeWarning):
-    """More threads than cores: ranks wait for each other in loops, and each keeps a core from those it waits for."""
+    """Warning of more threads than cores: a rank that waits for others in a loop occupies a core that these need."""
 
 
 class Run:
@@ -73,27 +73,27 @@ class Run:
         Model of the rest of the body, then those of the scene's `materials`, as `checked_models` returns them.
     progress : Progress
     folder : Path, optional
-        Where states and checkpoints are written as they are reached.
+        Folder for states and checkpoints, written as they are reached.
     threads : int, optional
-        Threads of the kernels; by default as many as pay for the body.
+        Number of threads of the kernels; by default as many as speed up a body of this size.
 
     Attributes
     ----------
     interruption : Interruption
-        Signal or time limit that ends the run early; by default only a signal.
+        Requests to end the run early, by a signal or a time limit; by default only by a signal.
     problem : Problem
     force : InternalForce
     loaded : InternalForce or LoadedForce
         The force with loads, supports and rigid regions, with which solvers work.
     body, loading, loads, stages
-        Those of the problem.
+        Attributes of the problem.
     whole : Body or None
         The whole body; None on ranks other than the first.
     positions : ndarray, shape (n, d)
     state : State
         Position in the programme and recorded numbers, as stored in checkpoints.
     target : float
-        Loading parameter of the output that is under way.
+        Loading parameter of the next output.
     velocities : ndarray, shape (n, d), or None
         Velocities with which a stage in dynamics ended; None after equilibrium.
     earlier : tuple of float and ndarray, or None
@@ -143,23 +143,23 @@ class Run:
         self.tables = Record(self)
 
     def warm_up(self) -> None:
-        """Compile everything before the clock of the evaluations starts."""
+        """Evaluate the force once, so that all kernels are compiled, and reset the clock of the evaluations."""
         self.force(self.positions, np.empty_like(self.positions))
         self.force.seconds, self.force.timed = 0.0, 0
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return the positions and the arrays of state of the force, by name."""
+        """Return, by name, the positions and the state arrays of the force: all that an equilibrium consists of."""
         return {"positions": self.positions, **self.force.state_arrays()}
 
     def takes_double(self) -> bool:
-        """Return whether the force models can be evaluated in double instead of single precision."""
+        """Return whether the run may change from single to double precision: the scene leaves it open, and all force models have it."""
         settings = self.problem.settings
         if settings.precision is not None or self.force.precision == "float64":
             return False
         return all("float64" in model.honoured(settings.plane)["precision"] for model in self.problem.models)
 
     def take_double(self) -> None:
-        """Evaluate the force models in double precision from here on."""
+        """Replace the force by one in double precision, with the same state, broken bonds and counters."""
         old = self.force
         self.force, self.loaded = self.problem.bind("float64")
         for key, array in self.force.state_arrays().items():
@@ -169,12 +169,12 @@ class Run:
             setattr(self.force, counter, getattr(old, counter))
 
     def break_again(self) -> None:
-        """Remove the broken bonds from a force that was bound, or whose states were read, after they broke."""
+        """Remove all broken bonds of the run from its force, after the force was bound anew or a checkpoint was read."""
         if self.damage is not None and self.body.share.any(bool(self.damage.broken.any())):
             self.force.break_bonds(np.flatnonzero(self.damage.broken))
 
     def states_of(self, moments: list[Moment] | None = None) -> States:
-        """Return the storage of states, with the moments of those that are recorded already."""
+        """Return the storage for states of the run, in memory or in its folder; `moments` are those of states recorded already."""
         writer = self.body if self._in_pieces else self.whole
         if writer is None:
             return States(moments)
@@ -187,17 +187,17 @@ class Run:
         return large and self.ranks.size > 1 and self.folder is not None and not self.problem.meshed
 
     def report(self, event: str, *details) -> None:
-        """Pass an event to the progress; rewrite history and summary in the folder if they are due."""
+        """Call the method of `Progress` named `event` with the details, and write the tables in the folder if they are due."""
         getattr(self.progress, event)(*details)
         self.tables.keep_if_due()
 
     def note(self, increment: float, **entries) -> None:
-        """Add a row about an increment on the way to the present target to the convergence."""
+        """Add a row about an increment on the way to the present target to the table of convergence."""
         place = {self.loading.parameter: self.target, "increment": increment, "evaluation": self.force.evaluations}
         self.state.convergence.append(place | entries)
 
     def record(self, time: float = 0.0) -> None:
-        """Record the present state: of the last equilibrium, or so long after the beginning of the stage in dynamics."""
+        """Store the fields of the present state, in equilibrium, or at a time since the stage in dynamics began."""
         damage = None if self.damage is None else self.damage.at_points()
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
         if not self._in_pieces:
@@ -209,7 +209,7 @@ class Run:
         self.tables.keep_if_due(0.0 if len(self.states) > 1 else -np.inf)
 
     def _count_beyond_data(self, moment: Moment) -> None:
-        """Count the bonds, or of an energy the points, that are beyond the test data that the force was learnt from."""
+        """Add a row on how many bonds, or points for an energy, are beyond the test data that the force was learnt from, and how far."""
         beyond = self.force.learnt.beyond_data()
         if beyond is None:
             return
@@ -227,18 +227,18 @@ class Run:
         return self.body.share.total(int(np.count_nonzero(~self.force.supported & self.body.share.own)))
 
     def counted_pairs(self) -> int:
-        """Return the number of pairs that this rank counts; all of them in one process."""
+        """Return the number of pairs whose first point this rank owns: in one process the number of all pairs."""
         return int(np.count_nonzero(self.body.share.own[self.body.bonds.first]))
 
     def directed_bonds(self) -> int:
-        """Return the number of directed bonds within the body of the points that are counted here."""
+        """Return the number of bonds within the body at the points that this rank owns, each bond counted once at each of its ends."""
         bonds, own = self.body.bonds, self.body.share.own
         within = bonds.second < len(self.body)
         return int(np.count_nonzero(own[bonds.first[within]]) + np.count_nonzero(own[bonds.second[within]]))
 
 
 def _threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
-    """Return the number of threads of this rank: the one given, or else as many as pay, at most the cores per rank of its machine."""
+    """Return the number of threads of this rank: as asked, or else `paying`, but at most the cores of the machine per rank on it."""
     here = ranks.here()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = asked or max(1, min(paying, cores // here))
@@ -249,7 +249,7 @@ def _threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
 
 
 def _compile_first(ranks: Communicator, model: ForceModel, problem: Problem) -> None:
-    """Compile the kernels on the first rank, so that the others load them and do not compete for its cores."""
+    """Compile the kernels on the first rank before the others, which then load them and do not compete for its cores."""
     if ranks.rank == 0:
         dimension = problem.body.dimension
         cells = Cells.filling((0.0,) * dimension, (8.0 if dimension == 2 else 5.0,) * dimension, 1.0)

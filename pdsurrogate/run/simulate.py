@@ -1,4 +1,4 @@
-"""Simulation of a scene with a force model, from the checks of the arguments to the result."""
+"""Simulation of a scene with a force model by `simulate`, from the checks of its arguments to the result, and the errors it raises."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ class SimulationFailed(RuntimeError):
 
 
 class SimulationInterrupted(SimulationFailed):
-    """A run that was stopped by Ctrl-C, or because its time was over; with a folder, its checkpoint is in it.
+    """Error for a run that was stopped by Ctrl-C or at its time limit; with a folder, this contains a checkpoint of the run.
 
     Attributes
     ----------
     out_of_time : bool
-        Whether its `max_time` was over.
+        Whether the time limit `max_time` of the run had passed.
 
     Examples
     --------
@@ -80,7 +80,7 @@ class SimulationInterrupted(SimulationFailed):
 
 
 UNDER_WAY = "the run is under way, or was ended from without"
-"""Entry `failure` of a summary while its run goes on."""
+"""Entry `failure` of the summary of a run that has not ended."""
 
 
 ADVICE = {
@@ -95,7 +95,7 @@ ADVICE = {
     "the body slide there, with the components along the plane left free",
     InvalidState: "take a finer spacing; or the material itself does not reach this far",
 }
-"""Advice by the failure of a stage in equilibrium."""
+"""Advice for error messages by the type of error with which a stage in equilibrium fails."""
 
 DYNAMICS_ADVICE = "take a smaller dynamics.safety, more dynamics.viscosity or damping, or a finer spacing"
 
@@ -143,7 +143,7 @@ def simulate(
     Returns
     -------
     Result
-        On several ranks (``mpiexec -n 4 python -m mpi4py ...``) the fields and the whole body are those of the first rank's.
+        On several ranks (``mpiexec -n 4 python -m mpi4py ...``) only the first rank's result has the fields and the whole body.
 
     Raises
     ------
@@ -240,13 +240,13 @@ def simulate(
 
 
 def _peak(history: list[dict]) -> dict | None:
-    """Return the row of the greatest nominal stress, which is the load that a body with a crack bears; None without rows."""
+    """Return time, stretch and value of the greatest nominal stress in the history, the load that a cracked body bears; None if empty."""
     highest = max(history, key=lambda row: row["nominal_stress"], default=None)
     return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
 
 
 def _result_of(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
-    """Return the result that the run has reached so far."""
+    """Return the result of a run, complete or as far as it was reached, with its summary."""
     force, state = run.force, run.state
     residuals = [level["residual"] for level in state.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
@@ -300,12 +300,12 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
 
 
 def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
-    """Refuse ranks that were given different input, which would wait for each other.
+    """Check that all ranks were given the same input, since ranks with different input would wait for each other.
 
     Raises
     ------
     SceneError
-        Names the key.
+        If they were not; names what differs.
     """
     given = {"scene": scene.model_dump_json(), "force": model.name, "folder": str(folder), "resume": resume}
     others = ranks.everywhere(given)
@@ -316,7 +316,7 @@ def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, fold
 
 
 def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) -> None:
-    """Refuse arguments of `simulate` of wrong types."""
+    """Check the arguments of `simulate`, and raise an error for wrong types and values."""
     if progress is not None:
         check_is(progress, Progress, "progress", "an object with the methods of pdsurrogate.run.simulate.Progress")
     if folder is not None:
@@ -330,7 +330,7 @@ def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) ->
 
 
 def _advice(run: Run, error: Exception) -> list[str]:
-    """Return advice after an error; none if a user's own force raised it, since its message names the cause."""
+    """Return advice to add to the message of an error of a run; none for an error in a user's own force, which names the cause itself."""
     if isinstance(error, OwnForceFailed | OwnForceInvalid):
         return []
     moving = run.stages[run.state.stage].inertia is not None and run.state.steps > 0
@@ -340,7 +340,7 @@ def _advice(run: Run, error: Exception) -> list[str]:
 
 
 def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
-    """Return the scene, with the material of an artefact, and the force model for the `force` argument of `simulate`."""
+    """Return the force model for the `force` argument of `simulate`, and the scene, which may adopt the material of an artefact."""
     if force is None:
         return scene, artifacts.default_force(scene)
     if isinstance(force, str | Path):

@@ -1,4 +1,4 @@
-"""Programme of a run: its stages in turn, from the first or from where a checkpoint was written."""
+"""Loop over the stages of a run's programme, from the first stage or from a checkpoint, with a change to double precision if needed."""
 
 import warnings
 
@@ -12,7 +12,7 @@ from .transient import Transient
 
 
 class SinglePrecisionLeft(RuntimeWarning):
-    """A run goes on in double precision, since single does not resolve its strains.
+    """Warning that a run continues in double precision, since single precision does not resolve its strains.
 
     Examples
     --------
@@ -24,7 +24,7 @@ class SinglePrecisionLeft(RuntimeWarning):
 
 
 def go(run: Run, resume: bool) -> None:
-    """Go through the stages of the programme that are left."""
+    """Run the remaining stages of the programme; with `resume` begin from the checkpoint of the run."""
     solver = solver_of(run)
     current = _resumed(run, solver) if resume else None
     state = run.state
@@ -51,13 +51,13 @@ def go(run: Run, resume: bool) -> None:
 
 
 def _stage_of(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient:
-    """Return the stage that is under way."""
+    """Return a new object for the present stage of a run, in equilibrium or in dynamics."""
     stage = run.stages[run.state.stage]
     return Equilibria(run, stage, solver) if stage.inertia is None else Transient(run, stage)
 
 
 def _take_double(run: Run, error: TooSmall) -> None:
-    """Go on in double precision, and warn of it."""
+    """Change a run to double precision after an error of single precision, and warn of the change."""
     reason = f"{error}: the forces are evaluated in double precision from here on"
     run.note(run.state.parameter, reason=reason)
     if run.ranks.rank == 0:
@@ -81,7 +81,7 @@ def _dynamics_after(run: Run) -> int:
 
 
 def _resumed(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient | None:
-    """Bring a run to where its checkpoint was written, and return the stage under way; None where all have ended."""
+    """Restore a run and its present stage from its checkpoint, and return the stage; raise CheckpointError for a damaged checkpoint."""
     try:
         checkpoint = run.checkpoints.restore()
         stage = _stage_of(run, solver)

@@ -1,4 +1,4 @@
-"""Stages in explicit dynamics: time stepping with moving holders, rows and outputs, and cracks that start and grow."""
+"""Stages in explicit dynamics: time stepping with moving supports, rows of the history, outputs, and cracks that start and grow."""
 
 import math
 import warnings
@@ -22,7 +22,7 @@ MOST_STEPS = 1e9
 """Maximum number of steps of a stage: more would run for weeks even on the smallest body, and indicate wrong units of density or rate."""
 
 CRACK_VISCOSITY = 0.7
-"""Default retardation time of scenes with fracture, in spacings over the speed of shear waves.
+"""Default viscosity (retardation time) of scenes with fracture, in spacings over the speed of shear waves.
 
 Material that unloads behind a crack moves in waves as short as a bond, and this viscosity dissipates their energy within a few steps.
 Energy accounts of strips torn with `bond-energy` close within 0.1 % with it; without it they gain half of the supplied energy
@@ -30,11 +30,11 @@ Energy accounts of strips torn with `bond-energy` close within 0.1 % with it; wi
 
 
 INTEGRATOR = ("time_step", "last_step", "steps")
-"""Attributes of the integrator that a checkpoint keeps."""
+"""Names of the integrator's attributes that a checkpoint contains."""
 
 
 class Transient:
-    """Explicit dynamics of one stage of a run.
+    """Stage in explicit dynamics while it runs: its time steps, rows of the history and outputs.
 
     Parameters
     ----------
@@ -61,16 +61,16 @@ class Transient:
         self._cracks = None if run.damage is None else Cracks(run, self.integrator, self.account)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return the entries of a checkpoint for the dynamics."""
+        """Return the arrays of the dynamics that a checkpoint contains, by name."""
         integrator = self.integrator
         held = {"velocities": integrator.velocities, "forces": integrator.forces, "mode": integrator.frequency.vector}
         return held if self.viscosity == 0 else held | {"elastic": integrator.elastic}
 
     def begin(self) -> None:
-        """Start with the velocities at the end of the last stage.
+        """Set the initial velocities, forces and time step of the stage, and add the first row to the history.
 
-        After equilibrium these are the velocities of a body that follows its conditions quasi-statically, so that no shock is sent; after
-        dynamics they are its last velocities, and conditions that change their velocity do send a shock.
+        After equilibrium the velocities are those of a body that follows its held parts quasi-statically, so that no shock is sent; after
+        dynamics they are the last velocities, and held parts that change their velocity do send a shock.
         """
         run, integrator, motion = self.run, self.integrator, self.motion
         velocities = run.loading.course.velocities(run.positions, motion) if run.velocities is None else run.velocities
@@ -87,7 +87,7 @@ class Transient:
         self._row(first=True)
 
     def resume(self, checkpoint: Checkpoint) -> None:
-        """Restore the dynamics from a checkpoint."""
+        """Restore the integrator, energy account and held parts of the stage from a checkpoint."""
         run, integrator, kept = self.run, self.integrator, checkpoint.progress["transient"]
         vars(self.account).update(kept["account"])
         for key in INTEGRATOR:
@@ -100,7 +100,7 @@ class Transient:
         self._apply()
 
     def go(self) -> bool:
-        """Run to the end of the stage, or until the body has separated."""
+        """Advance to the end of the stage, or until the body has separated between its supports."""
         run, account, integrator, through = self.run, self.account, self.integrator, False
         while account.outputs < self.most_outputs and not through:
             try:
@@ -134,16 +134,16 @@ class Transient:
         return True
 
     def _time_due(self, outputs: int) -> float:
-        """Return the time of the output after `outputs` others."""
+        """Return the time, since the stage began, of the output that follows `outputs` earlier ones."""
         return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
-        """Return whether the next output is due; where times of steps are sums, rounding does not add a step."""
+        """Return whether the next output is due, with a margin for rounding where the time is a sum of steps."""
         rounding = 0.0 if self._timed else 1e-12 * self.motion.duration
         return self.account.time >= self._time_due(self.account.outputs) - rounding
 
     def save_last_state(self) -> None:
-        """Undo the failed step, and record the state before it unless it has been recorded."""
+        """Undo a failed time step, and record the state before the step unless it has been recorded."""
         run, integrator = self.run, self.integrator
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
@@ -157,7 +157,7 @@ class Transient:
                 self.output()
 
     def step(self) -> None:
-        """Advance the body by one step."""
+        """Advance the body by one time step: move points and held parts, evaluate the forces, and break overstretched bonds."""
         run, account, integrator = self.run, self.account, self.integrator
         left = self._time_due(account.outputs) - account.time
         integrator.move()
@@ -176,10 +176,9 @@ class Transient:
             self._books.count_release()
 
     def _limit_step(self) -> None:
-        """Limit the length of the next step.
+        """Set the greatest length of the next time step, so that steps end at outputs or at least do not pass two outputs.
 
-        If work is summed in every step, the last step ends with the stage, so that holders do not move for only a part of it. No step
-        passes two outputs.
+        If work is summed in every step, the last step ends with the stage, so that supports move during the whole of that step.
         """
         account, integrator = self.account, self.integrator
         if self._timed:
@@ -191,20 +190,20 @@ class Transient:
             integrator.longest = min(left, apart) if self._books.every_step and left > 0 else apart
 
     def _apply(self) -> None:
-        """Move all held parts to their present places, and set the loads to their present size."""
+        """Move all held parts of the run to their places at the present time, and set the loads to their size then."""
         self.run.loading.apply(self.run.state.parameter, self.run.force, self.run.positions)
 
     def _hold(self, positions: np.ndarray, ahead: float) -> None:
-        """Move all held parts to their places at a time `ahead` from now."""
+        """Move all held parts, in `positions` and the force, to their places at a time `ahead` from the present."""
         self.run.loading.hold(self.run.state.parameter + ahead * self.motion.rate, self.run.force, positions)
 
     def _last_row(self) -> None:
-        """Add a row for the present time to the history, unless its last row is already of this time."""
+        """Add a row for the present time to the history, unless the last row is already for this time."""
         if self.account.time > self.account.row_time:
             self._row()
 
     def _row(self, first: bool = False) -> None:
-        """Add a row to the history, and work and damped energy up to it to the account."""
+        """Add a row for the present time to the history, after adding work and damped energy until then to the energy account."""
         run, books, stress = self.run, self._books, self.run.problem.measures.nominal_stress
         reactions, kinetic = run.loading.reactions(run.force, self.integrator.forces), books.kinetic_energy()
         forces = forces_by_name(run, reactions)
@@ -224,9 +223,9 @@ class Transient:
         run.report("account", self.integrator.steps, kinetic, strain)
 
     def output(self) -> bool:
-        """Record the present state, with a row; return whether the body has separated between its supports.
+        """Record the present state as an output, with a row of the history; return whether the body has separated between its supports.
 
-        The state is a level where the results' levels include those in dynamics.
+        Except for bodies between grips, the output is also added to the levels of the results.
         """
         run, account = self.run, self.account
         self._last_row()

@@ -24,10 +24,10 @@ _NODES = (
 """Parts of the syntax of Python that an expression of t may have."""
 
 NAMED = {"ramp": "t", "sine": "sin(2*pi*t)"}
-"""Amplitudes that have a name."""
+"""Expressions of t for the amplitudes that have a name."""
 
 LONGEST = 200
-"""Characters of an expression."""
+"""Greatest number of characters of an expression of t."""
 
 
 def _checked(value: Any) -> Any:

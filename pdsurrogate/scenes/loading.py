@@ -133,7 +133,7 @@ class DynamicsSettings(StrictModel):
         Retardation time tau of a Kelvin-Voigt solid: damps waves as short as bonds, where a crack lets material snap back.  With
         fracture by default 0.7 spacings over the speed of shear waves, else none.
     safety : float
-        Time step over the critical one.
+        Ratio of the time step to the critical time step.
     """
 
     density: Positive
@@ -148,7 +148,7 @@ class StepDynamics(DynamicsSettings):
     Attributes
     ----------
     duration : float
-        Duration of the step; the loading parameter changes linearly from the last step's end to this one's.
+        Duration of the step; the loading parameter changes linearly from its value at the end of the step before to `Step.to`.
 
     Examples
     --------
@@ -168,7 +168,7 @@ class Step(StrictModel):
     to : float
         Value of t at the end of the step. An unchanged value holds the body; a smaller value unloads it.
     outputs : int
-        States recorded on the way, evenly, the last one at the end.
+        Number of states recorded evenly during the step, the last state at its end.
     largest_increment : float, optional
         Greatest change of t between two equilibria.
     dynamics : StepDynamics, optional

@@ -19,12 +19,12 @@ from .solids import AnyBody, AnyPrecut, AnyShape
 from .strict_model import Finite, Positive, StrictModel, Vector, Whole, refused
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
-"""Result files are named after a scene: no path, and nothing that a terminal or a shell would read."""
+"""Name of a scene, after which result files are named: no path, and no character with a meaning to a terminal or a shell."""
 
 UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
 
 Level = Annotated[Positive, Field(le=100)]
-"""A stretch; rubber breaks below 10."""
+"""Level of the loading programme: a stretch up to 100; rubber breaks below 10."""
 
 USUAL: dict[str, dict[int, Any]] = {"plane": {2: "stress", 3: "space"}, "horizon_ratio": {2: 3.15, 3: 1.75}}
 """Defaults by the dimension of the body. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
@@ -34,7 +34,7 @@ RIGID = "rigid"
 
 LEAST_MODULUS, MOST_MODULUS = 1e-30, 1e30
 LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
-"""Between them products of forces and of volumes, in single precision too, neither overflow nor vanish."""
+"""Limits of moduli and of the spacing: between them products of forces and of volumes neither overflow nor vanish in single precision."""
 
 
 class MaterialSpec(StrictModel):
@@ -187,7 +187,7 @@ class Dynamics(DynamicsSettings):
     stretch_rate : float
         Change of the stretch per unit time.
     outputs : int
-        States written on the way, evenly over the programme.
+        Number of states recorded, evenly over the programme.
     """
 
     stretch: Level
@@ -196,7 +196,7 @@ class Dynamics(DynamicsSettings):
 
 
 _OneOrMany = BeforeValidator(lambda value: (value,) if isinstance(value, int | float | dict) else value)
-"""Lets one entry stand for a list of one."""
+"""Validator that turns a single entry into a tuple with this entry."""
 
 
 _known_weight = refused(lambda name: name not in WEIGHT_FUNCTIONS, f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")

@@ -168,9 +168,9 @@ class Extrusion(Prism):
 
 
 class Sphere(Solid):
-    """A sphere, or the part of it where x1, x1 and x2, or all coordinates are greater than those of its centre.
+    """A sphere, or its half, quarter or eighth: the part above the centre along x1, along x1 and x2, or along all axes.
 
-    The flat faces of a half, quarter or eighth pass through the centre; if they are reflection planes, the whole sphere is represented.
+    The flat faces of a part pass through the centre; held by reflection planes they are planes of symmetry of a whole sphere.
 
     Examples
     --------

@@ -14,9 +14,10 @@ TIP_DIAMETERS = (
 )
 """Diameters that were measured: the family of the force models, the plane, horizons in spacings from and to, and the diameter in horizons.
 
-In 3D that at 2.2 is from trouser tears at a spacing of 2/3 mm, 0.82 and 0.84; tears at another spacing, and with another critical
-stretch, are predictions.  That at 1.75 is the mean of 1.29 and 1.13, of tears at two spacings (`docs/validation/cracks-in-space.md`).  In a
-sheet by `bond-energy` 1.15 gives 8 to 23 % too little, so it is not among them.  See `pdsurrogate.critical_stretch_of`."""
+In three dimensions the diameter at a horizon of 2.2 spacings is from trouser tears at a spacing of 2/3 mm, 0.82 and 0.84; tears at another
+spacing, and with another critical stretch, are predictions.  The diameter at 1.75 spacings is the mean of 1.29 and 1.13, of tears at two
+spacings (`docs/validation/cracks-in-space.md`).  In a sheet by `bond-energy` a diameter of 1.15 gives 8 to 23 % too little, so it is not in
+the table.  See `pdsurrogate.critical_stretch_of`."""
 
 
 def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) -> float:

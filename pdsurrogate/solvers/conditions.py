@@ -325,9 +325,9 @@ class Loading:
         return [np.unique(every[holders == number]) for number in range(len(self.names))]
 
     def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
-        """Return the mean displacement of each holder, shape (holders, d): that of its points, or of the middle of its plane.
+        """Return the mean displacement of each holder, shape (holders, d): over its points, or at the middle of its reflection plane.
 
-        Components in which a plane is free to move are the means over the points within a cell of it.
+        In components in which a plane is free to move, the mean is over the points within a cell of the plane.
         """
         # Displacement, place and number of the points of each holder.
         sums = np.zeros((len(self.names), 2 * self.body.dimension + 1))

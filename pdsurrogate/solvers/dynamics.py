@@ -158,7 +158,7 @@ class ExplicitDynamics:
         self._add_loads()
 
     def find_elastic(self) -> None:
-        """Evaluate the elastic forces `elastic` exactly, with held parts and the force at the present positions."""
+        """Evaluate `elastic` exactly, after moving held parts to their present places; the force is then last evaluated there."""
         self._hold(self.positions, 0.0)
         self.force(self.positions, self.elastic)
 

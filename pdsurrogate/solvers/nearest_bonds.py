@@ -228,8 +228,8 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
 def _factorised_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
     """Return a function that solves for the displacements (n, d) of the network `springs_of` under forces, by factorisation in one process.
 
-    Its low modes agree with those of the true tangent up to a ratio that does not grow with the number of points; factorising takes seconds
-    for 10^5 points.
+    The low modes of the network agree with those of the true tangent up to a ratio that does not grow with the number of points. The
+    factorisation takes seconds for 10^5 points.
     """
     balanced, column = drift_remover(body, free), free.ravel()
     factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), column))

@@ -1,4 +1,4 @@
-"""Rigid motions, and regions of a body that move as one, with a resultant force and moment and three or six freedoms (theory (63))."""
+"""Rigid motions, and regions of a body that move as one, with three or six degrees of freedom each (theory (63))."""
 
 from collections.abc import Sequence
 

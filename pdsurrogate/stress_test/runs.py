@@ -59,20 +59,20 @@ SIDES = (1.2, 0.8), (1.0, 0.8, 0.8)
 """Sides of the held body, in the plane and in three dimensions; its points are a fifth apart."""
 
 DIRECTION = (1.0, 0.1, 0.0)
-"""Traction on the free end over its size: it pulls, and bends a little."""
+"""Components of the traction on the free end, over the size of the load: it pulls, and bends a little."""
 
 OFF_BALANCE = 2e-3
-"""Greatest part of a load that the sum of loads and reactions may be.
+"""Greatest sum of loads and reactions, as a share of the load.
 
-A run bounds it by 5e-4 of what drives the body, here the sizes of the reactions of single points: at a clamped end these pull across as
-well, and are in sum up to four times the load.
+A run bounds this sum by 5e-4 of what drives the body, here the magnitudes of the reactions of single points: at a clamped end these pull
+across as well, and their magnitudes add up to four times the load at most.
 """
 
 MOST_OFF = 1e-3
 """Greatest balance of forces that a run may state, over what drives the body."""
 
 OFF_PROPORTION = 2e-3
-"""Greatest relative difference of two equilibria that should be one, each of which may leave forces of a thousandth of its load."""
+"""Greatest relative difference of two equilibria that should be equal; each may leave unbalanced forces of a thousandth of its load."""
 
 LOADS = (1e-9, 1e-7, 1e-5, 1e-2, 1.0)
 """Loads in shear moduli; up to 1e-5 strains are some 1e-5 at the most, and so is the departure from linear elasticity."""
@@ -337,9 +337,9 @@ def sudden_load(subject: Subject) -> Outcome:
     """Test the balance of energy of a bar that is held at one end and suddenly loaded at the other.
 
     The load is a tenth of mu: waves run along the bar, and its end oscillates between rest and twice the static displacement. Stored and
-    kinetic energy minus the work of the load vanish but for the error of the steps, half of the critical one, which stays bounded. The
-    figure is the change of the sum between the first and the last tenth of 20,000 steps, some fifty oscillations, over the greatest work of
-    the load; the limit is a hundredth.
+    kinetic energy minus the work of the load vanish except for the error of the time steps of half the critical step, which stays bounded.
+    The value is the change of this sum between the first and the last tenth of 20,000 steps, some fifty oscillations, over the greatest
+    work of the load; the limit is a hundredth.
     """
     body = subject.body((16, 5), (12, 3, 3))
     force = subject.bind(body)

@@ -12,7 +12,7 @@ from .bodies import inner_points, middle_point
 from .case import Outcome, Subject, case, cases_of, forces_at, spring_stiffness
 
 HELD = 0.1
-"""Least resistance required, as a share of that of springs along the bonds, where the rubber is as stiff as at rest (`share_of_rest`).
+"""Least resistance required, as a share of that of springs along all bonds, where rubber is as stiff as at rest (`share_of_rest`).
 Rubber in tension of 3 differs from its springs at rest by a factor of two or three in the plane and by up to eight in three dimensions,
 where both sides are narrow; zero-energy modes have less than a fiftieth.
 """

@@ -153,7 +153,7 @@ def study(
     overwrite : bool
         Replace the table of a study with other runs in `folder`; their folders stay.
     max_time : float, optional
-        Seconds after which every run ends with a checkpoint, from which the same call resumes it later; of scenes alone.
+        Seconds after which every run ends with a checkpoint, from which an equal call resumes the run later; only for studies of scenes.
     progress : StudyProgress, optional
         Receiver of the progress.
 

@@ -19,7 +19,7 @@ _ALL = ("fraction_outside_domain", "n_force_evaluations", "seconds_total")
 OF_GRIPS = ("converged", "stretch", "nominal_stress", "peak_nominal_stress", "crack.broken_bonds", "crack.through", *_ALL)
 OF_STEPS = ("converged", "t", "forces", "moments", "probes.*.displacement", "crack.broken_bonds", "crack.through", *_ALL)
 OF_FITS = ("on_surface.rms", "on_surface.max", "cross_validated_rms", "outcome.n_iter", "seconds_total")
-"""Default columns of scenes with grips, of scenes with steps, and of fits; a table has those that its runs have."""
+"""Default columns of scenes with grips, of scenes with steps, and of fits; a table has only the columns that occur in its runs."""
 
 COMPARED = ("nominal_stress", "lateral_displacement", "greatest_lateral_displacement")
 """Quantities of a level for which a reference solution may exist."""
