@@ -1,4 +1,4 @@
-"""Arrays of rows whose length is a compile-time constant."""
+"""Arrays of rows whose length is a compile-time constant, tuples of array entries, and a shared counter."""
 
 import math
 from functools import cache
@@ -8,6 +8,8 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+from .intrinsics import data_of
 
 BLOCK = 256
 """Values per row of a block: a dozen rows fit into a 32 kB first-level cache, and it is a multiple of every vector width."""
@@ -150,6 +152,32 @@ def column_like(typingctx, rows, column, values):
         return context.make_tuple(builder, signature.return_type, [builder.load(at) for at in places])
 
     return values(rows, types.intp, values), codegen
+
+
+@intrinsic
+def tuple_of(typingctx, array, count):
+    """Return the first `count` values of an array, a literal number of them, as a tuple: scalars that a loop need not load again."""
+    if not isinstance(count, types.IntegerLiteral):
+        return None
+    result_type = types.UniTuple(array.dtype, count.literal_value)
+
+    def codegen(context, builder, signature, arguments):
+        data = data_of(context, builder, signature.args[0], arguments[0])
+        values = [builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), n)])) for n in range(count.literal_value)]
+        return cgutils.pack_array(builder, values)
+
+    return result_type(array, count), codegen
+
+
+@intrinsic
+def add_to(typingctx, counters, number, count):
+    """Add to one of an array of counters, atomically, and return its previous value."""
+
+    def codegen(context, builder, signature, arguments):
+        data = data_of(context, builder, signature.args[0], arguments[0])
+        return builder.atomic_rmw("add", builder.gep(data, [arguments[1]]), arguments[2], "monotonic")
+
+    return types.int64(counters, types.int64, types.int64), codegen
 
 
 @intrinsic

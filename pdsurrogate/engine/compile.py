@@ -57,10 +57,9 @@ class CacheFile(IndexDataCacheFile):
     """numba's files of a cache; files that cannot be read, as after a full disk or a power cut, count as missing and are written again."""
 
     def _load_index(self):
-        try:
+        with suppress(Exception):  # whatever a damaged pickle raises
             return super()._load_index()
-        except Exception:  # whatever a damaged pickle raises
-            return {}
+        return {}
 
     def _save_data(self, name, data):
         data = self._dump(data)
@@ -232,11 +231,11 @@ def widest_vectors(typingctx):
     return types.void(), codegen
 
 
-_BLOCK_FUNCTIONS: dict[tuple, CFunc] = {}
-"""Block functions compiled or loaded in this process, by digest and signature."""
+_BLOCK_FUNCTIONS: dict[object, CFunc] = {}
+"""Block functions compiled or loaded in this process, by digest and signature, or by a key of its own for a function without a digest.
 
-_NOT_KEYABLE: list[CFunc] = []
-"""Block functions without a digest; they live as long as the process, since their addresses are in use."""
+They live as long as the process, since their addresses are in use.
+"""
 
 
 class CompilerSwitchedOff(RuntimeError):
@@ -260,11 +259,10 @@ def block_function_of(build: Callable, signature, *parts) -> CFunc:
     """
     try:
         digest = compiled_digest(build, *parts)
+        key = digest, str(signature)
     except NotKeyable:
         # It is unknown whether previously compiled code is still valid.
-        _NOT_KEYABLE.append(compile_block_function(build(*_ready(parts)), signature))
-        return _NOT_KEYABLE[-1]
-    key = digest, str(signature)
+        digest, key = None, object()
     if key not in _BLOCK_FUNCTIONS:
         _BLOCK_FUNCTIONS[key] = compile_block_function(build(*_ready(parts)), signature, digest)
     return _BLOCK_FUNCTIONS[key]

@@ -1,8 +1,6 @@
-"""Instructions that numba lacks: bit patterns of reals, a quotient without infinities, tuples of array entries, a shared counter."""
+"""Instructions that numba lacks: bit patterns of reals, a quotient without infinities; and what intrinsics read from their arguments."""
 
-from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 
@@ -45,29 +43,3 @@ def finite_quotient(typingctx, x, y):
         return builder.fdiv(*arguments, flags=("ninf", "arcp", "contract"))
 
     return x(x, y), codegen
-
-
-@intrinsic
-def tuple_of(typingctx, array, count):
-    """Return the first `count` values of an array, a literal number of them, as a tuple: scalars that a loop need not load again."""
-    if not isinstance(count, types.IntegerLiteral):
-        return None
-    result_type = types.UniTuple(array.dtype, count.literal_value)
-
-    def codegen(context, builder, signature, arguments):
-        data = data_of(context, builder, signature.args[0], arguments[0])
-        values = [builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), n)])) for n in range(count.literal_value)]
-        return cgutils.pack_array(builder, values)
-
-    return result_type(array, count), codegen
-
-
-@intrinsic
-def add_to(typingctx, counters, number, count):
-    """Add to one of an array of counters, atomically, and return its previous value."""
-
-    def codegen(context, builder, signature, arguments):
-        data = data_of(context, builder, signature.args[0], arguments[0])
-        return builder.atomic_rmw("add", builder.gep(data, [arguments[1]]), arguments[2], "monotonic")
-
-    return types.int64(counters, types.int64, types.int64), codegen

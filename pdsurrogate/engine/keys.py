@@ -118,15 +118,12 @@ class _Walk:
         names = _names(code)
         for name, value in [*_values_behind(names | closed.keys(), closed), *_values_behind(names, function.__globals__)]:
             self._write(name)
-            self._named(name, function, value)
+            try:
+                self.add(value)
+            except NotKeyable as error:
+                raise NotKeyable(f"{function.__qualname__} uses {name}: {error}" if "uses" not in str(error) else str(error)) from None
         for implementation in self._overloads.get(id(function), ()):
             self.add(implementation)
-
-    def _named(self, name: str, function: Callable, value) -> None:
-        try:
-            self.add(value)
-        except NotKeyable as error:
-            raise NotKeyable(f"{function.__qualname__} uses {name}: {error}" if "uses" not in str(error) else str(error)) from None
 
     def _code(self, code: python_types.CodeType, documented: bool = False) -> None:
         self._write(

@@ -18,9 +18,8 @@ from numba import prange, types
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, overload
 
-from .block_arrays import CACHE_LINE, aligned_rows, array_over
+from .block_arrays import CACHE_LINE, add_to, aligned_rows, array_over
 from .compile import INLINE_OPTIONS, compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
-from .intrinsics import add_to
 from .threads import Chunks, chunks_of, threads_are_lost
 
 WORDS_PER_LINE = CACHE_LINE // 8
@@ -188,7 +187,10 @@ def share_of(size, chunk, chunks):
 
 
 class BoundPass:
-    """Pass bound to its arrays; calling it runs all chunks and returns the sum of their counts."""
+    """Pass bound to its arrays; calling it runs all chunks and returns the sum of their counts.
+
+    A pass that runs often is called through a `Chain`, which keeps its working memory.
+    """
 
     def __init__(self, what: Pass, arguments: tuple, chunks: Chunks) -> None:
         if len(arguments) != len(what.names):
@@ -203,10 +205,9 @@ class BoundPass:
         self._words = np.array(words, dtype=np.int64)
         self.threads = chunks.threads
         self.call = what.address(tuple(kinds)), _address(self._words), chunks.number
-        self._run = _Run([self.call], self.threads)
 
     def __call__(self) -> int:
-        return self._run()[0]
+        return Chain(self)()[0]
 
     def give(self, name: str, array: np.ndarray) -> None:
         """Replace an argument by another array of the same type and shape."""
@@ -226,22 +227,12 @@ class Chain:
     """
 
     def __init__(self, *passes: BoundPass) -> None:
-        self._passes = passes
+        self._passes = passes  # they keep code and arrays alive
         (threads,) = {bound.threads for bound in passes}
-        self._run = _Run([bound.call for bound in passes], threads)
-
-    def __call__(self) -> list[int]:
-        return self._run()
-
-
-class _Run:
-    """Calls of passes by their addresses; the owner keeps their code and arrays alive."""
-
-    def __init__(self, calls: list[tuple[int, int, int]], threads: int) -> None:
-        self._calls = np.array(calls, dtype=np.int64)
+        self._calls = np.array([bound.call for bound in passes], dtype=np.int64)
         self._following = aligned_rows((threads, WORDS_PER_LINE), np.int64)
-        self._counts = np.zeros((len(calls), threads), dtype=np.int64)
-        self._found = np.zeros(len(calls), dtype=np.int64)
+        self._counts = np.zeros((len(passes), threads), dtype=np.int64)
+        self._found = np.zeros(len(passes), dtype=np.int64)
 
     def __call__(self) -> list[int]:
         if len(self._following) == 1 or threads_are_lost():

@@ -117,21 +117,8 @@ _most: int | None = None
 
 
 def most_threads() -> int:
-    """Return the number of threads that numba was started with, or the limit set by `at_most`; 1 where they did not survive a fork."""
+    """Return the number of threads that numba was started with, or the limit set by `thread_count`; 1 where they did not survive a fork."""
     return 1 if _lost else _most or numba.config.NUMBA_NUM_THREADS
-
-
-@contextmanager
-def at_most(threads: int | None) -> Iterator[None]:
-    """Limit everything within the context to a number of threads, None for all; raise ValueError if there are fewer."""
-    global _most
-    before = _most
-    with thread_count(threads):
-        _most = threads or before
-        try:
-            yield
-        finally:
-            _most = before
 
 
 def threads_for(pairs: int) -> int:
@@ -155,17 +142,23 @@ def chunks_of(pairs: int) -> Chunks:
 
 
 @contextmanager
-def thread_count(threads: int | None) -> Iterator[int]:
-    """Use this number of threads within the context, None for all, and yield it; raise ValueError if there are fewer."""
+def thread_count(threads: int | None, limit: bool = False) -> Iterator[int]:
+    """Use this number of threads within the context, None for all, and yield it; raise ValueError if there are fewer.
+
+    With `limit` nothing within the context can use more.
+    """
+    global _most
     if _lost and threads not in (None, 1):
         _say_lost()
         threads = 1
-    most = most_threads()
+    most, most_before = most_threads(), _most
     if threads is not None and not 1 <= threads <= most:
         raise ValueError(f"threads must be between 1 and {most} on this machine, not {threads}")
-    before = threads_in_use()
-    numba.set_num_threads(threads or most)
+    before, used = threads_in_use(), threads or most
+    numba.set_num_threads(used)
+    _most = used if limit else _most
     try:
-        yield threads or most
+        yield used
     finally:
         numba.set_num_threads(before)
+        _most = most_before

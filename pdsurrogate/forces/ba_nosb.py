@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
 from ..kernels import ba_nosb
+from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS
 from .errors import InvalidState, at_point
 from .kinematics import pointers_to
@@ -80,8 +81,9 @@ class BondAssociatedStress(Term):
         of_bonds, scratch = (aligned_rows((chunks.threads, *shape), value=1) for shape in ((BLOCK, 4), (SCRATCH_ROWS + 4, BLOCK)))
         state = self._volume_ratios, material.response.address, material.parameters
         arrays = kinematics.positions, weighted, (bond_pointers, *shared, *shapes), *state, (of_table, of_bonds, scratch), self.bond_forces
-        sums = self.bond_forces, bond_pointers, self._reverse, material.law.shear_modulus, np.empty_like(body.points)
-        self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, chunks=chunks)
+        # The force on a point is the sum of its bonds' forces minus those of the reverse bonds.
+        sums = self.bond_forces, bond_pointers, bond_pointers, self._reverse, material.law.shear_modulus, np.empty_like(body.points)
+        self._sum_forces = sum_pair_forces[2].bind(*sums, chunks=chunks)
         self._find_forces = Chain(ba_nosb.ba_nosb_forces.bind(*arrays, chunks=chunks), self._sum_forces)
 
     def find(self, out: np.ndarray) -> None:

@@ -13,9 +13,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import bond_force, reference_state, surrogate_thickness
-from ..kernels.analytic import analytic_bond_force
-from ..kernels.bond_state import LEAST_NORMAL_STRETCH, along_and_across, lateral_stretch
-from ..kernels.plane_strain import plane_strain_bond_force
+from ..kernels.bond_force import LEAST_NORMAL_STRETCH, along_and_across, lateral_stretch
 from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.response import volume_residual_block
@@ -111,7 +109,7 @@ class PairForces:
         limits = np.stack([domain.limits(precision), within.limits(precision)])
         self.forces = aligned_rows((len(points.first), 2), precision)
         arrays = points.positions, points.records, (points.first, points.second, self.geometry)
-        force = compiled.address, analytic_bond_force(precision).address, compiled.constants(points), guard, limits
+        force = compiled.address, bond_force.analytic_bond_force(precision).address, compiled.constants(points), guard, limits
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch
         self.find = bond_force.pair_forces.bind(*arrays, *force, memory, self.forces, chunks=kinematics.chunks)
@@ -241,7 +239,7 @@ def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBon
     Of the law only the derivative of U is evaluated, so that an expensive law adds no cost.
     """
     addresses = [compiled.address, volume_residual_block(law).address]
-    return replace(compiled, address=plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
+    return replace(compiled, address=bond_force.plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
 
 
 def pair_strength(body: Body) -> np.ndarray:
@@ -349,7 +347,7 @@ class AnalyticBondForce(ForceSurrogate):
     def compiled(self, dtype) -> CompiledBondForce:
         """Return the exact bond force as a function compiled for blocks of bonds; the caller supplies the law."""
         none = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype)
-        return CompiledBondForce(analytic_bond_force(dtype).address, *none, 0, asks_law=True)
+        return CompiledBondForce(bond_force.analytic_bond_force(dtype).address, *none, 0, asks_law=True)
 
 
 def exact_bond_force(law: Law, stretch, rotation, C33, J) -> np.ndarray:

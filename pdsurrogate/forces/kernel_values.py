@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..engine.block_arrays import TRACTION_ROWS
-from ..kernels.bond_state import lateral_stretch
+from ..kernels.bond_force import lateral_stretch
 from ..kernels.energy_density import ENERGY_ROWS
 from ..materials import Law, plane_stress
 from .bond_energy import EnergySurrogate

@@ -10,7 +10,7 @@ from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import BoundPass, Chain
 from ..engine.threads import chunks_of
 from ..kernels.ghosts import place_points
-from ..kernels.gradient import deformation_gradients
+from ..kernels.node_state import deformation_gradients
 from ..kernels.reference_state import shape_rows
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
@@ -79,8 +79,8 @@ class Kinematics:
         self.gradient_ghosts = ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
         images = ghosts.source, ghosts.parity, self._shifts
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
-        self._form_gradients = self.gradient_pass(self.positions, self.gradients, 1.0)
-        self._place_and_form = Chain(self._place, self._form_gradients)
+        form = self.gradient_pass(self.positions, self.gradients, 1.0)
+        self._place_alone, self._form_gradients, self._place_and_form = Chain(self._place), Chain(form), Chain(self._place, form)
 
     def owners(self) -> np.ndarray:
         """Return the number of the point at which every directed bond begins, shape (n_bonds,)."""
@@ -176,7 +176,7 @@ class Kinematics:
             self._place_and_form()
             self._complete_gradients()
         else:
-            self._place()
+            self._place_alone()
 
     def form_gradients(self) -> None:
         """Bring the deformation gradients of points and ghosts up to date."""

@@ -8,10 +8,9 @@ import numpy as np
 
 from ..engine.compile import block_function_of, isochoric_energy_signature
 from ..kernels import isochoric_energy as kernel
-from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.domain import distance_coefficients
 from ..kernels.energy_density import ENERGY_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
-from ..kernels.network import GROUP, pack_units
+from ..kernels.network import ACTIVATIONS, GROUP, SMOOTH, pack_units
 from ..materials import PLANES, Law
 from .agreement import invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
 from .bond_energy import EnergyModel, EnergySurrogate, IsochoricEnergy
@@ -41,7 +40,7 @@ class LearntEnergy(Learnt, EnergyModel):
     ----------
     name : str
     activation : str
-        One of `pdsurrogate.kernels.activations.SMOOTH`.
+        One of `pdsurrogate.kernels.network.SMOOTH`.
     hidden_weights : ndarray, shape (2, n)
     hidden_biases, output_weights : ndarray, shape (n,)
         Biases and output weights, for unscaled features.

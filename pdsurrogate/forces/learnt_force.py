@@ -10,8 +10,7 @@ import numpy as np
 
 from ..engine.block_arrays import TRACTION_ROWS
 from ..kernels import network, polynomial, spline
-from ..kernels.activations import ACTIVATIONS
-from ..kernels.bond_state import along_and_across, lateral_stretch
+from ..kernels.bond_force import along_and_across, lateral_stretch
 from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..materials import Law
 from .agreement import bond_states
@@ -136,7 +135,7 @@ class NetworkForce(LearntBondForce):
     Parameters
     ----------
     activation : str
-        One of `pdsurrogate.kernels.activations.ACTIVATIONS`.
+        One of `pdsurrogate.kernels.network.ACTIVATIONS`.
     layers : tuple of (ndarray, ndarray)
         Weights of shape (n_in, n_out) and biases of every layer, the output layer last, on unscaled features and outputs.
 
@@ -152,18 +151,18 @@ class NetworkForce(LearntBondForce):
     layers: tuple[tuple[np.ndarray, np.ndarray], ...]
 
     kind: ClassVar[str] = "bond-force-network"
-    names: ClassVar[Mapping[str, Collection[str]]] = {"feature_set": FEATURE_SETS, "activation": ACTIVATIONS}
+    names: ClassVar[Mapping[str, Collection[str]]] = {"feature_set": FEATURE_SETS, "activation": network.ACTIVATIONS}
 
     @property
     def size(self) -> str:
         return f"{' + '.join(str(biases.size) for _, biases in self.layers[:-1])} units"
 
     def outputs(self, features: np.ndarray) -> np.ndarray:
-        return network.network_outputs(features, self.layers, ACTIVATIONS[self.activation])
+        return network.network_outputs(features, self.layers, network.ACTIVATIONS[self.activation])
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
         sizes, weights = network.pack(self.layers, self.at_rest, dtype)
-        block = network.network_block(FEATURE_SETS[self.feature_set], ACTIVATIONS[self.activation], dtype)
+        block = network.network_block(FEATURE_SETS[self.feature_set], network.ACTIVATIONS[self.activation], dtype)
         return block.address, sizes, weights, int(sizes[network.N_WORK_ROWS])
 
     def payload(self) -> dict[str, np.ndarray | str]:

@@ -115,10 +115,8 @@ class MaterialPoints:
     def _pass_of_law(self) -> BoundPass:
         """Return the compiled pass that finds volume ratios and records of the points by the law of the material."""
         kinematics, arrays = self._kinematics, (self.gradients, self.volume_ratios)
-        if kinematics.plane == "space":
-            return node_state.volume_ratios[3].bind(*arrays, chunks=kinematics.chunks)
-        if kinematics.plane == "strain":
-            return node_state.held_states.bind(*arrays, self.records, chunks=kinematics.chunks)
+        if kinematics.plane != "stress":
+            return node_state.held_states[kinematics.body.dimension].bind(*arrays, self.records, chunks=kinematics.chunks)
         law = self.response.address, self.parameters, kinematics.scratch
         return node_state.node_states.bind(*arrays, *law, self.records, chunks=kinematics.chunks)
 

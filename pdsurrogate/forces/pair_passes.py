@@ -9,7 +9,6 @@ from ..engine.passes import BoundPass
 from ..kernels import bond_energy, selective_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
 from ..kernels.domain import exact_share, product_rule
-from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..materials import plane_stress
 from .bond_shares import BondShares
@@ -63,7 +62,7 @@ class Pairs:
 
     def energy(self) -> float:
         """Return the total energy of the material's pairs in the state last evaluated, divided by the shear modulus."""
-        return float(sum_in_order(self._energies))
+        return float(self._energies.sum())
 
 
 class PairEnergies(Pairs):
@@ -158,7 +157,7 @@ class SelectivePairs(Pairs):
         )
 
     def energy(self) -> float:
-        return super().energy() + float(sum_in_order(self.volume_energies))
+        return super().energy() + float(self.volume_energies.sum())
 
     def counts(self) -> tuple[int, int, int]:
         """Return the number of pairs outside the domain since the last call, and two zeros: pairs inside out are counted elsewhere."""

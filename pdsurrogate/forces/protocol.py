@@ -11,7 +11,7 @@ from ..body import Body
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.compile import call_block, kernel
 from ..html_tables import html_facts
-from ..kernels.bond_state import LEAST_NORMAL_STRETCH
+from ..kernels.bond_force import LEAST_NORMAL_STRETCH
 from ..materials import Law
 from ..materials.law import checked_law
 from .internal_force import InternalForce

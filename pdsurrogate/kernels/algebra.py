@@ -1,11 +1,13 @@
 """Vector and matrix algebra in two and three dimensions, written once over the number of components.
 
-`algebra_of` builds a module of functions for a dimension d, and kernels are written over such a module. Vectors are (1, …, d), matrices are
-stored by columns, in the plane (11, 21, 12, 22), and symmetric matrices by the rows of their upper triangle, (11, 12, 22). All functions
-take tuples of reals or rows of arrays and are inlined into their callers. Most are made from one expression for each entry of their result,
-as ``v[0] + w[0]``: numba compiles the tuple of these without loops and arrays, and all entries stay in registers.
+`algebra_of` builds a module of functions for a dimension d; kernels are written over such a module, and `ByDimension` makes them from it.
+Vectors are (1, …, d), matrices are stored by columns, in the plane (11, 21, 12, 22), and symmetric matrices by the rows of their upper
+triangle, (11, 12, 22). All functions take tuples of reals or rows of arrays and are inlined into their callers. Most are made from one
+expression for each entry of their result, as ``v[0] + w[0]``: numba compiles the tuple of these without loops and arrays, and all entries
+stay in registers.
 """
 
+from collections.abc import Callable
 from functools import cache
 from types import ModuleType
 
@@ -39,6 +41,23 @@ def algebra_of(dimension):
     vars(found).update(_components(dimension))
     vars(found).update(_plane(found) if dimension == 2 else _space(found))
     return found
+
+
+class ByDimension(dict):
+    """Table of the kernels that ``build(algebra)`` makes, by dimension, 2 or 3; it decorates `build`.
+
+    The algebra is the module from `algebra_of`. Each kernel is made on first use: a sheet compiles nothing for three dimensions.
+    """
+
+    def __init__(self, build: Callable) -> None:
+        super().__init__()
+        self._build = build
+        self.__doc__ = build.__doc__
+
+    def __missing__(self, dimension: int):
+        """Return the kernel of a dimension, made now and kept."""
+        self[dimension] = self._build(algebra_of(dimension))
+        return self[dimension]
 
 
 def _components(d):

@@ -12,7 +12,6 @@ from ..engine.compile import inline, kernel, widest_vectors
 from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import outer_products, sum_listed_records
 from .algebra import algebra_of
-from .by_dimension import ByDimension
 from .node_state import solve_volume_ratios
 from .reference_state import LEAST_SHAPE_QUALITY
 
@@ -137,21 +136,3 @@ def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, respon
         P = plane.first_piola(plane.matrix_column_at(gradients, k), plane.column_at(states, k), found, 1.0)
         plane.put(forces, k, plane.matrix_times_vector(P, plane.vector_at(vectors, k)))
     return unsolved
-
-
-@ByDimension
-def sum_bond_forces(algebra):
-    """Build the pass that sums the forces of directed bonds to forces on points."""
-
-    @Pass
-    def sum_bond_forces(chunk, chunks, forces, bond_pointers, reverse, unit, out):
-        """Sum the forces of every point's bonds minus those of the reverse bonds; return for how many points the sum is not finite."""
-        without_force = 0
-        begin, end = share_of(out.shape[0], chunk, chunks)
-        for i in range(begin, end):
-            bonds = bond_pointers[i], bond_pointers[i + 1]
-            algebra.sum_signed_records(forces, bonds, reverse, bonds, unit, i, out)
-            without_force += algebra.not_finite(algebra.vector_at(out, i))
-        return without_force
-
-    return sum_bond_forces

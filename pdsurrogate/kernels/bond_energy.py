@@ -14,9 +14,8 @@ that it is neither invalid nor outside a domain.
 
 import numpy as np
 
-from ..engine.block_arrays import BLOCK, block_rows, pair_records, put_column, put_row, quad_records
+from ..engine.block_arrays import BLOCK, block_rows, pair_records, put_column, put_row, quad_records, tuple_of
 from ..engine.compile import call_block, inlined, widest_vectors
-from ..engine.intrinsics import tuple_of
 from ..engine.passes import Pass, share_of
 from .algebra import algebra_of
 from .bond_force import FALL_BACK, UNGUARDED

@@ -1,13 +1,21 @@
-"""Bond forces of every pair of points, for all force models that map the state of a bond to its force in a sheet."""
+"""Bond forces of every pair of points in a sheet: the stretch tensor of a bond, the exact force, and the pass of all force models.
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records
-from ..engine.compile import call_block, widest_vectors
-from ..engine.intrinsics import tuple_of
+The exact force (theory (7), (11)) replaces that of a surrogate outside the surrogate's domain. A surrogate that was learnt at plane stress
+serves plane strain with the pressure of the held thickness added.
+"""
+
+from functools import cache
+
+import numpy as np
+from numba import carray
+
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records, put_column, tuple_of
+from ..engine.compile import bond_force_signature, call_block, compile_block_function, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
-from .algebra import algebra_of
-from .bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
+from .algebra import algebra_of, entries
 from .domain import N_LIMITS, is_outside, share_inside
-from .elementary import inverse_square_root
+from .elementary import inverse_square_root, quotient
+from .feature_sets import like
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
 """Guards for bonds outside the domain of a force model. UNGUARDED: the model has no domain. TURNED: they are counted, and those turned so
@@ -27,6 +35,87 @@ BUFFER_ROWS = MEANS + 4
 """First rows of the parts of the buffer, after the states of the pairs: bond vectors, tractions, exact tractions, sums of the points'
 records; and the number of rows in all.
 """
+
+MODEL, VOLUMETRIC, OWN = 0, 1, 2
+"""Places in the sizes of a model in plane strain: addresses of the model's block function and of the law's volumetric one, and the first of
+the model's own sizes.
+"""
+
+MOST_SIZES = 4096
+"""Length of the array view of a model's `sizes`, an upper bound for all models; each model reads only its own."""
+
+LEAST_NORMAL_STRETCH = 0.1
+"""Value of U_nn below which the tangent of 1/U_nn replaces 1/U_nn: rubber is never compressed so far."""
+
+
+@inlined
+def lateral_stretch(a, b, J):
+    """Return U_mm = (J + b^2)/a of theory (10), continued to bonds turned by a right angle and more, where a = U_nn <= 0.
+
+    There no stretch tensor exists: U_mm would change sign through a pole, and the force would turn such a bond further instead of back.
+    Below `LEAST_NORMAL_STRETCH` 1/a therefore continues along its tangent. With p > 0 and q < 0 the traction T_nn = p a + q U_mm/J is then
+    finite and rises with a through all rotations: it pushes the bond back.
+    """
+    inverse = quotient(like(a, 1.0), np.maximum(a, like(a, LEAST_NORMAL_STRETCH)))
+    return (J + b * b) * inverse * (like(a, 2.0) - a * inverse)
+
+
+def along_and_across(T_nn, T_nm, a, b, stretch):
+    """Return (t_n, t_tau), components along and across the deformed bond, shape (n, 2), from those along and across the bond at rest."""
+    return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+
+
+doubles_at = entries("rows, k", [f"np.float64(rows[{r}, k])" for r in range(3)])
+
+
+@cache
+def analytic_bond_force(dtype):
+    """Return the block function of the exact bond force of any law, which is evaluated in double precision for any `dtype`."""
+
+    def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
+        widest_vectors()
+        states = carray(states, (STATE_ROWS, BLOCK))
+        traction = carray(traction, (TRACTION_ROWS, BLOCK))
+        scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
+        for k in range(BLOCK):
+            a, b, U_mm = doubles_at(states, k)
+            J = np.float64(states[3, k])
+            put_column(scratch, k, (a * a + 2.0 * b * b + U_mm * U_mm, J, J * np.sqrt(np.float64(states[4, k]))))
+        call_block(response, scratch[0:3], parameters, scratch[3:8])
+        for k in range(BLOCK):
+            p = scratch[3, k]
+            q = scratch[4, k] / scratch[1, k]
+            a, b, U_mm = doubles_at(states, k)
+            put_column(traction, k, (p * a + q * U_mm, (p - q) * b, p * U_mm + q * a))
+
+    return compile_block_function(bond_force, bond_force_signature(np.dtype(dtype)))
+
+
+@cache
+def plane_strain_bond_force(dtype):
+    """Return the block function that adds the pressure of a held thickness to a model's force, T + (J3 U' - tr(T U)/3) U^-1 (theory (47)).
+
+    The isochoric Kirchhoff stress has no trace; at plane stress the model has subtracted its component across the plane from all three.
+    """
+
+    def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
+        widest_vectors()
+        model = carray(sizes, (MOST_SIZES,))
+        call_block(model[MODEL], states, model[OWN:], weights, response, parameters, work, scratch, traction)
+        states = carray(states, (STATE_ROWS, BLOCK))
+        traction = carray(traction, (TRACTION_ROWS, BLOCK))
+        scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
+        for k in range(BLOCK):
+            J = np.float64(states[3, k])
+            put_column(scratch, k, (1.0, J, J * np.sqrt(np.float64(states[4, k]))))
+        call_block(model[VOLUMETRIC], scratch[0:3], parameters, scratch[3:7])
+        for k in range(BLOCK):
+            a, b, U_mm = doubles_at(states, k)
+            T_nn, T_nm, T_mm = doubles_at(traction, k)
+            q = (scratch[5, k] - (T_nn * a + 2.0 * T_nm * b + T_mm * U_mm) / 3.0) / scratch[1, k]
+            put_column(traction, k, (T_nn + q * U_mm, T_nm - q * b, T_mm + q * a))
+
+    return compile_block_function(bond_force, bond_force_signature(np.dtype(dtype)))
 
 
 @Pass

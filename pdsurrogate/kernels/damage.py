@@ -5,7 +5,7 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, block_rows
 from ..engine.compile import widest_vectors
 from ..engine.passes import Pass, share_of
-from .by_dimension import ByDimension
+from .algebra import ByDimension
 
 
 @ByDimension

@@ -10,7 +10,7 @@ from ..engine.block_arrays import BLOCK, block_rows
 from ..engine.compile import widest_vectors
 from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import multiply_pairs, sum_scaled_records
-from .by_dimension import ByDimension
+from .algebra import ByDimension
 from .selective_energy import gradient_of_bond, smoothed_value
 
 

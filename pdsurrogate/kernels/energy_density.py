@@ -1,8 +1,8 @@
 """The plane-stress energy of a sheet, psi(tr C, det F) with C33 eliminated, as block functions: exact for any law, and learnt.
 
-Both give psi and its two derivatives, dimensionless, from the two invariants. By the envelope theorem the derivatives at the C33 that
-solves P33 = 0 are those at fixed C33: 2 dpsi/dtr C = p and J dpsi/dJ = q, the coefficients of R^T P = p U + q U^-1
-(`pdsurrogate.materials.expressions`).
+Both give psi and its two derivatives, dimensionless, from the two invariants, and have the arguments of a bond force. By the envelope
+theorem the derivatives at the C33 that solves P33 = 0 are those at fixed C33: 2 dpsi/dtr C = p and J dpsi/dJ = q, the coefficients of R^T P
+= p U + q U^-1 (`pdsurrogate.materials.expressions`).
 """
 
 from functools import cache
@@ -21,9 +21,6 @@ INVARIANT_ROWS = 2
 
 ENERGY_ROWS = 3
 """Rows of the result: psi, dpsi/dtr C, dpsi/dJ."""
-
-energy_density_signature = bond_force_signature
-"""Signature ``energy_density(states, sizes, weights, response, parameters, work, scratch, result)``, with the arguments of a bond force."""
 
 
 @cache
@@ -50,7 +47,7 @@ def analytic_energy_density(dtype):
                 if not solved:
                     put_column(result, k, (np.nan, np.nan, np.nan))
 
-    return compile_block_function(energy_density, energy_density_signature(np.dtype(dtype)))
+    return compile_block_function(energy_density, bond_force_signature(np.dtype(dtype)))
 
 
 N_CONSTANTS = 2
@@ -101,4 +98,4 @@ def network_energy_density(activation, dtype):
             result[1, k] = by_log_ratio / states[0, k]
             result[2, k] = (by_log_J - by_log_ratio) / states[1, k]
 
-    return compile_block_function(energy_density, energy_density_signature(np.dtype(dtype)))
+    return compile_block_function(energy_density, bond_force_signature(np.dtype(dtype)))

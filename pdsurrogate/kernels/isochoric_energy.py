@@ -11,9 +11,8 @@ is negative. Both are linear in I1bar and I2bar; the code calls them distances, 
 import numpy as np
 from numba import carray
 
-from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from, stack_rows
+from ..engine.block_arrays import BLOCK, add_to, block_rows, put_column, rows_from, stack_rows, tuple_of
 from ..engine.compile import call_block, widest_vectors
-from ..engine.intrinsics import add_to, tuple_of
 from .algebra import entries
 from .domain import BLEND, exact_share_at
 from .elementary import logarithm, select

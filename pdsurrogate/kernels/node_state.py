@@ -1,12 +1,11 @@
-"""State of every point from its deformation gradient: rotation, J, and C33 by the plane-stress condition."""
+"""Deformation gradient of every point, and the state that follows from it: rotation, J, and C33 by the plane-stress condition."""
 
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, block_rows, put_column, put_row, quad_records
 from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
-from .algebra import algebra_of
-from .by_dimension import ByDimension
+from .algebra import ByDimension, algebra_of
 from .elementary import inverse_square_root
 
 plane = algebra_of(2)
@@ -17,6 +16,26 @@ MOST_ITERATIONS = 40
 
 SWELLING = 0.02
 """Relative growth of J3 in an iteration in which J3 is below the least that the law allows."""
+
+
+@ByDimension
+def deformation_gradients(algebra):
+    """Build the pass that computes the deformation gradient of every point (20)."""
+
+    @Pass
+    def deformation_gradients(chunk, chunks, positions, pointers, neighbours, weighted_bonds, inverse_shape, unsupported, gradients):
+        """Compute F of every point by columns; where the bonds do not span the space it is `unsupported` times I.
+
+        Points without a gradient carry no stress: their F is I (`unsupported` = 1) and a change of it zero (`unsupported` = 0).
+        """
+        start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
+        for i in range(start, stop):
+            algebra.sum_outer_products(positions, neighbours, weighted_bonds, (pointers[i], pointers[i + 1]), i, gradients)
+            Z = algebra.symmetric_at(inverse_shape, i)
+            F = algebra.times_symmetric(algebra.matrix_at(gradients, i), Z)
+            algebra.put(gradients, i, algebra.plus_diagonal(F, unsupported if Z[0] == 0.0 else 0.0))
+
+    return deformation_gradients
 
 
 @inline
@@ -72,47 +91,34 @@ def rotation(F):
 
 
 @ByDimension
-def volume_ratios(algebra):
-    """Build the pass that computes det F of every point, for models that need nothing else of a point's state."""
+def held_states(algebra):
+    """Build the pass that computes the state of every point of a solid, or of a sheet whose thickness is held: J3 = det F."""
+    sheet = algebra.DIMENSION == 2
 
     @Pass
-    def volume_ratios(chunk, chunks, gradients, volume_ratios):
-        """Compute det F of every point from F by columns; return the number of points with det F <= 0 or non-finite F."""
+    def held_states(chunk, chunks, gradients, volume_ratios, records):
+        """Compute det F of every point from F by columns; return the number of points with det F <= 0 or non-finite F.
+
+        In a sheet the points' records are (cos, sin, J, 1), with C33 = 1; a solid has none.
+        """
         widest_vectors()
         start, stop = share_of(gradients.shape[0], chunk, chunks)
         F = algebra.matrix_rows(gradients[start:stop])
-        J = volume_ratios[start:stop]
+        J3 = volume_ratios[start:stop]
+        record = quad_records(records[start:stop])
         count = 0
         for k in range(stop - start):
             gradient = algebra.matrix_at(F, k)
-            J[k] = algebra.determinant(gradient)
+            J = algebra.determinant(gradient)
+            J3[k] = J
+            if sheet:
+                c, s = rotation(gradient)
+                put_row(record, k, (c, s, J, 1.0))
             # NaN fails both comparisons.
-            count += 0 if (J[k] > 0.0) & (algebra.squared_norm(gradient) < np.inf) else 1
+            count += 0 if (J > 0.0) & (algebra.squared_norm(gradient) < np.inf) else 1
         return count
 
-    return volume_ratios
-
-
-@Pass
-def held_states(chunk, chunks, gradients, volume_ratios, records):
-    """Write the points' records with the thickness held fixed, C33 = 1 and J3 = J.
-
-    Return the number of points with det F <= 0 or non-finite F.
-    """
-    widest_vectors()
-    start, stop = share_of(gradients.shape[0], chunk, chunks)
-    F = plane.matrix_rows(gradients[start:stop])
-    J3 = volume_ratios[start:stop]
-    record = quad_records(records[start:stop])
-    count = 0
-    for k in range(stop - start):
-        trace, J, _ = plane.response_state(plane.matrix_at(F, k), 1.0)
-        c, s = rotation(plane.matrix_at(F, k))
-        J3[k] = J
-        put_row(record, k, (c, s, J, 1.0))
-        # NaN fails both comparisons.
-        count += 0 if (J > 0.0) & (trace < np.inf) else 1
-    return count
+    return held_states
 
 
 @Pass

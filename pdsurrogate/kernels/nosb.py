@@ -3,7 +3,7 @@
 from ..engine.block_arrays import BLOCK, block_rows
 from ..engine.compile import call_block, widest_vectors
 from ..engine.passes import Pass, share_of
-from .by_dimension import ByDimension
+from .algebra import ByDimension
 
 
 @ByDimension

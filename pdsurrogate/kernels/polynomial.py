@@ -12,9 +12,8 @@ from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, tuple_of
 from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
-from ..engine.intrinsics import tuple_of
 from .feature_sets import N_OUTPUTS, FeatureSet
 
 MOST_DEGREE = 24

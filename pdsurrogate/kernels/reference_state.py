@@ -7,8 +7,7 @@ import numpy as np
 
 from ..engine.block_arrays import BLOCK, put_column
 from ..engine.passes import Pass, share_of
-from .algebra import algebra_of
-from .by_dimension import ByDimension
+from .algebra import ByDimension, algebra_of
 
 plane = algebra_of(2)
 

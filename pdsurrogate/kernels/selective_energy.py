@@ -5,30 +5,25 @@ volume zero and is given the undeformed state.
 """
 
 from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
-from ..engine.compile import call_block, inlined, kernel, widest_vectors
+from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
-from .by_dimension import ByDimension
+from .algebra import ByDimension
 from .feature_sets import like
 
 STATE_ROWS, RESULT_ROWS = 3, 4
 """Rows of the states and of the result of an isochoric response; the last row of the result is the energy."""
 
 
-@inlined
-def _evaluate(energy, constants, states, result):
-    if energy == 0:
-        call_block(constants[2], states, constants[3], result)
-    else:
-        call_block(energy, states, constants, result)
-
-
-@kernel
+@inline
 def evaluate_isochoric_energy(energy, constants, states, result):
     """Evaluate an isochoric energy over one block of states: a learnt one by its address, or the law's own if that is 0.
 
     `constants` are sizes and weights of a learnt energy, and response and parameters of the law.
     """
-    _evaluate(energy, constants, states, result)
+    if energy == 0:
+        call_block(constants[2], states, constants[3], result)
+    else:
+        call_block(energy, states, constants, result)
 
 
 def buffer_rows(dimension: int) -> int:
@@ -191,7 +186,7 @@ def pair_energies(algebra):
                 F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)
                 put_column(states, k, algebra.response_state(F, like(F[0], 1.0)))
-            _evaluate(energy, constants, states, result)
+            evaluate_isochoric_energy(energy, constants, states, result)
             # The bonds are no longer needed: their first row is reused for the pressures.
             for k in range(BLOCK):
                 bonds[0, k] = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..engine.compile import kernel
-from .by_dimension import ByDimension
+from .algebra import ByDimension
 
 
 @ByDimension

@@ -1,7 +1,7 @@
 """Sums of pair forces and of the points' own stresses to forces on points, in an order that does not depend on the number of threads."""
 
 from ..engine.passes import Pass, share_of
-from .by_dimension import ByDimension
+from .algebra import ByDimension
 
 
 @ByDimension
@@ -12,7 +12,8 @@ def sum_pair_forces(algebra):
     def sum_pair_forces(chunk, chunks, forces, pair_pointers, incidence_pointers, incidence, unit, out):
         """Write the force on every point, times `unit` (the shear modulus), summed in double precision; return how many are not finite.
 
-        The force of a pair acts on its first point, and its opposite on the second.
+        The force of a pair acts on its first point, and its opposite on the second. Directed bonds are summed by the same pass, with their
+        reverse bonds as `incidence`.
         """
         without_force = 0
         start, stop = share_of(out.shape[0], chunk, chunks)

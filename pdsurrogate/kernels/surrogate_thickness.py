@@ -9,9 +9,8 @@ and the map that gives the force of a bond gives the pressure in a point as well
 K/mu.
 """
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column, quad_records
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column, quad_records, tuple_of
 from ..engine.compile import call_block, widest_vectors
-from ..engine.intrinsics import tuple_of
 from ..engine.passes import Pass, share_of
 from .algebra import algebra_of
 from .domain import N_LIMITS, is_outside, share_inside

@@ -48,7 +48,7 @@ def relu(x):
 ACTIVATIONS = {function.__name__: function for function in (algebraic, logistic, tanh, relu)}
 """Functions ``f(x) -> (value, derivative)`` by name; the kernels have all of them.
 
-The expressions differ from those of `pdsurrogate.kernels.activations` by 1e-15. A training magnifies the last bit into other weights, and
+The expressions differ from those of `pdsurrogate.kernels.network` by 1e-15. A training magnifies the last bit into other weights, and
 only with these do the weights of the shipped artefacts come out again (``pipelines/fit_shipped.py --check``).
 """
 

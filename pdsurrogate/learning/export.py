@@ -15,9 +15,8 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
 from ..forces import Domain, ForceSurrogate, LearntBondForce, NetworkForce, OwnBondForce, PolynomialForce, SplineForce, is_own_force
-from ..kernels.activations import ACTIVATIONS
 from ..kernels.feature_sets import FEATURE_SETS
-from ..kernels.network import MOST_HIDDEN, network_outputs
+from ..kernels.network import ACTIVATIONS, MOST_HIDDEN, network_outputs
 from ..kernels.spline import FEATURES
 from ..materials import Law
 from .chebyshev import ChebyshevRegressor

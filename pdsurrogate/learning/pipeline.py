@@ -11,7 +11,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils import get_tags
 
-from ..kernels.bond_state import along_and_across
+from ..kernels.bond_force import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
 from .base import check_targets, checked_columns, named
 from .levenberg_marquardt import LevenbergMarquardtRegressor

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import make_lsq_spline
 
-from ..kernels.bond_state import along_and_across
+from ..kernels.bond_force import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.spline import SUPPORT
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..arguments import check_share
 from ..body import WEIGHT_FUNCTIONS
-from ..kernels.bond_state import along_and_across
+from ..kernels.bond_force import along_and_across
 from ..materials import Law, plane_stress
 from .base import named
 

@@ -6,9 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import Self
 
-from ..kernels.activations import ACTIVATIONS
 from ..kernels.feature_sets import FEATURE_SETS
-from ..kernels.network import MOST_HIDDEN
+from ..kernels.network import ACTIVATIONS, MOST_HIDDEN
 from ..materials import Law
 from .chebyshev import ChebyshevRegressor
 from .fitting import TARGETS, cross_validate, reachable_stretches, surrogate_pipeline, training_samples

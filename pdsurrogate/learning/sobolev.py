@@ -11,7 +11,7 @@ from sklearn.utils._param_validation import StrOptions
 from sklearn.utils.validation import check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
-from ..kernels.activations import ACTIVATIONS, SMOOTH
+from ..kernels.network import ACTIVATIONS, SMOOTH
 from .base import COUNT, NOT_NEGATIVE, POSITIVE, checked_samples, distinct_samples
 from .levenberg_marquardt import CONSTRAINTS, accepted_steps
 

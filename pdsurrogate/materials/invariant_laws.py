@@ -5,8 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..kernels.elementary import logarithm, select
-from ..kernels.langevin import chain_energy, inverse_langevin
+from ..kernels.elementary import chain_energy, inverse_langevin, logarithm, select
 from .law import InvariantLaw
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..kernels.bond_state import lateral_stretch
+from ..kernels.bond_force import lateral_stretch
 from ..kernels.node_state import SWELLING
 from . import expressions
 from .consistency import check_consistency

@@ -7,8 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from scipy.integrate import lebedev_rule
 
-from ..kernels.elementary import exponential, select
-from ..kernels.langevin import chain_energy, inverse_langevin
+from ..kernels.elementary import chain_energy, exponential, inverse_langevin, select
 from .law import PrincipalStretchLaw, check_number
 
 MOST_TERMS = 8

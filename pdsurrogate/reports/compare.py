@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from .. import learning
 from ..artifacts import load_surrogate
 from ..body import Body
-from ..engine.threads import at_most, most_threads
+from ..engine.threads import most_threads, thread_count
 from ..forces import AnalyticBondForce, BANOSBForce, BondEnergyForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..learning.levenberg_marquardt import listening
@@ -203,7 +203,7 @@ def compare(
     """
     law, body = law or NeoHookean(), sheet()
     spacing, patience, n_samples = (0.05, 10.0, 2000) if quick else (0.02, 200.0, 20_000)
-    with at_most(threads):
+    with thread_count(threads, limit=True):
         entries, rows = candidates(law, quick, body, progress), []
         speeds = measure_speed(entries, law, patience, partial(progress, TIMING))
         for number, (entry, speed) in enumerate(zip(entries, speeds, strict=True)):

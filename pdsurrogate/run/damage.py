@@ -6,6 +6,7 @@ import numpy as np
 
 from ..body import Body, rows_of
 from ..engine.block_arrays import BLOCK
+from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..kernels.damage import find_overstretched
 from ..ranks import Rows
@@ -46,6 +47,7 @@ class Damage:
         scratch = np.zeros((chunks.threads, body.dimension, BLOCK))
         arrays = body.all_points, first, second, self._limits.reshape(-1, BLOCK), scratch, self._found, self._counts
         self._find = find_overstretched[body.dimension].bind(*arrays, chunks=chunks)
+        self._search = Chain(self._find)
         one, other = body.bonds.cut.T
         self._whole = _by_points(body, bonds.first, bonds.second, self._weights)
         self._whole += _by_points(body, one, other, body.weigh(_lengths(body, one, other)))
@@ -59,7 +61,7 @@ class Damage:
             Positions of the points and their images.
         """
         self._find.give("positions", positions)
-        if not self._find():
+        if not any(self._search()):
             return self._found[:0]
         chunks, blocks = len(self._counts), len(self._limits) // BLOCK
         starts = [chunk * blocks // chunks * BLOCK for chunk in range(chunks)]

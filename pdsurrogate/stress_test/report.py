@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from .. import __version__
 from ..artifacts import ArtifactError, list_artifacts, load_surrogate
-from ..engine.threads import at_most, most_threads
+from ..engine.threads import most_threads, thread_count
 from ..forces import FORCES
 from ..results.provenance import processor
 from . import conformance, deformations, runs, tangents
@@ -78,7 +78,7 @@ def stress_test(
     models = [{"force": one.reference, "plane": one.plane, "material": one.law.describe(), "results": {}} for one in subjects]
     tests = [(*pair, case) for pair in zip(subjects, models, strict=True) for case in CASES if pair[0].plane in case.planes]
     # BLAS threads would spin on the cores that the kernels need.
-    with at_most(threads), threadpool_limits(1, user_api="blas"):
+    with thread_count(threads, limit=True), threadpool_limits(1, user_api="blas"):
         for done, (subject, model, case) in enumerate(tests):
             progress(done, len(tests), f"{subject.reference}, {BODIES[subject.plane]}: {case.title}")
             began = time.perf_counter()

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import COMMANDS, app, terminal
 from pdsurrogate.cli.command import warnings_as_lines
-from pdsurrogate.engine.threads import at_most, most_threads, threads_for
+from pdsurrogate.engine.threads import most_threads, thread_count, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.materials import LAWS
 from pdsurrogate.run.run import Oversubscribed
@@ -233,9 +233,9 @@ def test_a_scene_to_start_from(tmp_path, monkeypatch):
 
 def test_commands_keep_to_the_threads_that_are_asked_for():
     all_of_them = most_threads()
-    with at_most(1):
+    with thread_count(1, limit=True):
         assert (most_threads(), threads_for(10**9)) == (1, 1)
-        with pytest.raises(ValueError, match="threads must be between 1 and 1"), at_most(2):
+        with pytest.raises(ValueError, match="threads must be between 1 and 1"), thread_count(2, limit=True):
             pass
     assert most_threads() == all_of_them
     for command in ("compare", "stress-test", "run"):

@@ -21,7 +21,7 @@ from pdsurrogate.forces import (
     OutsideDomainWarning,
 )
 from pdsurrogate.forces.kernel_values import kernel_tractions
-from pdsurrogate.kernels.bond_state import along_and_across
+from pdsurrogate.kernels.bond_force import along_and_across
 from pdsurrogate.kernels.domain import blend, exact_share, exact_share_at
 from pdsurrogate.materials import Gent, plane_stress
 

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from pdsurrogate.artifacts.store import payload_of
 from pdsurrogate.forces import Domain, NetworkForce
-from pdsurrogate.kernels.activations import ACTIVATIONS
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
-from pdsurrogate.kernels.network import pack
+from pdsurrogate.kernels.network import ACTIVATIONS, pack
 from pdsurrogate.scenes import Scene, SceneError, load_scene
 
 weights = st.floats(-3, 3, allow_subnormal=False)

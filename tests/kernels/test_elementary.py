@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pdsurrogate.engine.compile import inlined, kernel
-from pdsurrogate.kernels import activations, elementary
+from pdsurrogate.kernels import elementary
+from pdsurrogate.kernels import network as activations
 from pdsurrogate.paper.features import arctangent
 
 

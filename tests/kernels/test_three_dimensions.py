@@ -9,8 +9,7 @@ import pytest
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.engine.block_arrays import BLOCK, SCRATCH_ROWS
 from pdsurrogate.engine.threads import Chunks
-from pdsurrogate.kernels import damage, gradient, nosb, reference_state, steps, sums
-from pdsurrogate.kernels.ba_nosb import sum_bond_forces
+from pdsurrogate.kernels import damage, node_state, nosb, reference_state, steps, sums
 from pdsurrogate.materials import NeoHookean, Ogden, solid
 
 COUNT, SPACING, CHUNKS = 7, 1 / 7, Chunks(threads=2, number=5)
@@ -106,7 +105,7 @@ class Passes:
     def gradients(self, positions, unsupported=1.0):
         bonds, F = self.body.bonds, np.zeros((len(positions), 9))
         arrays = positions, bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape, unsupported, F
-        gradient.deformation_gradients[3].bind(*arrays, chunks=CHUNKS)()
+        node_state.deformation_gradients[3].bind(*arrays, chunks=CHUNKS)()
         return F
 
     def stresses(self, F, law):
@@ -276,7 +275,7 @@ def test_sums_of_directed_bonds(random):
     reverse = np.array([place[j, i] for i, j in place], dtype=np.uint32)
     forces, expected, out = random.standard_normal((len(owners), 3)), np.zeros((len(body), 3)), np.zeros((len(body), 3))
     np.add.at(expected, owners, 0.7 * (forces - forces[reverse]))
-    assert sum_bond_forces[3].bind(forces, bonds.pointers, reverse, 0.7, out, chunks=CHUNKS)() == 0
+    assert sums.sum_pair_forces[3].bind(forces, bonds.pointers, bonds.pointers, reverse, 0.7, out, chunks=CHUNKS)() == 0
     close(out, expected)
 
 

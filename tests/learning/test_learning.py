@@ -21,8 +21,8 @@ import pdsurrogate as pds
 from pdsurrogate.artifacts import load_card, load_pipeline, load_surrogate
 from pdsurrogate.forces import AnalyticBondForce
 from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
-from pdsurrogate.kernels.activations import ACTIVATIONS
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
+from pdsurrogate.kernels.network import ACTIVATIONS
 from pdsurrogate.learning import surrogate_of
 from pdsurrogate.learning.bond_force import BOND_FORCE
 from pdsurrogate.learning.pipeline import feature_transformer, outputs_of_force

@@ -10,7 +10,7 @@ from probes import compiled_response
 
 import pdsurrogate as pds
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
-from pdsurrogate.kernels.langevin import chain_energy, inverse_langevin, langevin
+from pdsurrogate.kernels.elementary import chain_energy, inverse_langevin, langevin
 from pdsurrogate.learning import reachable_stretches, surrogate_of
 from pdsurrogate.materials import LAWS, InvariantLaw, homogeneous, plane_stress
 from pdsurrogate.materials.consistency import check_consistency
