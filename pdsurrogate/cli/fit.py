@@ -188,9 +188,9 @@ def fit(
 
 
 def _simulate_tests(path: Path, tests: Identified) -> dict:
-    """Simulate the material tests with a fitted artefact, print and draw its differences from the tests and from the law.
+    """Simulate the material tests with a fitted artefact, print its differences from tests and law, and draw all unless drawn before.
 
-    Return these differences and the simulated stresses for the output as JSON.
+    Return, for the output as JSON, the differences from the tests, the number of rows outside the domain, and the simulated stresses.
     """
     with status(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)

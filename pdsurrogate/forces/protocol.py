@@ -145,7 +145,7 @@ class CompiledBondForce:
     asks_law: bool = False
 
     def constants(self, points: MaterialPoints) -> tuple:
-        """Return the constants of this function, and response and parameters of the law of `points`, as compiled passes expect them."""
+        """Return the arguments of the function: its own constants, then address of the response and parameters of the law of `points`."""
         return self.sizes, self.weights, points.response.address, points.parameters
 
     def memory(self, threads: int, dtype) -> np.ndarray:

@@ -104,8 +104,8 @@ def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.n
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     """Return the outputs of a feature set, shape (n, 2), that correspond to bond forces y, as training targets of the regressor.
 
-    Outputs that vary by rounding only are made constant: scaled to unit variance they would be noise to fit. An output that is a
-    derivative by the shear is NaN for a bond without shear, because the force of this bond does not determine the derivative.
+    Outputs that vary by rounding only are made constant: scaled to unit variance they would be noise to fit. If one of the
+    outputs is a derivative by the shear, both are NaN for a bond without shear, whose force does not determine the derivative.
     """
     a, b, U_mm, J, C33, length = _bond_state(X)
     check_targets(y, OUTPUTS)

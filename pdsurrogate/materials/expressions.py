@@ -43,10 +43,8 @@ def sheet_invariants(state):
 def of_sheet_invariants(state, isochoric, volumetric):
     """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(I1bar, I2bar) + U(J3).
 
-    The expressions are those of theory (7) with U^3 of the stretch tensor reduced by Cayley-Hamilton.
-
-    ``d1`` and ``d2`` are J3/2 times the derivatives of the two invariants by J3 at fixed F in the plane, which makes the residual J3
-    dPsi/dJ3, the plane-stress condition (paper, Eq. (9), with the exponent of its first term corrected to +2/3).
+    p and q are the coefficients of the stress in theory (7). The residual is J3 dPsi/dJ3 at fixed F in the plane, which vanishes in plane
+    stress, and its slope is the derivative by J3 (paper, Eq. (9), with the exponent of its first term corrected to +2/3).
     """
     trace, J, J3 = state
     W, W1, W2, W11, W12, W22 = isochoric
@@ -59,6 +57,7 @@ def of_sheet_invariants(state, isochoric, volumetric):
 
     I1, I2 = sheet_invariants(state)
     mixed = c * c33 * trace
+    # d1 and d2 are J3/2 times the derivatives of the two invariants by J3 at fixed F in the plane.
     d1 = c33 - I1 / 3
     d2 = mixed - 2 * I2 / 3
     residual = 2 * (W1 * d1 + W2 * d2) + J3 * dU

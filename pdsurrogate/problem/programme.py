@@ -213,9 +213,10 @@ class Prescription:
     def held(
         self, names: tuple[str, ...], points: np.ndarray, places: np.ndarray, components: tuple[int, ...] | None = None, **further
     ) -> Held:
-        """Return the held part of a body that makes the prescribed motion: given points, with their places at rest.
+        """Return the held part that makes the prescribed motion: the given points, or a plane with points next to it, by their places.
 
-        `names` are those of all holders; `components` are by default all that are prescribed; `further` goes to `Held`.
+        `names` lists all supports whose forces are reported, in which this one finds its number; `components` are by default all that are
+        prescribed, and `further` is passed to `Held`.
         """
         holder = None if self.holder is None else names.index(self.holder)
         angle = None if self.rotation is None else self.angle

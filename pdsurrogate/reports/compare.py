@@ -106,7 +106,7 @@ def plans(law: Law, quick: bool) -> Iterator[Plan]:
 
 
 def _share_of(progress: Progress, stage: str, number: int, of: int, what: str) -> Callable[[float, str], None]:
-    """Return a function that reports to `progress` the share done, from 0 to 1, of item `number` of `of` in a stage, with a text."""
+    """Return a function ``(share, text)`` that reports item `number` of `of` in a stage as done to that share, from 0 to 1."""
     return lambda share, text="": progress(stage, number + share, of, f"{what}: {text}" if text else what)
 
 
@@ -124,9 +124,10 @@ def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Ca
 
 
 def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
-    """Return a surrogate's errors against the exact law, on and off the plane-stress surface, and its least stiffness slope.
+    """Return the errors of a learnt model against the exact law, and for a bond force the least slope d t_n / d lambda_b.
 
-    The errors are those of the compiled kernel in its own precision. For other models the result is empty.
+    The errors are those of the compiled kernel in its own precision, on and off the plane-stress surface, of an energy on it alone. The
+    slope is found in double precision. For other models the result is empty.
     """
     if isinstance(entry.model, EnergySurrogate):
         # An energy gives the stress on the surface only, since C33 is not among its inputs.

@@ -177,7 +177,7 @@ def arithmetic(thread, chunk, chunks, rounds, buffers):
 
 
 def _arithmetic_on(count: int) -> Callable[[int], float]:
-    """Return a function that returns the seconds of a number of rounds of `arithmetic`; call it while `count` threads are in use."""
+    """Return a function that times a given number of rounds of `arithmetic`, in seconds; `count` is the number of threads in use."""
     buffer = aligned_rows((count, ROWS, BLOCK), np.float32, 0.5)
 
     def seconds(rounds: int) -> float:

@@ -38,8 +38,9 @@ class Result:
         Rows of ``history.csv``, whose headers add units to these names: a row for every output in equilibrium, and for every few steps of
         dynamics.
     states : States
-        Fields on the points at every level, and at every output of dynamics that follow grips: pairs of a moment and fields, see
-        `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`.
+        Fields on the points at every output of the run, in equilibrium or in dynamics: pairs of a moment and fields, see
+        `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`. Every output is a level as well, except
+        those in dynamics of a body between grips.
     convergence : list of dict
         Rows of ``convergence.csv``: residual and energy through the search for equilibrium, and increments that failed.
 

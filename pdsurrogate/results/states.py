@@ -51,7 +51,7 @@ class States:
         return len(self.moments)
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        """Return the moment of the state of a given number, and its fields on the points, by name."""
+        """Return the moment and the fields on the points of a state, by its number; in this base class raise RuntimeError."""
         raise RuntimeError("the fields of a run on several ranks are on the first of them")
 
 

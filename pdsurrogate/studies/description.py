@@ -218,7 +218,7 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
 
 
 def scene_of(study: Study, folder: Path) -> str:
-    """Return the scene of a study: the name of a built-in one, or the path of a file relative to the study's folder."""
+    """Return what `load_scene` takes for a study's scene: the name of a built-in one, or its path joined to the study's folder."""
     scene = study.scene or ""
     place = folder / scene
     known = scene in scene_names() or (place.suffix != ".toml" and not place.exists())

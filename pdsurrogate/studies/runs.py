@@ -216,7 +216,7 @@ class Workers:
     Attributes
     ----------
     jobs : int
-        Runs at the same time; with Dask, the threads of its workers.
+        Number of local runs at the same time; 1 and without effect with Dask, which runs as many as its workers have threads.
     threads : int
         Threads of the kernels in each run.
     scheduler : str or None
@@ -250,7 +250,7 @@ class Workers:
 
     @property
     def caution(self) -> str | None:
-        """Text of a warning if the runs together have more threads than the machine has cores, otherwise None."""
+        """Text of a warning if several local runs together have more threads than the machine has cores, otherwise None."""
         cores = joblib.cpu_count()
         if self.scheduler is None and self.jobs * self.threads > max(cores, self.threads):
             return f"{self.jobs} jobs of {self.threads} threads share {cores} cores and will slow each other down"
