@@ -81,6 +81,7 @@ def conditions_of(
     loading = Loading(body, parameter, rest, names, plane_names, [*held, *planes], loads)
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
     _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
+    _check_counted(loading, prescriptions)
     for number, (key, edge) in enumerate(zip(keys, edges, strict=True)):
         _check_crossed(body, key, edge, (loading.crossing[1] == number).any())
     if stretched:
@@ -98,6 +99,20 @@ def conditions_of(
         ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
         _check_held(loading, "prescribed", f"hold {ways} of a region by 0 against it, or let the steps be in dynamics")
     return loading
+
+
+def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
+    """Raise ValueError if later prescriptions hold all that one holds in a component: its force would be reported as zero."""
+    holder, _, component = loading.counted
+    counted = np.zeros((len(loading.names), loading.body.dimension), dtype=bool)
+    counted[holder, component] = True
+    for part in loading.held:
+        if part.plane is not None and part.holder is not None:
+            counted[part.holder, list(part.components)] = True
+    for one in prescriptions:
+        for axis in one.components if one.holder is not None else ():
+            if not loading.body.share.any(counted[loading.names.index(one.holder), axis]):
+                raise ValueError(f"{one.key}: later entries hold all that it holds along x{axis + 1}; leave one of them out")
 
 
 def _check_crossed(body: Body, key: str, edge: str, crossed: bool) -> None:

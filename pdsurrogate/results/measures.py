@@ -213,8 +213,13 @@ def point_fields(state: PointState) -> dict[str, np.ndarray]:
     fields = {}
     for name, field in POINT_FIELDS.items():
         values = field.values(state)
-        if values is not None:
-            fields[name] = values if field.components == 1 else values.reshape(-1, field.components)
+        if values is None:
+            continue
+        n = len(state.position)
+        if np.size(values) != n * field.components:
+            shape = (n,) if field.components == 1 else (n, field.components)
+            raise ValueError(f"the field {name} has values of shape {np.shape(values)} at a state, not {shape}")
+        fields[name] = values if field.components == 1 else values.reshape(-1, field.components)
     return fields | state.kept
 
 

@@ -87,7 +87,8 @@ ADVICE = {
     NotConverged: "allow more solver.most_evaluations, take a smaller solver.largest_increment, or another solver.method",
     Diverging: "take another solver.method",
     TooSmall: "take larger strains, of which smaller ones are a part, or precision=float64 if it is single",
-    Unbalanced: "take a smaller solver.tolerance",
+    Unbalanced: "take a smaller solver.tolerance; or, with bond forces where two edges held by reflection meet, force=bond-energy, "
+    "support=points or a finer spacing",
     TooFar: "take a smaller steps.largest_increment, or more outputs",
     Unstable: "push it less far, or follow it in dynamics",
     RanAway: "a load may have a maximum, as the pressure in a balloon has: prescribe displacements in its place, or follow it in dynamics",

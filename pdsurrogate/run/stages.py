@@ -67,7 +67,7 @@ def _take_double(run: Run, error: TooSmall) -> None:
 
 
 def _dynamics_after(run: Run) -> int:
-    """Return the number of the next stage in dynamics, which continues the run when a bond would break in equilibrium.
+    """Return the number of the next stage in dynamics, which continues the run when a bond would break in equilibrium, and warn of it.
 
     Raises
     ------
@@ -77,6 +77,13 @@ def _dynamics_after(run: Run) -> int:
     following = [number for number, stage in enumerate(run.stages) if number > run.state.stage and stage.inertia is not None]
     if not following:
         raise Unstable(f"a bond would break between {run.loading.at(run.state.parameter)} and here: what follows is not in equilibrium")
+    if run.ranks.rank == 0:
+        begin = run.loading.at(run.state.parameter)
+        warnings.warn(
+            f"a bond would break in equilibrium between {begin} and {run.loading.at(run.target)}: the motion begins at {begin}, the last "
+            "output; more outputs before the break bring its beginning nearer to it",
+            stacklevel=4,
+        )
     return following[0]
 
 

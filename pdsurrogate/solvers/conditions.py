@@ -234,7 +234,7 @@ class Loading:
             at_points = -on_points * (1 - self.free)
             for support in self.supports:
                 support.spread(at_points)
-            holder, *there = self._counted
+            holder, *there = self.counted
             np.add.at(forces, (holder, there[1]), at_points[tuple(there)])
             forces = self._share.total(forces)
         self._add_planes(forces, on_planes)
@@ -254,7 +254,7 @@ class Loading:
         if len(self.crossing[0]):
             self._add_planes(levers, self._levers_on_planes(force, force.pair_forces(self.crossing[0])))
         if reactions.at_points is not None:
-            holder, point, component = self._counted
+            holder, point, component = self.counted
             np.add.at(levers, (holder, component), reactions.at_points[point, component, None] * force.positions[point])
         return moment_of(self._share.total(levers))
 
@@ -295,7 +295,7 @@ class Loading:
         return total if beside is None else total + beside
 
     @cached_property
-    def _counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Held components of this rank's own points that count for a holder: arrays of the holder's number, the point and the component."""
         holder = np.full(self.free.shape, -1)
         for part in self._of_points:

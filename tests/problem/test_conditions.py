@@ -212,3 +212,14 @@ def test_reactions_and_loads_balance_what_is_left_on_free_points(row, support):
     if support == "points" and "angular_momentum" not in row.departures:
         moments = loading.moments(run.loaded, reactions).sum() + sum(run.loads.moments(start, np.zeros(2)).values())
         assert moments == pytest.approx((start[:, 0] * left[:, 1] - start[:, 1] * left[:, 0]).sum(), abs=1e-13 * scale)
+
+
+@pytest.mark.parametrize("second", [{"and": ["right"]}, {"box": [[0.7, -1], [2, 2]]}])
+def test_what_later_entries_hold_too_is_not_reported_as_zero(second):
+    """The force on the first entry was zero, without a word."""
+    body = {"shape": "rectangle", "size": (1.0, 1.0)}
+    support = "reflected" if "and" in second else "points"
+    held = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.3}, {"region": second, "x1": 0.3})
+    scene = pds.Scene(name="twice", spacing=0.25, body=body, material="neo-hookean", prescribed=held, support=support, steps=(1.0,))
+    with pytest.raises(pds.SceneError, match=r"prescribed\.1: later entries hold .* x1; leave one of them out"):
+        pds.simulate(scene)

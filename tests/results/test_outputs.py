@@ -16,7 +16,7 @@ import scipy
 
 import pdsurrogate as pds
 from pdsurrogate.results import vtk
-from pdsurrogate.results.measures import POINT_FIELDS
+from pdsurrogate.results.measures import POINT_FIELDS, PointField
 from pdsurrogate.studies.table import KEYS_OF_LEVELS, KEYS_OF_RUNS
 
 ROOT = Path(__file__).parents[2]
@@ -275,3 +275,9 @@ def test_versions_are_those_of_what_runs(folders):
     found = pds.load_result(folders["plane"]).summary["provenance"]
     assert found["python"] == platform.python_version()
     assert [found[name] for name in ("version", "numpy", "scipy", "numba")] == [module.__version__ for module in (pds, np, scipy, numba)]
+
+
+def test_a_field_of_another_shape_is_named(monkeypatch):
+    monkeypatch.setitem(POINT_FIELDS, "short", PointField(lambda state: np.ones(3)))
+    with pytest.raises(ValueError, match=r"the field short has values of shape \(3,\) at a state, not \(48,\)"):
+        pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.25, "stretches": [1.1]}), "analytic")

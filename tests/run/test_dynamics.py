@@ -407,3 +407,10 @@ def test_dynamics_without_a_time_step_are_refused():
         integrator.begin()
     with pytest.raises(pds.SimulationFailed, match=r"more than 1e\+09 of them; check the units of dynamics\.density"):
         simulate(small(**{"dynamics.density": 1e-40}), "analytic")
+
+
+def test_a_level_at_which_a_bond_would_break_is_missed_aloud():
+    """The motion began at the level before, without a word."""
+    with pytest.warns(UserWarning, match=r"between stretch 1\.1 and stretch 1\.6: the motion begins at stretch 1\.1, .*more outputs"):
+        result = pds.simulate(small(**{"stretches": [1.1, 1.6], "dynamics.outputs": 1, "dynamics.stretch": 1.7}), "analytic")
+    assert [level["stretch"] for level in result.levels] == [1.1]
