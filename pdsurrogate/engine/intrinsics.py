@@ -23,7 +23,7 @@ REAL_OF = {types.int32: types.float32, types.int64: types.float64}
 
 @intrinsic
 def bits_of(typingctx, value):
-    """Return the bit pattern of a real as an integer of the same width."""
+    """Return the bit pattern of a real as an integer with as many bits."""
 
     def codegen(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))

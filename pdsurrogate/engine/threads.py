@@ -139,7 +139,7 @@ def threads_for(pairs: int) -> int:
 
 
 class Chunks(NamedTuple):
-    """Number of threads of a pass, and number of chunks that they share."""
+    """Number of threads that run a pass, and number of chunks of the body that the threads share."""
 
     threads: int
     number: int

@@ -23,8 +23,8 @@ from .domain import BLEND, N_LIMITS, edge_distances, exact_share
 from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
 
 COUNTED = 1
-"""Guard that counts bonds outside the domain and otherwise leaves them to the surrogate; `FALL_BACK` and `UNGUARDED` are those of
-`bond_force`.
+"""Guard that counts bonds outside the domain and otherwise leaves them to the surrogate; the module `bond_force` defines the other guards,
+`FALL_BACK` and `UNGUARDED`.
 """
 
 plane = algebra_of(2)

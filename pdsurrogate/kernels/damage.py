@@ -1,4 +1,4 @@
-"""Search for bonds stretched beyond their critical stretch; compiled only if a scene has one."""
+"""Search for bonds stretched beyond their critical stretch; compiled only if a scene gives a critical stretch."""
 
 import numpy as np
 

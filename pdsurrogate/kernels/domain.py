@@ -55,10 +55,10 @@ def is_outside(a, b, U_mm, J, C33, limits):
 
 @inline
 def share_inside(a, b, U_mm, J, C33, outer, inner):
-    """Return the share of the surrogate in the force: 1 within the interior of the domain, 0 outside the domain, rising smoothly between.
+    """Return the share of the surrogate in the force of a bond: 1 within the interior of its domain, 0 outside, rising smoothly between.
 
-    Without this band the force would jump at the edge by the error of the surrogate, and an equilibrium with bonds on the edge need not
-    exist.
+    `outer` and `inner` are the limits of the domain and of its interior. Without the band between them the force would jump at the edge by
+    the error of the surrogate, and an equilibrium with bonds on the edge need not exist.
     """
     if is_outside(a, b, U_mm, J, C33, outer) > 0.0:
         return 0.0
@@ -83,11 +83,11 @@ def _rise(value, edge, full):
 
 @inlined
 def edge_distances(trace, J, limits):
-    """Return how far a state of a sheet lies beyond the four edges of the domain: positive outside, all negative inside.
+    """Return how far a state of a sheet lies beyond each of the four edges of the domain: positive outside, all negative inside.
 
-    With L and H the squares of the least and the greatest stretch, both stretches lie within unless tr C > H + J^2/H (one above),
-    tr C > L + J^2/L (one below), J > H (both above) or J < L (both below). Each distance is about the relative change of the offending
-    squared stretch.
+    With L and H the squares of the least and the greatest stretch of the domain, both principal stretches lie within the domain unless tr C
+    > H + J^2/H (one is above), tr C > L + J^2/L (one is below), J > H (both are above) or J < L (both are below). Each distance is about
+    the relative change of the offending squared stretch.
     """
     low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
     square, one = J * J, like(J, 1.0)

@@ -1,4 +1,4 @@
-"""Deformation gradient of every point, and the state that follows from it: rotation, J, and C33 by the plane-stress condition."""
+"""Deformation gradient of every point, and the state that follows from the gradient: rotation, J, and C33 at plane stress."""
 
 import numpy as np
 

@@ -24,7 +24,9 @@ LEAST_TILT_STIFFNESS = 0.01
 """Regularisation epsilon of `bond_shares`: at an edge the mean bond shrinks from 0.42 to some 0.08 horizons."""
 
 MOST_NEWTON_STEPS = 100
-"""Steps of at most 1 towards the tilt: it is at most 1/`LEAST_TILT_STIFFNESS`, since epsilon times the tilt is the mean bond, at most 1."""
+"""Greatest number of Newton steps, each of at most 1, for the tilt a in `bond_shares`. The tilt is at most 1/`LEAST_TILT_STIFFNESS`, since
+epsilon times the tilt is the mean bond, at most 1.
+"""
 
 
 @ByDimension

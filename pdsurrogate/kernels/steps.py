@@ -1,4 +1,7 @@
-"""Steps of dynamic relaxation and of explicit dynamics, and bounds of a step; nothing is allocated."""
+"""Steps of dynamic relaxation and of explicit dynamics in place, and the Rayleigh quotient, greatest force and strain of a step.
+
+The functions allocate no memory.
+"""
 
 import numpy as np
 
@@ -29,7 +32,7 @@ def rayleigh_parts(algebra):
 
 @ByDimension
 def relaxation_step(algebra):
-    """Build the kernel for one step of dynamic relaxation with unit time step."""
+    """Build the kernel that takes one step of dynamic relaxation with unit time step."""
     dimension = algebra.DIMENSION
 
     @kernel
