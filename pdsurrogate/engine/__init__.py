@@ -1,1 +1,1 @@
-"""Compiler and threads: compilation with a cache on disk, passes on threads, vector loads and stores, arrays of known row length."""
+"""Compilation of functions with a cache on disk, parallel passes over a body, vector loads and stores, arrays of constant row length."""

@@ -1,4 +1,4 @@
-"""Arrays of rows whose length is a compile-time constant, tuples of array entries, and a shared counter."""
+"""Arrays whose row length is known to the compiler, access to array entries as tuples, and an atomic counter, for compiled code."""
 
 import math
 from functools import cache
@@ -27,14 +27,17 @@ CACHE_LINE = 64
 
 
 def power_of_two(size: float) -> float:
-    """The power of two next above a size, 1 for 0: numbers are divided by it, and none of their digits changes, to be kept in single."""
+    """Return the power of two next above a size, and 1 for a size of 0.
+
+    Numbers divided by a power of two keep all their digits, and then fit into the range of single precision.
+    """
     return float(np.ldexp(1.0, int(np.frexp(size)[1]))) if size > 0 else 1.0
 
 
 def aligned_rows(shape, dtype=np.float64, value=0):
-    """Return an array filled with `value` that begins at a cache line, so that no vector of a row lies across two lines.
+    """Return an array filled with `value` that begins at a cache line, so that no vector of a row lies across two cache lines.
 
-    NumPy promises 16 bytes only; half of all 32-byte loads and every 64-byte load would then touch two lines.
+    NumPy promises an alignment of 16 bytes only; half of all 32-byte loads and every 64-byte load would then touch two cache lines.
     """
     dtype = np.dtype(dtype)
     size = math.prod(shape) * dtype.itemsize
@@ -46,7 +49,10 @@ def aligned_rows(shape, dtype=np.float64, value=0):
 
 
 def array_over(context, builder, kind, data, shape):
-    """Return the array of a numba type, in C order, over given data; entries of `shape` that are constants are known to the compiler."""
+    """Return an LLVM value for an array of numba type `kind`, in C order, over the memory at address `data`.
+
+    Entries of `shape` that are LLVM constants are known to the compiler.
+    """
     size = ir.Constant(context.get_value_type(types.intp), context.get_abi_sizeof(context.get_data_type(kind.dtype)))
     strides = [size]
     for extent in reversed(shape[1:]):
@@ -66,9 +72,9 @@ def array_over(context, builder, kind, data, shape):
 
 @cache
 def rows_of(length):
-    """Return an intrinsic that views a two-dimensional array as one with rows of exactly `length` values.
+    """Return an intrinsic that views a two-dimensional array as an array with rows of exactly `length` values, unchecked.
 
-    With a constant row length LLVM sees that the rows of one array do not overlap. Otherwise every pair of rows in a loop costs a test at
+    With a constant row length LLVM sees that the rows of an array do not overlap. Otherwise every pair of rows in a loop costs a test at
     run time, and beyond eight rows the loop is not vectorised.
     """
 
@@ -93,9 +99,9 @@ pair_records, quad_records = rows_of(2), rows_of(4)
 
 @intrinsic
 def rows_from(typingctx, rows, start):
-    """Return the rows of a block from a given one on.
+    """Return a view of the rows of a block from row `start` on.
 
-    A slice would hide from LLVM how far it is from its neighbours, since its start is clipped at run time.
+    A slice would hide from LLVM how far its rows are from the other rows of the block, since the start of a slice is clipped at run time.
     """
     signature = rows(rows, types.intp)
 
@@ -109,14 +115,17 @@ def rows_from(typingctx, rows, start):
 
 
 def _values(context, builder, kinds, arguments, place):
-    """Return the addresses of as many entries of an array as a tuple has values, at ``place(q)`` for value q."""
+    """Return the addresses of the entries of an array that belong to the values of a tuple: entry ``place(number, q)`` for value q.
+
+    `kinds` and `arguments` are the numba types and the LLVM values of (array, number, tuple).
+    """
     array = context.make_array(kinds[0])(context, builder, arguments[0])
     numbers = [ir.Constant(context.get_value_type(types.intp), q) for q in range(len(kinds[2]))]
     return [cgutils.get_item_pointer(context, builder, kinds[0], array, place(arguments[1], q)) for q in numbers]
 
 
 def _put(place):
-    """Return an intrinsic that writes a tuple into an array, value q at ``place(number, q)``, converted to the type of the array."""
+    """Return an intrinsic that writes a tuple into an array, value q to entry ``place(number, q)``, converted to the type of the array."""
 
     @intrinsic
     def put(typingctx, array, number, values):
@@ -145,7 +154,7 @@ put_row = _put(lambda row, q: [row, q])
 
 @intrinsic
 def column_like(typingctx, rows, column, values):
-    """Return the column that `put_column` wrote, as a tuple with the length and types of `values`."""
+    """Return the column that `put_column` wrote into `rows`, as a tuple with the length and types of the tuple `values`."""
 
     def codegen(context, builder, signature, arguments):
         places = _values(context, builder, signature.args, arguments, lambda column, q: [q, column])
@@ -156,7 +165,10 @@ def column_like(typingctx, rows, column, values):
 
 @intrinsic
 def tuple_of(typingctx, array, count):
-    """Return the first `count` values of an array, a literal number of them, as a tuple: scalars that a loop need not load again."""
+    """Return the first `count` values of an array as a tuple, so that a loop keeps them in registers and need not load them again.
+
+    `count` is a literal.
+    """
     if not isinstance(count, types.IntegerLiteral):
         return None
     result_type = types.UniTuple(array.dtype, count.literal_value)
@@ -171,7 +183,7 @@ def tuple_of(typingctx, array, count):
 
 @intrinsic
 def add_to(typingctx, counters, number, count):
-    """Add to one of an array of counters, atomically, and return its previous value."""
+    """Add `count` to entry `number` of an array of counters, atomically, and return the previous value of the entry."""
 
     def codegen(context, builder, signature, arguments):
         data = data_of(context, builder, signature.args[0], arguments[0])
@@ -182,7 +194,7 @@ def add_to(typingctx, counters, number, count):
 
 @intrinsic
 def stack_rows(typingctx, count, x):
-    """Return an array of `count` rows on the stack, in the precision of x, for intermediate values of a block function.
+    """Return an array of `count` rows of `BLOCK` values on the stack, in the precision of x, for intermediate values.
 
     `count` is a literal.
     """

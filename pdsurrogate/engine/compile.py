@@ -1,11 +1,11 @@
-"""Compilation, caching and addresses of all compiled code of the project.
+"""Compilation of all numerical code of the project, its cache on disk, and calls of compiled code by address.
 
 There are three kinds of compiled code:
 
 * ``kernel`` and ``parallel_kernel``: functions on plain arrays, compiled for the types they are called with;
 * *passes* (`pdsurrogate.engine.passes`): functions on a chunk of a body, bound to their arrays and run on threads;
 * *block functions*: loops over a block of states, compiled for an explicit signature on pointers and called by their address. A pass that
-  calls one is compiled once, whatever material law or network the address belongs to.
+  calls a block function is compiled once, whatever material law or network the address belongs to.
 
 All are cached on disk, in files named by a digest of everything that their code depends on (`pdsurrogate.engine.keys`): a change of a
 called function or of a constant recompiles the function, and nothing else does.
@@ -49,12 +49,15 @@ INLINE_OPTIONS = {**OPTIONS, "forceinline": True}
 
 
 def compiled_digest(*values) -> str:
-    """Return the digest of the values that compiled code depends on, see `code_digest`, and of the compiler options used here."""
+    """Return the digest of the `values` that compiled code depends on (see `code_digest`) and of the compiler options."""
     return code_digest(*values, OPTIONS, INLINE_OPTIONS)
 
 
 class CacheFile(IndexDataCacheFile):
-    """numba's files of a cache; files that cannot be read, as after a full disk or a power cut, count as missing and are written again."""
+    """Files of numba's disk cache for one function, with a checksum.
+
+    Files that cannot be read, as after a full disk or a power cut, count as missing and are written again.
+    """
 
     def _load_index(self):
         with suppress(Exception):  # whatever a damaged pickle raises
@@ -78,10 +81,10 @@ def _checksum(data: bytes) -> bytes:
 
 
 class DigestCache(FunctionCache):
-    """numba's disk cache, in files named by the digest of everything that a function's code depends on.
+    """Disk cache of numba for one function, in files named by the digest of everything that the code of the function depends on.
 
-    Without a given `digest` it is computed at the first look-up, when everything that the function calls is defined. A `parallel` function
-    needs numba's threads started before it is compiled or loaded.
+    Without a given `digest` the cache computes it at the first look-up, when everything that the function calls is defined. A `parallel`
+    function needs numba's threads started before it is compiled or loaded.
     """
 
     def __init__(self, function: Callable, digest: str | None = None, parallel: bool = False) -> None:
@@ -90,7 +93,10 @@ class DigestCache(FunctionCache):
         self._cache_file = None
 
     def _open(self) -> None:
-        """Find the cache's file; a function whose dependencies cannot be determined is not cached."""
+        """Open the file of the cache, named by the digest; disable the cache for a function whose dependencies cannot be determined.
+
+        For a `parallel` function also start the threads.
+        """
         if self._parallel:
             start_threads()
         if self._cache_file is not None or not self._enabled:
@@ -137,8 +143,8 @@ def _enable_cache(compiled, function: Callable, digest: str | None = None, paral
 def kernel(function: Callable) -> Callable:
     """Compile a function on plain arrays, cached on disk.
 
-    Functions called by a pass should be `inline`. Of a `kernel` the pass would keep a copy, optimised once more; which of the two versions
-    is called would depend on what was compiled or loaded before, and their last bits may differ.
+    Functions called by a pass should be `inline`. A pass would keep its own, newly optimised copy of a `kernel` that it calls; which of the
+    two versions runs would depend on what was compiled or loaded before, and the last bits of their results may differ.
     """
     return _enable_cache(plain_function(function), function)
 
@@ -154,7 +160,7 @@ def inline(function: Callable) -> Callable:
 
 
 def expanded(function: Callable) -> Callable:
-    """Compile a function whose code is copied into its callers before they are optimised, so that its loops use their vector width."""
+    """Compile a function whose code is copied into its callers before they are optimised, so that its loops use the vector width there."""
     return numba.njit(inline="always", **OPTIONS)(function)
 
 
@@ -174,7 +180,7 @@ STRESS_RESPONSE = types.void(_real, _real, _real)
 
 
 def isochoric_energy_signature(dtype):
-    """Return the signature ``energy(states, sizes, weights, response, parameters, result)`` of learnt isochoric energies.
+    """Return the signature ``energy(states, sizes, weights, response, parameters, result)`` of compiled learnt isochoric energies.
 
     States and results are in `dtype`, weights in double precision; ``response`` and ``parameters`` are those of the exact energy.
     """
@@ -183,11 +189,11 @@ def isochoric_energy_signature(dtype):
 
 
 def bond_force_signature(dtype):
-    """Return the signature ``bond_force(states, sizes, weights, response, parameters, work, scratch, traction)``.
+    """Return the signature ``bond_force(states, sizes, weights, response, parameters, work, scratch, traction)`` of compiled bond forces.
 
-    ``sizes`` and ``weights`` are the model's own constants; ``response`` and ``parameters`` are the material law's, for models computed
-    from it; ``work`` and ``scratch`` are rows for intermediate values, in the model's precision and in double. See
-    `pdsurrogate.forces.protocol`.
+    ``states``, ``weights``, ``work`` and ``traction`` are in `dtype`, the precision of the model. ``sizes`` and ``weights`` are the
+    constants of the model; ``response`` and ``parameters`` belong to the material law, for models computed from it; ``work`` and
+    ``scratch`` are rows for intermediate values, in the precision of the model and in double precision. See `pdsurrogate.forces.protocol`.
     """
     real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
     return types.void(real, types.CPointer(types.int64), real, types.int64, _real, real, _real, real)
@@ -195,10 +201,10 @@ def bond_force_signature(dtype):
 
 @intrinsic
 def call_block(typingctx, address, *arguments):
-    """Call the block function at an address; arrays are passed as pointers to their data, and tuples as their items.
+    """Call the compiled block function at an address; pass arrays as pointers to their data, and tuples as their items.
 
     numba's first-class functions would work, but need some 40 microseconds of unpacking at every call of a kernel. The arguments are not
-    checked: they must fit the signatures above.
+    checked: they must fit the signature that the function was compiled for.
     """
     arguments = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], types.BaseTuple) else arguments
     signature = types.void(address, types.StarArgTuple(arguments))
@@ -216,10 +222,10 @@ def call_block(typingctx, address, *arguments):
 
 @intrinsic
 def widest_vectors(typingctx):
-    """Let LLVM use the processor's widest vectors in the calling function.
+    """Let LLVM use the processor's widest vectors in the calling function, and align spilled registers.
 
     LLVM limits itself to 256 bits on processors with AVX-512, because in most code a few wide instructions would lower the clock of all the
-    rest; here they are most of the work. On other processors nothing changes. Spilled registers are aligned, too.
+    rest; here they are most of the work. On other processors nothing changes.
     """
 
     def codegen(context, builder, signature, arguments):
@@ -239,11 +245,14 @@ They live as long as the process, since their addresses are in use.
 
 
 class CompilerSwitchedOff(RuntimeError):
-    """numba does not compile, because an environment variable switches it off."""
+    """Error raised because numba does not compile: the environment variable NUMBA_DISABLE_JIT switches it off."""
 
 
 def compile_block_function(function: Callable, signature, digest: str | None = None) -> CFunc:
-    """Compile a block function for one signature, cached on disk under `digest`, by default its own; kernels take its ``address``."""
+    """Compile a function for one signature, to be called by its ``address`` (see `call_block`), and cache the code on disk.
+
+    `digest` names the file of the cache; by default it is the digest of the function.
+    """
     if numba.config.DISABLE_JIT:
         raise CompilerSwitchedOff("NUMBA_DISABLE_JIT is set in the environment, and forces are evaluated by compiled code alone: unset it")
     compiled = CFunc(function, numba.core.sigutils.normalize_signature(signature), locals={}, options=dict(OPTIONS))
@@ -253,7 +262,7 @@ def compile_block_function(function: Callable, signature, digest: str | None = N
 
 
 def block_function_of(build: Callable, signature, *parts) -> CFunc:
-    """Return the block function ``build(*parts)``, compiled anew if the builder or any part has changed.
+    """Return the compiled function that ``build(*parts)`` defines, compiled anew if the builder or any part has changed.
 
     The parts are elementwise functions, which the builder receives ready to be called from compiled code, and plain values.
     """
@@ -283,7 +292,7 @@ def _copy(function: Callable) -> Callable:
 
 
 def inlined(function: Callable) -> Callable:
-    """Make a plain elementwise function callable from compiled code, inlined into its callers; Python calls it as before."""
+    """Make a plain elementwise function callable from compiled code, inlined into its callers; a call from Python runs it uncompiled."""
     function = function.py_func if is_jitted(function) else function
     return register_jitable(**INLINE_OPTIONS)(function)
 
@@ -310,5 +319,8 @@ class CompilationClock(event.TimingListener):
 
 
 def compilation_clock(announce: Callable[[], None] | None = None):
-    """Return a context that measures the compile time within it; yields the `CompilationClock`."""
+    """Return a context manager that measures the time spent compiling within it, and yields the `CompilationClock`.
+
+    `announce` is called at the first compilation.
+    """
     return event.install_listener("numba:run_pass", CompilationClock(announce))

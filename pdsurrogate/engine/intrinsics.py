@@ -1,11 +1,17 @@
-"""Instructions that numba lacks: bit patterns of reals, a quotient without infinities; and what intrinsics read from their arguments."""
+"""Instructions for compiled code that numba lacks: bit patterns of reals, and a quotient without infinities.
+
+`data_of` reads the arguments of intrinsics: arrays, tuples and scalars.
+"""
 
 from numba import types
 from numba.extending import intrinsic
 
 
 def data_of(context, builder, kind, value):
-    """Return the address of an array's data, the items of a tuple as a list, or another value itself."""
+    """Return the LLVM form in which an intrinsic uses an argument of numba type `kind`.
+
+    An array becomes the address of its data, a tuple the list of its items in this form, and any other value stays as it is.
+    """
     if isinstance(kind, types.BaseTuple):
         return [data_of(context, builder, item, builder.extract_value(value, n)) for n, item in enumerate(kind.types)]
     return context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
@@ -17,7 +23,7 @@ REAL_OF = {types.int32: types.float32, types.int64: types.float64}
 
 @intrinsic
 def bits_of(typingctx, value):
-    """Return the bit pattern of a real as an integer of the same width."""
+    """Return the bit pattern of a real as an integer with as many bits."""
 
     def codegen(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
@@ -37,7 +43,10 @@ def real_of(typingctx, bits):
 
 @intrinsic
 def finite_quotient(typingctx, x, y):
-    """Return x/y, compiled on the promise that nothing is infinite, so that the processor's estimate of 1/y may be used and refined."""
+    """Return x/y, compiled on the promise that no operand or result is infinite.
+
+    The compiler may then use the processor's estimate of 1/y and refine it.
+    """
 
     def codegen(context, builder, signature, arguments):
         return builder.fdiv(*arguments, flags=("ninf", "arcp", "contract"))

@@ -1,8 +1,8 @@
-"""Digests of everything that a function's compiled code depends on, which serve as keys of the disk cache.
+"""Digests of everything that the compiled code of a function depends on, which serve as keys of the disk cache.
 
 numba keys its cache by the file that holds a function. It does not see changes in called functions or in imported constants, which it
-freezes. The digest made here covers the function's code, the values of its globals, closures and defaults, and, recursively, the code of
-every function that it calls, in whatever file; comments and docstrings are left out. Functions of installed libraries count by name and
+freezes. The digest made here covers the code of the function, the values of its globals, closures and defaults, and, recursively, the code
+of every function that it calls, in whatever file; comments and docstrings are left out. Functions of installed libraries count by name and
 version.
 """
 
@@ -50,7 +50,7 @@ def code_digest(*values) -> str:
 
 
 class _Walk:
-    """Computation of one digest: it visits a function and everything that the function depends on, each function once."""
+    """Computation of one digest: it visits a function and everything that the function depends on, and writes each function once."""
 
     def __init__(self) -> None:
         self.digest = hashlib.sha256()
@@ -136,7 +136,7 @@ class _Walk:
 
 @cache
 def _names(code: python_types.CodeType) -> frozenset[str]:
-    """Return all names of globals and attributes that a code object and those nested in it read."""
+    """Return the names of all globals and attributes that a code object and the code objects nested in it read."""
     names = set(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, python_types.CodeType):
@@ -145,9 +145,10 @@ def _names(code: python_types.CodeType) -> frozenset[str]:
 
 
 def _values_behind(names: frozenset[str], space: dict) -> Iterator[tuple[str, object]]:
-    """Yield the names with the values that they have in a module, and in imported modules that belong to no library.
+    """Yield (name, value) for each of `names` in a module's namespace `space`, and in the modules that it imports.
 
-    Attributes are not matched to their modules: including every name that a module has includes too much at worst.
+    Modules of libraries are not searched. Attributes are not matched to their modules: every name that a module has is included, which is
+    too much at worst.
     """
     for name in sorted(names & space.keys()):
         value = space[name]
@@ -162,7 +163,10 @@ def _root(module: str | None) -> str:
 
 
 def _is_of_library(value) -> bool:
-    """Return whether a module, class or function belongs to Python or to a library that counts by its version."""
+    """Return whether a module, class or function belongs to Python's standard library or to a library of `LIBRARIES`.
+
+    Such a value enters a digest by its name, not by its code.
+    """
     if inspect.ismodule(value):
         name, file = value.__name__, getattr(value, "__file__", None)
     elif isinstance(value, python_types.FunctionType):
@@ -177,7 +181,10 @@ def _is_of_library(value) -> bool:
 
 
 def _overloads() -> dict[int, list[Callable]]:
-    """Return the implementations registered with `numba.extending.overload`, by the id of the Python function that they replace."""
+    """Return the compiled-code implementations registered with `numba.extending.overload`, by the id of the function each stands for.
+
+    Functions and implementations of libraries are left out.
+    """
     found: dict[int, list[Callable]] = {}
     for function, kind in builtin_registry.globals:
         if isinstance(function, python_types.FunctionType) and not _is_of_library(function):

@@ -1,8 +1,8 @@
-"""Passes over a body: functions that work on one chunk of it, run on all of numba's threads by one small parallel driver.
+"""Passes over a body: functions that work on one chunk of its points or pairs, run on all of numba's threads by one parallel driver.
 
-numba compiles a function with ``prange`` twice, and its array arguments besides, which takes as long as all else. A pass is therefore a
-serial function of a chunk, which the driver, compiled once for all passes, calls by its address. The arrays of a pass are handed over once,
-when it is bound: a call costs a microsecond or two, whatever it works on.
+numba compiles a function with ``prange`` twice, and its array arguments besides, which takes as long as all other compilation. A pass is
+therefore a serial function of a chunk, which the driver, compiled once for all passes, calls by its address. A pass receives its arrays
+once, when it is bound: a call costs a microsecond or two, whatever it works on.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int
 
 @intrinsic
 def _call_chunk(typingctx, code, arguments, thread, chunk, chunks):
-    """Call the function at an address on one chunk, with its arguments at another address; see `CHUNK_FUNCTION`."""
+    """Call the compiled function at address `code` on one chunk and return its count, see `CHUNK_FUNCTION`.
+
+    `arguments` is the address of the words that hold its arguments.
+    """
     signature = types.int64(*[types.int64] * 5)
 
     def codegen(context, builder, signature, values):
@@ -44,11 +47,12 @@ def _call_chunk(typingctx, code, arguments, thread, chunk, chunks):
 
 @parallel_kernel
 def _run_on_threads(calls, following, counts, found):
-    """Run passes one after another, the chunks of each in parallel; `calls` holds code and argument addresses and the number of chunks.
+    """Run passes one after another, the chunks of each pass in parallel on threads.
 
-    Each thread has the same share of the chunks in every pass, so that its data stay in its cache. A thread that has finished takes over
-    chunks that others have not begun: a late thread delays the others by one chunk, and not by its share. `following` and `counts` are
-    working memory; `found` receives the count of each pass.
+    A row of `calls` holds the addresses of the code and of the arguments of a pass, and its number of chunks. Each thread has the same
+    share of the chunks in every pass, so that its data stay in its cache. A thread that has finished takes over chunks that others have not
+    begun: a late thread delays the others by one chunk, and not by its share. `following` and `counts` are working memory; `found` receives
+    the count that each pass returns.
     """
     threads = following.shape[0]
     for number in range(calls.shape[0]):
@@ -72,7 +76,11 @@ def _run_on_threads(calls, following, counts, found):
 
 @kernel
 def _run_here(calls, found):
-    """Run passes one after another, chunk by chunk, on the calling thread."""
+    """Run passes one after another, chunk by chunk, on the calling thread.
+
+    A row of `calls` holds the addresses of the code and of the arguments of a pass, and its number of chunks; `found` receives the count
+    that each pass returns.
+    """
     for number in range(calls.shape[0]):
         found[number] = 0
         for chunk in range(calls[number, 2]):
@@ -80,7 +88,7 @@ def _run_here(calls, found):
 
 
 def _count(found):
-    """Return the count of a pass; 0 if the pass returns nothing."""
+    """Return the count that a pass has returned for a chunk; in compiled code 0 if the pass returns nothing."""
     return found
 
 
@@ -92,7 +100,10 @@ def _count_of(found):
 
 
 def _unpacker(kinds: tuple):
-    """Return an intrinsic that reads the arguments of a pass from the words that `_described` made."""
+    """Return an intrinsic that reads the arguments of a pass, of the numba types `kinds`, from a vector of 64-bit words.
+
+    `_described` makes the words.
+    """
 
     @intrinsic
     def unpack(typingctx, words):
@@ -118,7 +129,10 @@ def _unpacker(kinds: tuple):
 
 
 def _described(name: str, value) -> tuple[types.Type, list[int]]:
-    """Return the numba type of an argument, and the words that hold it: address and shape of an array, or the bits of a number."""
+    """Return the numba type of an argument of a pass, and the 64-bit words that hold it: an array's address and shape, or a number.
+
+    A tuple has the words of its items. Raise TypeError, with the argument's name, for an array that is not in C order.
+    """
     if isinstance(value, tuple):
         kinds, words = zip(*(_described(name, item) for item in value), strict=True)
         return types.Tuple(kinds), list(itertools.chain(*words))
@@ -134,7 +148,7 @@ def _described(name: str, value) -> tuple[types.Type, list[int]]:
 
 
 class Pass:
-    """Function that works on one chunk of a body, compiled for the types of the arrays that it is bound to.
+    """Function that works on one chunk of a body, compiled for the types of the arrays that it is bound to; used as a decorator.
 
     ``function(chunk, chunks, ...)`` works on chunk number `chunk` out of `chunks` and returns a count, or nothing. ``function(thread,
     chunk, chunks, ...)`` can also use working memory of its thread.
@@ -150,18 +164,18 @@ class Pass:
         self._compiled = plain_function(function)
 
     def bind(self, *arguments, chunks: Chunks | None = None) -> BoundPass:
-        """Bind the pass to its arguments after chunk and chunks, by default with one chunk for each thread.
+        """Return the pass bound to its arguments, the parameters after `chunk` and `chunks`; by default it has one chunk for each thread.
 
         An argument is an array in C order, a number, or a tuple of these.
         """
         return BoundPass(self, arguments, chunks or chunks_of(0))
 
     def __call__(self, *arguments):
-        """Run the pass once."""
+        """Run the pass once on all chunks with the given arguments, and return the sum of the counts of its chunks."""
         return self.bind(*arguments)()
 
     def address(self, kinds: tuple) -> int:
-        """Return the address of the code for arguments of the given numba types."""
+        """Return the address of the code of the pass for arguments of the given numba types; compile it if it is new."""
         if kinds not in self._code:
             function, unpack = self._compiled, _unpacker(kinds)
             digest = compiled_digest(self.function, unpack, _count, [str(kind) for kind in kinds])
@@ -182,12 +196,12 @@ class Pass:
 
 @inlined
 def share_of(size, chunk, chunks):
-    """Return the first index, and the index after the last, of the items that fall to a chunk."""
+    """Return the first index, and the index after the last, of the items of chunk number `chunk`, of `size` items in `chunks` chunks."""
     return chunk * size // chunks, (chunk + 1) * size // chunks
 
 
 class BoundPass:
-    """Pass bound to its arrays; calling it runs all chunks and returns the sum of their counts.
+    """Pass bound to its arguments; calling it runs all chunks and returns the sum of their counts.
 
     A pass that runs often is called through a `Chain`, which keeps its working memory.
     """
@@ -210,7 +224,7 @@ class BoundPass:
         return Chain(self)()[0]
 
     def give(self, name: str, array: np.ndarray) -> None:
-        """Replace an argument by another array of the same type and shape."""
+        """Replace the argument `name` of the bound pass by another array of the same type and shape; raise TypeError for others."""
         before = self._kept[name]
         if array is before:
             return
@@ -221,7 +235,7 @@ class BoundPass:
 
 
 class Chain:
-    """Passes, bound for the same number of threads, that run one after another in a single call, which returns the count of each.
+    """Passes, bound for the same number of threads, that run one after another in a single call, which returns the count of each pass.
 
     Threads that wait between two passes do so more briefly than between two calls from Python, and do not fall asleep.
     """

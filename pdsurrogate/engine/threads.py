@@ -1,4 +1,4 @@
-"""Number of threads of the kernels, and how they wait for each other."""
+"""Number of threads on which the kernels run, number of chunks they share, and how waiting threads spin or sleep."""
 
 from __future__ import annotations
 
@@ -33,16 +33,17 @@ _WAITING = ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
 
 
 class ThreadsSpinWarning(RuntimeWarning):
-    """Warning that waiting threads occupy their cores, because numba's threads were started before pdsurrogate could change that."""
+    """Warning that waiting threads occupy their cores, because numba's threads started before pdsurrogate could set how they wait."""
 
 
 _started = False
 
 
 def start_threads() -> None:
-    """Start numba's threads such that a waiting thread soon sleeps, unless the user has set how threads wait; warn once if it is too late.
+    """Start numba's threads such that a waiting thread soon sleeps, unless the user has set how threads wait.
 
-    GNU OpenMP reads the setting from the environment when it is loaded; the environment is restored afterwards.
+    Warn once if the threads run already. GNU OpenMP reads the setting from the environment when it is loaded; the environment is restored
+    afterwards.
     """
     global _started
     if _started:
@@ -66,14 +67,14 @@ def start_threads() -> None:
 
 
 class ThreadsLostWarning(RuntimeWarning):
-    """The process was forked from one whose kernels had threads, and has none itself."""
+    """Warning that kernels run on one thread, because this process was forked from a process whose kernels had started threads."""
 
 
 _lost = False
 
 
 def threads_are_lost() -> bool:
-    """Return whether kernels run on the calling thread only, because this process was forked from one that had started threads."""
+    """Return whether kernels run on the calling thread only, because this process was forked from a process that had started threads."""
     return _lost
 
 
@@ -87,7 +88,10 @@ def _say_lost() -> None:
 
 
 def _after_fork() -> None:
-    """Note in a new process that GNU OpenMP, once started, does not survive a fork: numba ends a process that calls it then."""
+    """Note in a forked process that the threads are lost, if GNU OpenMP had been started before the fork.
+
+    GNU OpenMP does not survive a fork: numba ends a process that uses it afterwards.
+    """
     global _lost
     _lost = parallel._is_initialized and numba.threading_layer() == "omp"
 
@@ -108,7 +112,7 @@ def _runs_already() -> bool:
 
 
 def threads_in_use() -> int:
-    """Return the number of threads for passes that are bound now."""
+    """Return the number of threads on which passes bound from now on will run; start the threads if they do not run yet."""
     start_threads()
     return numba.get_num_threads()
 
@@ -117,35 +121,41 @@ _most: int | None = None
 
 
 def most_threads() -> int:
-    """Return the number of threads that numba was started with, or the limit set by `thread_count`; 1 where they did not survive a fork."""
+    """Return the greatest number of threads that kernels can use: the number that numba was started with, or the limit of `thread_count`.
+
+    It is 1 in a forked process in which the threads are lost.
+    """
     return 1 if _lost else _most or numba.config.NUMBA_NUM_THREADS
 
 
 def threads_for(pairs: int) -> int:
-    """Return how many threads are worthwhile for a body with this number of pairs of points, at most `most_threads`."""
+    """Return how many threads are worthwhile for a body with this number of pairs of points, at most `most_threads`.
+
+    Warn if the threads are lost in a forked process and the body is large enough for several.
+    """
     if _lost and pairs >= 2 * PAIRS_PER_THREAD:
         _say_lost()
     return max(1, min(most_threads(), pairs // PAIRS_PER_THREAD))
 
 
 class Chunks(NamedTuple):
-    """Number of threads of a pass, and number of chunks that they share."""
+    """Number of threads that run a pass, and number of chunks of the body that the threads share."""
 
     threads: int
     number: int
 
 
 def chunks_of(pairs: int) -> Chunks:
-    """Return the chunks of passes over a body with this number of pairs, at least one for each thread in use."""
+    """Return the number of threads and of chunks of passes over a body with this number of pairs, at least one chunk for each thread."""
     threads = threads_in_use()
     return Chunks(threads, 1 if threads == 1 else max(threads, pairs // PAIRS_PER_CHUNK))
 
 
 @contextmanager
 def thread_count(threads: int | None, limit: bool = False) -> Iterator[int]:
-    """Use this number of threads within the context, None for all, and yield it; raise ValueError if there are fewer.
+    """Run kernels on this number of threads within the context, None for all, and yield it; raise ValueError for too many.
 
-    With `limit` nothing within the context can use more.
+    With `limit` nothing within the context can use more. In a forked process in which the threads are lost, warn and use one.
     """
     global _most
     if _lost and threads not in (None, 1):

@@ -1,9 +1,10 @@
-"""Loads, stores and sums of short records, written with explicit vector instructions.
+"""Loads, stores and sums of short rows of reals (records), written with explicit vector instructions.
 
-A point's position is a record of two or three doubles, its gradient one of four or nine reals. LLVM compiles indexed loads in a loop over
-bonds into gather instructions, one component at a time; loading a record as a few vectors of four, two or one reals is faster. Each
-function states how many times as long a plain loop takes, by ``python pipelines/vector_loads.py`` on a processor with AVX2, in single and
-in double precision; one that gains less than 1.3 has no place here. ``tests/kernels/test_kernels.py`` compares the results.
+A record is what an array holds for one point or pair: two or three doubles of a position, four or nine reals of a gradient. LLVM compiles
+indexed loads in a loop over bonds into gather instructions, one component at a time; loading a record as a few vectors of four, two or one
+reals is faster. Each function states how many times as long a plain loop takes, by ``python pipelines/vector_loads.py`` on a processor with
+AVX2, in single and in double precision; a function that gains less than 1.3 has no place here. ``tests/kernels/test_kernels.py`` compares
+the results.
 """
 
 from functools import cache
@@ -24,7 +25,10 @@ _CONTRACT = ("contract",)
 
 
 def _writes(write):
-    """Return the intrinsic that runs ``write(builder, *arguments)`` for a call; it gets the addresses of arrays, and tuples as lists."""
+    """Return the intrinsic that generates its code by ``write(builder, *arguments)`` and returns nothing to its caller.
+
+    `write` receives arrays as addresses of their data, and tuples as lists.
+    """
 
     @intrinsic
     def called(typingctx, *arguments):
@@ -48,7 +52,7 @@ def _lane(number):
 
 
 def _element(builder, data, index, width=1):
-    """Return the address of ``data[index * width]``."""
+    """Return the address of element ``data[index * width]`` of an array."""
     if index.type.width < 64:
         index = builder.zext(index, _INDEX)
     if width != 1:
@@ -57,7 +61,7 @@ def _element(builder, data, index, width=1):
 
 
 def _listed(builder, indices, position):
-    """Return an entry of a list of indices."""
+    """Return the entry of `indices` at a position, as a 64-bit index."""
     return builder.zext(builder.load(_element(builder, indices, position)), _INDEX)
 
 
@@ -69,14 +73,14 @@ def _load(builder, address, count):
 
 
 def _store(builder, value, address):
-    """Write a vector, converted to the precision of the address."""
+    """Write a vector to an address, converted to the precision of the array there."""
     value = _as_real(builder, value, address.type.pointee)
     instruction = builder.store(value, builder.bitcast(address, value.type.as_pointer()))
     instruction.align = 4 if value.type.element == ir.FloatType() else 8
 
 
 def _parts(length):
-    """Return the first index and the length of each vector, of four, two or one reals, into which a record is cut."""
+    """Return how a record of `length` reals is cut into vectors of four, two or one reals: the first index and the length of each."""
     parts = [(at, 4) for at in range(0, length - 3, 4)]
     for count in (2, 1):
         if length % 4 & count:
@@ -85,13 +89,13 @@ def _parts(length):
 
 
 def _record(builder, data, index, length):
-    """Return the record at an index as a list of vectors, cut as `_parts` defines."""
+    """Load the record at an index of an array; return it as a list of vectors, cut as `_parts` defines."""
     base = _element(builder, data, index, length)
     return [_load(builder, _element(builder, base, _constant(at)), count) for at, count in _parts(length)]
 
 
 def _put_record(builder, parts, data, index, length):
-    """Write a record given as a list of vectors, cut as `_parts` defines."""
+    """Write a record, given as a list of vectors cut as `_parts` defines, to an index of an array."""
     base = _element(builder, data, index, length)
     for part, (at, _) in zip(parts, _parts(length), strict=True):
         _store(builder, part, _element(builder, base, _constant(at)))
@@ -102,7 +106,7 @@ def _shuffle(builder, first, second, lanes):
 
 
 def _as_real(builder, value, scalar):
-    """Convert a vector to the given scalar type."""
+    """Convert a vector to the precision `scalar`, single or double."""
     if value.type.element == scalar:
         return value
     target = ir.VectorType(scalar, value.type.count)
@@ -110,7 +114,7 @@ def _as_real(builder, value, scalar):
 
 
 def _vector(builder, values):
-    """Return an LLVM vector whose lanes are the given LLVM values, known only at run time."""
+    """Return a vector made of the given scalars, LLVM values that are known only at run time."""
     vector = ir.Constant(ir.VectorType(values[0].type, len(values)), ir.Undefined)
     for k, value in enumerate(values):
         vector = builder.insert_element(vector, value, _lane(k))
@@ -122,7 +126,7 @@ def _add(builder, term, accumulator):
 
 
 def _zeros(builder, scalar, counts):
-    """Return zero accumulators, vectors of the given lengths."""
+    """Allocate accumulators on the stack, vectors of the lengths `counts`, set them to zero, and return their addresses."""
     accumulators = [cgutils.alloca_once(builder, ir.VectorType(scalar, count)) for count in counts]
     for accumulator, count in zip(accumulators, counts, strict=True):
         builder.store(ir.Constant(ir.VectorType(scalar, count), [0.0] * count), accumulator)
@@ -130,7 +134,7 @@ def _zeros(builder, scalar, counts):
 
 
 def _in_steps(builder, start, stop, step, body):
-    """Loop over ``start … stop`` in whole steps of a power of two; return where the rest begins."""
+    """Call ``body(position)`` from `start` to `stop` in whole steps of `step`, a power of two; return where the remainder begins."""
     shift = _constant(step.bit_length() - 1)
     steps = builder.lshr(builder.sub(stop, start), shift)
     with cgutils.for_range(builder, steps) as loop:
@@ -139,10 +143,10 @@ def _in_steps(builder, start, stop, step, body):
 
 
 def _accumulate(builder, bonds, add, counts, scalar=_DOUBLE, chains=4, together=1):
-    """Return sums over ``start … stop``, vectors of the given lengths.
+    """Return sums over the positions of `bonds` (start, stop), as vectors of the lengths `counts`.
 
-    ``add(accumulators, position)`` adds the terms of one position, or of two where `together` is 2. Several chains are summed at the same
-    time, so that one addition need not wait for the one before.
+    ``add(accumulators, position)`` adds the terms of one position, or of two positions where `together` is 2. Several sets of accumulators
+    (`chains`) are summed side by side, so that an addition need not wait for the addition before.
     """
     start, stop = bonds
     sums = [_zeros(builder, scalar, counts) for _ in range(chains)]
@@ -165,24 +169,24 @@ def _accumulate(builder, bonds, add, counts, scalar=_DOUBLE, chains=4, together=
 
 
 def _one_or_two(builder, records, places):
-    """Return one or two records of two reals as a vector of four, with zeros in the place of a second."""
+    """Return one or two records of two reals as one vector of four, the second half zero if there is only one place."""
     found = [_record(builder, records, place, 2)[0] for place in places]
     return _joined(builder, found[0], found[1] if len(found) == 2 else ir.Constant(found[0].type, [0.0, 0.0]))
 
 
 def _joined(builder, first, second):
-    """Return one vector of the components of two."""
+    """Return the vector of the components of two vectors, one after the other."""
     return _shuffle(builder, first, second, list(range(2 * first.type.count)))
 
 
 def _sum_halves(builder, vector, flags=()):
-    """Return the sum of the first and the second half of the components."""
+    """Return the first half of a vector plus its second half, a vector of half the length."""
     half = vector.type.count // 2
     return builder.fadd(*(_shuffle(builder, vector, vector, list(range(at, at + half))) for at in (0, half)), flags=flags)
 
 
 def _transposed(builder, rows):
-    """Return the components of four vectors of one length, each a vector over the four."""
+    """Return the transpose of four vectors of equal length: one vector of four lanes for each component."""
     count, ends = rows[0].type.count, (0, 2)
     if count == 4:
         low, high = ([_shuffle(builder, rows[n], rows[n + 1], lanes) for n in ends] for lanes in ([0, 4, 1, 5], [2, 6, 3, 7]))
@@ -192,7 +196,10 @@ def _transposed(builder, rows):
 
 
 def _put_combined(builder, data, pairs, length, combine, rows, column):
-    """Combine the records at both ends of four pairs, and write the result into rows by component, from the given column on."""
+    """Combine the records at both ends of four pairs of points, and write component r of the results to row r of a block.
+
+    The results of the four pairs lie in the columns from `column` on; ``combine(first, second)`` returns the vector of a result.
+    """
     records = []
     for pair in pairs:
         ends = [_record(builder, data, end, length) for end in pair]
@@ -203,18 +210,21 @@ def _put_combined(builder, data, pairs, length, combine, rows, column):
 
 
 def _ends_of(builder, ends, at):
-    """Return the numbers of the points at both ends of four pairs, from the numbers of the first and of the second ends."""
+    """Return, for the four pairs from number `at` on, the numbers of the points at their first and second ends.
+
+    `ends` holds two arrays, the first and the second point of every pair.
+    """
     places = [builder.add(at, _constant(k)) for k in range(4)]
     return [[_listed(builder, points, place) for points in ends] for place in places]
 
 
 @cache
 def gather_pairs(dimension):
-    """Return an intrinsic that sums the matrices and subtracts the positions of the ends of four pairs, one row of a block per component.
+    """Return an intrinsic that, for four pairs of points, adds the matrices of both ends and subtracts their positions.
 
     ``sums[r, column + k] = matrices[first[at + k], r] + matrices[second[at + k], r]`` and ``differences[r, column + k] =
-    positions[second[at + k], r] - positions[first[at + k], r]``, each for k in 0 … 3, where ``ends = first, second``. A plain loop takes
-    3.5 (float32) or 2.4 (float64) times as long in the plane, 2.1 or 1.9 times in three dimensions.
+    positions[second[at + k], r] - positions[first[at + k], r]``, each for k in 0 … 3, where ``ends = first, second``: one row for each
+    component. A plain loop takes 3.5 (float32) or 2.4 (float64) times as long in the plane, 2.1 or 1.9 times in three dimensions.
     """
 
     @_writes
@@ -228,7 +238,11 @@ def gather_pairs(dimension):
 
 @cache
 def subtract_positions(dimension):
-    """Return an intrinsic that writes the differences of positions as `gather_pairs` does; a plain loop takes 2.0 times as long."""
+    """Return an intrinsic that writes the differences of the positions of both ends of four pairs, one row for each component.
+
+    ``out[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]`` for k in 0 … 3, where ``ends = first, second``. A
+    plain loop takes 2.0 times as long.
+    """
 
     @_writes
     def subtract(builder, positions, ends, at, out, column):
@@ -242,12 +256,12 @@ def subtract_positions(dimension):
 def sum_outer_products(builder, positions, neighbours, weights, bonds, point, out):
     """Write ``out[point] = sum over b in bonds of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns.
 
-    `bonds` are start and stop. This one is for the plane. A plain loop takes 2.4 (float32) or 2.2 (float64) times as long.
+    `bonds` are start and stop; positions and weights are in the plane. A plain loop takes 2.4 (float32) or 2.2 (float64) times as long.
     """
     own = _one_or_two(builder, positions, [point, point])
 
     def add(accumulators, *places):
-        """Add one or two bonds: their differences times the first and times the second component of their weights."""
+        """Add one or two bonds to two accumulators: difference of positions times first and second component of the weight."""
         ends = _one_or_two(builder, positions, [_listed(builder, neighbours, place) for place in places])
         factors = _as_real(builder, _one_or_two(builder, weights, places), _DOUBLE)
         differences = builder.fsub(ends, own)
@@ -261,9 +275,9 @@ def sum_outer_products(builder, positions, neighbours, weights, bonds, point, ou
 
 @_writes
 def outer_products(builder, positions, neighbours, weights, bonds, point, out):
-    """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in bonds, by columns.
+    """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in bonds, by columns, in the plane.
 
-    A plain loop takes 1.6 times as long.
+    `bonds` are start and stop. A plain loop takes 1.6 times as long.
     """
     start, stop = bonds
     own = _one_or_two(builder, positions, [point, point])
@@ -277,16 +291,19 @@ def outer_products(builder, positions, neighbours, weights, bonds, point, out):
 
 @cache
 def sum_matrix_products(dimension):
-    """Return an intrinsic that sums products of matrices by columns: ``out[point] = sum of (matrices[point] + matrices[j]) vectors[b]``.
+    """Return an intrinsic that sums products of matrices and vectors: ``out[point] = sum of (matrices[point] + matrices[j]) vectors[b]``.
 
-    The sum is over b in bonds, and j is ``neighbours[b]``. A plain loop takes 3.0 (float32) or 2.9 (float64) times as long in the plane,
-    1.9 or 2.1 times in three dimensions.
+    The sum is over b in bonds, and j is ``neighbours[b]``; matrices are stored by columns. A plain loop takes 3.0 (float32) or 2.9
+    (float64) times as long in the plane, 1.9 or 2.1 times in three dimensions.
     """
 
     @_writes
     def add_up(builder, matrices, neighbours, vectors, bonds, point, out):
         def columns(number):
-            """Return a plane matrix as one vector, and the columns of another, each with a fourth, unused component."""
+            """Load matrix `number`: return a 2 x 2 matrix as one vector, and a 3 x 3 matrix as its columns.
+
+            Each column of a 3 x 3 matrix has a fourth, unused component.
+            """
             if dimension == 2:
                 return _record(builder, matrices, number, 4)
             base = _element(builder, matrices, number, 9)
@@ -294,7 +311,7 @@ def sum_matrix_products(dimension):
             return [*loaded[:2], _shuffle(builder, loaded[2], loaded[2], [1, 2, 3, 3])]
 
         def spread(position):
-            """Return vector number `position` as factors of matrix columns: each component is repeated for every row."""
+            """Return vector number `position` as factors of the columns of a matrix, each component repeated for every row."""
             if dimension == 2:
                 factor = _as_real(builder, *_record(builder, vectors, position, 2), _DOUBLE)
                 return [_shuffle(builder, factor, factor, [0, 0, 1, 1])]
@@ -317,9 +334,9 @@ def sum_matrix_products(dimension):
 
 
 def _sum_of(builder, records, length, bonds, listed=None, factors=None):
-    """Return the sum of records, at ``start … stop`` or at ``listed[start … stop]``, as vectors.
+    """Return the sum of the records at ``start … stop``, or at ``listed[start … stop]``, as a list of vectors cut as `_parts` defines.
 
-    It is in double precision, or, with a factor for each record, in the records' own.
+    The sum is in double precision; with `factors`, by which the records are multiplied, it is in the precision of the records.
     """
     scalar = _DOUBLE if factors is None else records.type.pointee
 
@@ -341,7 +358,7 @@ def _sum_of(builder, records, length, bonds, listed=None, factors=None):
 
 @cache
 def sum_records(length, sign):
-    """Return an intrinsic: ``out[point] = factor * (sum of records[own] + sign * sum of records[indices[others]])``.
+    """Return an intrinsic that sums records: ``out[point] = factor * (sum of records[own] + sign * sum of records[indices[others]])``.
 
     `own` and `others` are start and stop, the sums are in double precision, and `sign` is 1 or -1. A plain loop takes 2.4 (float32) or 1.8
     (float64) times as long for records of two reals, 1.8 times for three, 3.9 or 2.6 times for four, 3.2 or 2.4 times for nine.
@@ -359,7 +376,7 @@ def sum_records(length, sign):
 
 @_writes
 def sum_listed_records(builder, records, listed, bonds, out, at):
-    """Write ``out[at] = sum of records[listed[b]] for b in bonds``, records of four doubles.
+    """Write ``out[at] = sum of records[listed[b]] for b in bonds``, where records have four doubles and `bonds` are start and stop.
 
     A plain loop takes 3.2 times as long.
     """
@@ -368,10 +385,11 @@ def sum_listed_records(builder, records, listed, bonds, out, at):
 
 @cache
 def multiply_pairs(dimension):
-    """Return an intrinsic that multiplies the records of pairs with those of their ends, all of d + d d reals in single precision.
+    """Return an intrinsic that computes scalar products of the records of pairs with the records of their two points, in single precision.
 
-    ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in bonds, where s is -1 for the first d reals and 1 for the
-    others. A plain loop takes 2.3 times as long in the plane and 4.1 times in three dimensions.
+    ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in bonds, where `first` is one point, records have d + d d
+    reals, and s is -1 for the first d reals and 1 for the others. A plain loop takes 2.3 times as long in the plane and 4.1 times in three
+    dimensions.
     """
     length = dimension + dimension**2
     signs = [-1.0] * dimension + [1.0] * dimension**2
@@ -400,10 +418,11 @@ def multiply_pairs(dimension):
 
 @cache
 def sum_scaled_records(dimension):
-    """Return an intrinsic that sums records of pairs, of d + d d reals in single precision, each times a factor.
+    """Return an intrinsic that sums, at a point, the records of its pairs, each times a factor.
 
-    The sums run over the pairs in `own` and, at ``indices[others]``, over pairs of which the point is the other end: ``vectors[point]`` is
-    the difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others. A plain loop takes 5.6 times as
+    A record has d + d d reals in single precision. The sums run over the pairs `own`, whose first point it is, and over the pairs
+    ``indices[others]``, whose second point it is. ``vectors[point]``, the first output, is the first sum minus the second, of the first d
+    reals; ``matrices[point]``, the second output, is the first sum plus the second, of the other d d reals. A plain loop takes 5.6 times as
     long in the plane and 5.8 times in three dimensions.
     """
     length = dimension + dimension**2
@@ -425,10 +444,11 @@ def sum_scaled_records(dimension):
 
 @cache
 def sum_weighted_rows(width):
-    """Return an intrinsic for rows of `width` reals in single precision: ``out[point] = sum over e in entries of w[e] x[columns[e]]``.
+    """Return an intrinsic for sparse matrices times an array x: ``out[point] = sum over e in entries of w[e] x[columns[e]]``.
 
-    LLVM gathers as many entries at a time as fit into a register, which rows of seven never fill: a plain loop takes 3.3 times as long for
-    seven reals, 2.1 times for two or three, and 1.3 times for one.
+    `entries` are start and stop of a matrix row, whose values are w. x has rows of `width` reals in single precision. LLVM gathers as many
+    entries at a time as fit into a register, which rows of seven never fill: a plain loop takes 3.3 times as long for seven reals, 2.1
+    times for two or three, and 1.3 times for one.
     """
 
     @_writes
@@ -446,10 +466,10 @@ def sum_weighted_rows(width):
 
 @intrinsic
 def sums_of_rows(typingctx, table, begin, row, first, second):
-    """Return the sums over p and q < 4 of first_p second_q times both outputs at ``table[begin + p row + 2 q]``.
+    """Return the sums over p and q < 4 of ``first[p] second[q]`` times both outputs at ``table[begin + p row + 2 q]``.
 
-    `first` and `second` are tuples of four. A row of eight numbers, four places with two outputs, is one vector: written as sixteen sums,
-    LLVM gathers every number by itself, which takes three times as long.
+    `first` and `second` are tuples of four. Eight consecutive numbers, four places with two outputs each, are loaded as one vector: written
+    as sixteen sums, LLVM gathers every number by itself, which takes three times as long.
     """
     real, flags = table.dtype, ("contract", "reassoc", "nsz")
 

@@ -20,23 +20,23 @@ from .feature_sets import like  # noqa: F401 - read by expressions
 
 
 def entries(arguments, expressions):
-    """Return the function that returns the tuple of some expressions of its arguments."""
+    """Return an inlined function of `arguments`, names separated by commas, that returns the tuple of the values of Python expressions."""
     return scalar(arguments, f"({', '.join(expressions)},)")
 
 
 def scalar(arguments, expression):
-    """Return the function that returns an expression of its arguments."""
+    """Return an inlined function of `arguments`, names separated by commas, that returns the value of a Python expression."""
     return inlined(eval(f"lambda {arguments}: {expression}", globals()))
 
 
 def total(terms):
-    """Return the expression of a sum, added in order."""
+    """Return the Python expression, as text, that adds the given terms from left to right."""
     return " + ".join(terms)
 
 
 @cache
 def algebra_of(dimension):
-    """Return the module of the algebra in 2 or 3 dimensions."""
+    """Return the module of functions on vectors and matrices in 2 or 3 dimensions; it is made once for each dimension."""
     found = ModuleType(f"{__name__}_{dimension}")
     vars(found).update(_components(dimension))
     vars(found).update(_plane(found) if dimension == 2 else _space(found))
@@ -44,9 +44,9 @@ def algebra_of(dimension):
 
 
 class ByDimension(dict):
-    """Table of the kernels that ``build(algebra)`` makes, by dimension, 2 or 3; it decorates `build`.
+    """Table of kernels by dimension, used as a decorator of a function `build`: entry 2 or 3 is ``build(algebra_of(2))`` or ``(3)``.
 
-    The algebra is the module from `algebra_of`. Each kernel is made on first use: a sheet compiles nothing for three dimensions.
+    The table makes each kernel on first use: a sheet compiles nothing for three dimensions.
     """
 
     def __init__(self, build: Callable) -> None:
@@ -55,13 +55,13 @@ class ByDimension(dict):
         self.__doc__ = build.__doc__
 
     def __missing__(self, dimension: int):
-        """Return the kernel of a dimension, made now and kept."""
+        """Build the kernel of a dimension, keep it in the table, and return it."""
         self[dimension] = self._build(algebra_of(dimension))
         return self[dimension]
 
 
 def _components(d):
-    """Return all functions that follow from the number of components alone."""
+    """Return, by name, the functions on vectors and matrices that have one general formula for every number of dimensions `d`."""
     axes = range(d)
     upper = [(r, c) for r in axes for c in range(r, d)]
     symmetric, matrix = range(len(upper)), range(d * d)
@@ -126,7 +126,7 @@ def _components(d):
 
 
 def _plane(algebra):
-    """Return the functions of two dimensions that have another form in three."""
+    """Return, by name, the functions on matrices and states whose formulas hold in two dimensions only."""
     squared_norm = algebra.squared_norm
 
     @inlined
@@ -136,7 +136,7 @@ def _plane(algebra):
 
     @inlined
     def shape_quality(K):
-        """Return 4 det K/(tr K)^2: 1 for a multiple of I, 0 for a singular K or one with zero trace."""
+        """Return the quality 4 det K/(tr K)^2 of a shape tensor K: 1 for a multiple of I, 0 for a singular K or a K with zero trace."""
         trace = K[0] + K[2]
         return 4.0 * (K[0] * K[2] - K[1] * K[1]) / (trace * trace) if trace > 0.0 else 0.0
 
@@ -144,12 +144,12 @@ def _plane(algebra):
 
     @inlined
     def response_state(F, volume_ratio):
-        """Return the arguments of a plane-stress response: tr C and det F in the plane, and J3."""
+        """Return the state on which the plane-stress response of a law depends: tr C and det F in the plane, and the volume ratio J3."""
         return squared_norm(F), determinant(F), volume_ratio
 
     @inlined
     def first_piola(F, state, result, unit):
-        """Return P = (p F + q F^-T) unit, from a response's result (p, q) in the state (tr C, J, J3)."""
+        """Return the first Piola-Kirchhoff stress P = (p F + q F^-T) unit; a law's response in `state` (tr C, J, J3) is `result` (p, q)."""
         p = result[0] * unit
         q = result[1] / state[1] * unit
         return p * F[0] + q * F[3], p * F[1] - q * F[2], p * F[2] - q * F[1], p * F[3] + q * F[0]
@@ -166,7 +166,7 @@ def _plane(algebra):
 
 
 def _space(algebra):
-    """Return the functions of three dimensions that have another form in two."""
+    """Return, by name, the functions on matrices and states whose formulas hold in three dimensions only."""
     squared_norm, times_symmetric = algebra.squared_norm, algebra.times_symmetric
 
     def minor(r, c):
@@ -196,18 +196,21 @@ def _space(algebra):
 
     @inlined
     def shape_quality(K):
-        """Return 27 det K/(tr K)^3: 1 for a multiple of I, 0 for a singular K or one with zero trace."""
+        """Return the quality 27 det K/(tr K)^3 of a shape tensor K: 1 for a multiple of I, 0 for a singular K or a K with zero trace."""
         trace = K[0] + K[3] + K[5]
         return 27.0 * symmetric_determinant(K) / (trace * trace * trace) if trace > 0.0 else 0.0
 
     @inlined
     def response_state(F, volume_ratio):
-        """Return the arguments of a three-dimensional response: tr C, tr cof C and det F; the volume ratio is det F itself."""
+        """Return the state on which the response of a law depends in three dimensions: tr C, tr cof C and det F.
+
+        `volume_ratio` is unused, since the volume ratio of a solid is det F.
+        """
         return squared_norm(F), squared_norm(cofactor(F)), determinant(F)
 
     @inlined
     def first_piola(F, state, result, unit):
-        """Return P = (p F + q cof F + r F C) unit, from a response's result (p, q, r)."""
+        """Return the first Piola-Kirchhoff stress P = (p F + q cof F + r F C) unit from the `result` (p, q, r) of a law's response."""
         p, q, r = result[0] * unit, result[1] * unit, result[2] * unit
         return combined(p, F, q, cofactor(F), r, times_symmetric(F, right_cauchy_green(F)))
 
@@ -215,7 +218,10 @@ def _space(algebra):
 
     @inlined
     def sum_outer_products(positions, neighbours, weights, bonds, point, out):
-        """Write what `vector_loads.sum_outer_products` writes, by a plain loop."""
+        """Write ``out[point] = sum of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns, over the bonds b.
+
+        `bonds` are the first index and the index after the last. `vector_loads.sum_outer_products` does this for two dimensions.
+        """
         own = vector_at(positions, point)
         summed = no_matrix()
         for b in range(bonds[0], bonds[1]):

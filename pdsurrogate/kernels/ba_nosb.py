@@ -1,8 +1,8 @@
-"""Bond-associated correspondence (BA-NOSB), paper Eqs. (11)-(15).
+"""Bond forces of bond-associated correspondence (BA-NOSB), paper Eqs. (11)-(15), in the plane.
 
 Every directed bond has its own deformation gradient, formed over the points that the horizons of both its ends share. The product (y_k -
-y_i) (x) w x V of a neighbour k occurs in about fifteen bonds of point i: it is computed once into a table that stays in the first-level
-cache, and each bond sums the entries that it lists.
+y_i) (x) w x V of a neighbour k occurs in about fifteen bonds of point i: the pass computes each product once, into a table that stays in
+the first-level cache, and every bond sums the entries of the points that its ends share.
 """
 
 import numpy as np
@@ -23,9 +23,11 @@ TILE = 64
 
 @kernel
 def list_common_points(points, table_pointers, table, bond_pointers, targets, horizon, count, common_pointers, common):
-    """List, for every directed bond, the entries of its point's table that lie within the horizon of the bond's other end.
+    """List, for every directed bond, which neighbours of its first end lie within the horizon of its second end.
 
-    With `count` true only the numbers of entries are found, into ``common_pointers[1:]``.
+    The neighbours of point i are entries ``table_pointers[i]`` to ``table_pointers[i + 1]`` of `table`. `common` receives the places of the
+    shared neighbours, counted from ``table_pointers[i]``. With `count` true the function writes only the running numbers of shared
+    neighbours, into ``common_pointers[1:]``.
     """
     reach = horizon * horizon * (1.0 + 1e-9) * (1.0 + 1e-9)
     at = np.uint64(0)
@@ -46,10 +48,12 @@ def list_common_points(points, table_pointers, table, bond_pointers, targets, ho
 def bond_references(points, volumes, table, bonds, common, horizon_volumes, inverse_shapes, vectors):
     """Compute the inverse shape tensor (12) of every directed bond, and the vector that turns its stress into its force (13)-(15).
 
-    The vector is phi_xi/(2 phi) w K_xi^-1 x V_i V_j, in place of w x in `vectors`. Volumes are sums over the lists: a point is not its own
-    neighbour, but a bond's far end is one of its shared points. `inverse_shapes` is zero where the shared points do not span the plane.
-    `table` is pointers, entries and w x V of every entry; `bonds` the owners and targets; `common` the pointers and places of the shared
-    points.
+    The force of a bond is its stress P times the vector phi_xi/(2 phi) w K_xi^-1 x V_i V_j, which replaces w x in `vectors`. phi_xi is the
+    volume of the points that the horizons of both ends share, over the horizon volume of the first end; phi is the horizon volume of the
+    first end over the sum for both ends. Volumes are sums over lists of neighbours: a point is not its own neighbour, but the second end of
+    a bond is one of the shared points. `inverse_shapes` becomes zero where the shared points do not span the plane. `table` holds the
+    pointers, the numbers of the neighbours of each point, and w x V of each neighbour; `bonds` the first and second ends of the bonds;
+    `common` the pointers and the places of the shared points from `list_common_points`.
     """
     table_pointers, entries, table_weights = table
     owners, targets = bonds
@@ -76,12 +80,13 @@ def bond_references(points, volumes, table, bonds, common, horizon_volumes, inve
 
 @Pass
 def ba_nosb_forces(thread, chunk, chunks, positions, table, bonds, volume_ratios, response, parameters, memory, forces):
-    """Compute the dimensionless force t V_i V_j of every directed bond.
+    """Compute the dimensionless force t V_i V_j of every directed bond on its first point.
 
     Return the number of bonds with det F <= 0, non-finite F or no plane-stress state. `volume_ratios` holds J3 of every bond, the last
-    values on entry and the new ones on exit. `table` is that of `bond_references`; `bonds` are the pointers of the directed bonds, the
-    pointers and places of their shared points, their inverse shape tensors and vectors. `memory` is, for each thread, (longest table, 4),
-    (BLOCK, 4) and (SCRATCH_ROWS + 4, BLOCK).
+    values on entry and the new ones on exit. `table` holds the pointers, the numbers of the neighbours of each point, and w x V of each
+    neighbour; `bonds` the pointers of the directed bonds, the pointers and places of their shared points, their inverse shape tensors and
+    their vectors (see `bond_references`). `memory` is, for each thread, three arrays of shapes (longest table, 4), (BLOCK, 4) and
+    (SCRATCH_ROWS + 4, BLOCK).
     """
     table_pointers, entries, table_weights = table
     bond_pointers, common_pointers, common, inverse_shapes, vectors = bonds
@@ -113,7 +118,10 @@ def ba_nosb_forces(thread, chunk, chunks, positions, table, bonds, volume_ratios
 
 @inline
 def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces):
-    """Compute the forces of up to `BLOCK` consecutive bonds from their sums of products."""
+    """Compute the forces of `size` <= `BLOCK` consecutive bonds, from bond `at` on; return how many bonds have no plane-stress state.
+
+    `sums` holds, for each bond, the sum of (y_k - y_i) (x) w x V over its shared points.
+    """
     at = np.int64(at)
     states = block_rows(rows[0:3])
     result = block_rows(rows[3:8])

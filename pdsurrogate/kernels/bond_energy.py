@@ -23,8 +23,8 @@ from .domain import BLEND, N_LIMITS, edge_distances, exact_share
 from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
 
 COUNTED = 1
-"""Guard that counts bonds outside the domain and otherwise leaves them to the surrogate; `FALL_BACK` and `UNGUARDED` are those of
-`bond_force`.
+"""Guard that counts bonds outside the domain and otherwise leaves them to the surrogate; the module `bond_force` defines the other guards,
+`FALL_BACK` and `UNGUARDED`.
 """
 
 plane = algebra_of(2)
@@ -46,7 +46,10 @@ together faster than sound: below a third the volumetric energy makes a bond sti
 
 @inlined
 def columns_of(reference, bonds, means, k, half):
-    """Return c and e, the columns of F_ij in the bond's frame, from the bond vector and the sum of the ends' gradients."""
+    """Return the columns c = F_ij n and e = F_ij m of the deformation gradient of pair k, n along its bond at rest and m across.
+
+    `bonds` holds the deformed bond vectors, `means` the sums of the deformation gradients of both points, and `half` is 0.5.
+    """
     n = plane.column_in(reference, k, half)
     F = plane.matrix_column_in(means, k, half)
     e = half * (n[0] * F[2] - n[1] * F[0]), half * (n[0] * F[3] - n[1] * F[1])
@@ -55,13 +58,20 @@ def columns_of(reference, bonds, means, k, half):
 
 @inlined
 def stress(c, e, p, q):
-    """Return (P n, P m) = (p c + q (e2, -e1), p e + q (-c2, c1))."""
+    """Return (P n, P m) = (p c + q (e2, -e1), p e + q (-c2, c1)), the first Piola-Kirchhoff stress times directions n and m.
+
+    n is the direction along a bond, m across; c and e are the columns F n and F m of the bond's deformation gradient F; p = 2 dpsi/dtr C
+    and q = dpsi/dJ.
+    """
     return p * c[0] + q * e[1], p * c[1] - q * e[0], p * e[0] - q * c[1], p * e[1] + q * c[0]
 
 
 @inlined
 def put_parts(pair, moment, k, reference, P, half):
-    """Write P n/l and S = (P m) (x) m/2 by columns, from (P n, P m)."""
+    """Write the force P n/l of pair k into `pair`, and its moment S = (P m) (x) m/2, by columns, into `moment`.
+
+    `P` is (P n, P m), the first Piola-Kirchhoff stress times the directions along and across the bond; `half` is 0.5.
+    """
     n1, n2, inverse_length = reference[0, k], reference[1, k], reference[2, k]
     h1, h2 = half * P[2], half * P[3]
     put_row(pair, k, (inverse_length * P[0], inverse_length * P[1]))
@@ -70,14 +80,16 @@ def put_parts(pair, moment, k, reference, P, half):
 
 @Pass
 def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
-    """Compute the energy of the pairs and their parts of the force and of the points' S; dimensionless, times volume.
+    """Compute the energy of every pair of points of a sheet, its force, and its moment S; all are dimensionless, times volume.
 
-    `pairs` are the numbers of the first and second points and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body
-    has several materials or ranks, the part of V_b whose energy counts here. `energy_density`, `exact` and `constants` are the block
-    functions and their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` holds the limits of
-    `pdsurrogate.kernels.domain`. `memory` is a buffer, sums of the ends' gradients, work and scratch. The results are: `counts` (n_chunks,
-    3), the pairs outside the domain, those with det F_ij <= COLLAPSED, and those with det F_ij <= 0 or NaN; `energies` (n_blocks,), the
-    sums of V_b psi; `forces` (pairs, 2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
+    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point. `pairs` are the numbers of the
+    first and second points and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has several materials or ranks,
+    the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions compiled for blocks of pairs, and
+    `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` holds the limits of
+    `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of both points, and the rows `work` and
+    `scratch` of an energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the domain, of pairs with det
+    F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs, 2), V_b P n/l
+    on the first point; `moments` (pairs, 4), S by columns.
     """
     first, second, geometry = pairs
     ends = first, second
@@ -163,10 +175,11 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
 
 @Pass
 def pair_tangents(thread, chunk, chunks, positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
-    """Compute the change of `forces` and `moments` of `pair_energies` under a displacement, to first order.
+    """Compute, to first order, the changes of the forces and moments that `pair_energies` computes, under a displacement.
 
-    `positions` and `gradients` hold the displacements and the change of F; `linearised` (n_blocks, 9, BLOCK) holds c, e, psi_I, psi_J,
-    psi_II, psi_IJ, psi_JJ at the state where the tangent is taken, the last five times V_b.
+    `positions` and `gradients` hold the displacements of the points and the changes of their deformation gradients; `linearised` (n_blocks,
+    9, BLOCK) holds c, e, psi_I, psi_J, psi_II, psi_IJ, psi_JJ of every pair at the state where the tangent is taken, the last five times
+    V_b. c and e are the columns of F_ij along and across the bond.
     """
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)

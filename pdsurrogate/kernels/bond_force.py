@@ -50,18 +50,22 @@ LEAST_NORMAL_STRETCH = 0.1
 
 @inlined
 def lateral_stretch(a, b, J):
-    """Return U_mm = (J + b^2)/a of theory (10), continued to bonds turned by a right angle and more, where a = U_nn <= 0.
+    """Return U_mm = (J + b^2)/a, the component of the stretch tensor across a bond (theory (10)), from a = U_nn and b = U_nm.
 
-    There no stretch tensor exists: U_mm would change sign through a pole, and the force would turn such a bond further instead of back.
-    Below `LEAST_NORMAL_STRETCH` 1/a therefore continues along its tangent. With p > 0 and q < 0 the traction T_nn = p a + q U_mm/J is then
-    finite and rises with a through all rotations: it pushes the bond back.
+    A bond that has turned by a right angle or more has a <= 0 and no stretch tensor: U_mm would change sign through a pole, and the force
+    would turn the bond further instead of back. Below `LEAST_NORMAL_STRETCH` 1/a therefore continues along its tangent. With p > 0 and q <
+    0 the traction T_nn = p a + q U_mm/J is then finite and rises with a through all rotations: it pushes the bond back.
     """
     inverse = quotient(like(a, 1.0), np.maximum(a, like(a, LEAST_NORMAL_STRETCH)))
     return (J + b * b) * inverse * (like(a, 2.0) - a * inverse)
 
 
 def along_and_across(T_nn, T_nm, a, b, stretch):
-    """Return (t_n, t_tau), components along and across the deformed bond, shape (n, 2), from those along and across the bond at rest."""
+    """Return the components (t_n, t_tau) of bond forces along and across the deformed bond, shape (n, 2).
+
+    `T_nn` and `T_nm` are the components of the traction along and across the bond at rest, `a` and `b` the components U_nn and U_nm of the
+    stretch tensor, and `stretch` is the stretch of the bond.
+    """
     return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
 
 
@@ -70,7 +74,10 @@ doubles_at = entries("rows, k", [f"np.float64(rows[{r}, k])" for r in range(3)])
 
 @cache
 def analytic_bond_force(dtype):
-    """Return the block function of the exact bond force of any law, which is evaluated in double precision for any `dtype`."""
+    """Return the function, compiled for blocks of bonds, that computes the exact traction of a bond from the response of a law.
+
+    States and tractions have the type `dtype`; the function computes in double precision.
+    """
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
         widest_vectors()
@@ -93,9 +100,11 @@ def analytic_bond_force(dtype):
 
 @cache
 def plane_strain_bond_force(dtype):
-    """Return the block function that adds the pressure of a held thickness to a model's force, T + (J3 U' - tr(T U)/3) U^-1 (theory (47)).
+    """Return the function, compiled for blocks of bonds, that adds the pressure of a held thickness to the traction T of a force model.
 
-    The isochoric Kirchhoff stress has no trace; at plane stress the model has subtracted its component across the plane from all three.
+    The result is T + (J3 U' - tr(T U)/3) U^-1 (theory (47)), U the stretch tensor and U' the slope of the volumetric energy. The isochoric
+    Kirchhoff stress has no trace; the model, learnt at plane stress, has subtracted the component across the plane from all three
+    components.
     """
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
@@ -122,13 +131,16 @@ def plane_strain_bond_force(dtype):
 def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, exact, constants, guard, domain, memory, forces):
     """Compute the dimensionless force on the first point of every pair; return the number of pairs outside the domain.
 
-    A pair is evaluated once, since its averaged state is the same seen from either end. Pairs without force (normal_factor = 0: padding,
-    broken bonds, points without support) are given the undeformed state, so that they neither produce NaN nor count.
+    The pass evaluates a pair once, since its averaged state does not depend on the end from which it is seen. Pairs without force
+    (normal_factor = 0: padding, broken bonds, points without support) are given the undeformed state, so that they neither produce NaN nor
+    count.
 
-    `records` (n, 4) holds (cos, sin, J, C33) of the points. `pairs` are the numbers of the first and second points and the geometry
-    (n_blocks, 4 to 6, BLOCK) from `reference_state.pair_rows`, with `COUNTED_ROW`. `bond_force` and `exact` are addresses of block
-    functions, and `constants` the sizes, weights, response and parameters that both take. `domain` (2, 7) holds the limits of the domain
-    and of its interior, see `pdsurrogate.kernels.domain`. `memory` is a buffer and work in the model's precision, and scratch in double.
+    `records` (n, 4) holds the state (cos, sin, J, C33) of every point: its rotation, volume ratio in the plane and squared thickness
+    stretch. `pairs` are the numbers of the first and second points and the geometry (n_blocks, 4 to 6, BLOCK) from
+    `reference_state.pair_rows`, with `COUNTED_ROW`. `bond_force` and `exact` are addresses of functions compiled for blocks of bonds, a
+    model's and the exact one, and `constants` the sizes, weights, response and parameters that both take. `domain` (2, 7) holds the limits
+    of the domain and of its interior, see `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer and the rows `work` in the
+    model's precision, and the rows `scratch` in double precision.
     """
     first, second, geometry = pairs
     ends = first, second

@@ -1,4 +1,4 @@
-"""Search for bonds stretched beyond their critical stretch; compiled only if a scene has one."""
+"""Search for bonds stretched beyond their critical stretch; compiled only if a scene gives a critical stretch."""
 
 import numpy as np
 
@@ -10,14 +10,15 @@ from .algebra import ByDimension
 
 @ByDimension
 def find_overstretched(algebra):
-    """Build the pass that finds pairs whose deformed length squared exceeds its limit (30)."""
+    """Build the pass that finds pairs of points whose squared distance in the deformed body exceeds the limit of the pair (30)."""
 
     @Pass
     def find_overstretched(thread, chunk, chunks, positions, first, second, limits, buffers, found, counts):
-        """Find pairs whose deformed length squared exceeds its limit (30); return their number.
+        """Find pairs of points whose squared distance in the deformed body exceeds the limit of the pair (30); return their number.
 
-        `limits` (n_blocks, BLOCK) is the squared critical length, infinite for broken and padding pairs; `found` receives the numbers of
-        the pairs, those of each chunk from the chunk's first pair on, and `counts` how many each chunk found.
+        `limits` (n_blocks, BLOCK) holds the squared critical length of every pair, infinite for broken and padding pairs. `found` receives
+        the numbers of the overstretched pairs, those of each chunk from the place of the chunk's first pair on, and `counts` their number
+        in each chunk.
         """
         widest_vectors()
         bond = block_rows(buffers[thread])

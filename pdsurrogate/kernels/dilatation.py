@@ -1,7 +1,7 @@
-"""The linearised dilatation of the points, D, and its transpose (theory (58)), with one record per pair in single precision.
+"""The linearised dilatation of the points, D, and its transpose (theory (58)), with the derivatives of every pair in single precision.
 
-A preconditioner needs no more digits. These passes are limited by memory: a record is read once for each end of its pair, and one number
-per pair is written.
+A preconditioner needs no more digits. Memory limits the speed of these passes: they read the derivatives of a pair once for each of its two
+points, and write one number for every pair.
 """
 
 import numpy as np
@@ -15,22 +15,23 @@ from .selective_energy import gradient_of_bond, smoothed_value
 
 
 def record_length(dimension: int) -> int:
-    """Return the number of reals in the derivatives of det F_ij: by the bond vector, and by the sum of the ends' gradients."""
+    """Return the number of derivatives of det F_ij of a pair: d by the bond vector, and d d by the sum of the gradients of its points."""
     return dimension + dimension * dimension
 
 
 @ByDimension
 def volume_derivatives(algebra):
-    """Build the pass that computes the derivatives of det F_ij of every pair."""
+    """Build the pass that computes the derivatives of det F_ij of every pair by its bond vector and the gradients of its points."""
     of_bond = gradient_of_bond(algebra)
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
     length = dimension
 
     @Pass
     def volume_derivatives(thread, chunk, chunks, positions, gradients, pairs, buffers, derivatives):
-        """Compute the derivatives of det F_ij of every pair by y, cof F_ij n/l, and by F_i + F_j, cof F_ij (I - n (x) n)/2 by columns.
+        """Compute the derivatives of det F_ij of every pair of points by its bond vector and by the deformation gradients of its points.
 
-        The other arguments are those of `selective_energy.pair_volumes`.
+        A row of `derivatives` holds cof F_ij n/l, the derivative by the bond vector, and cof F_ij (I - n (x) n)/2, the derivative by F_i +
+        F_j, by columns. The other arguments are those of `selective_energy.pair_volumes`.
         """
         first, second, geometry = pairs
         ends = first, second
@@ -59,7 +60,10 @@ def volume_derivatives(algebra):
 
 @Pass
 def displacement_records(chunk, chunks, displacements, gradients, source, gradient_parity, gradient_reflection, records):
-    """Write records (n + m, d + d d) of displacements and changes of the gradients; ghosts copy the gradients of their sources."""
+    """Write the displacement and the change of the deformation gradient of every point and ghost into a row of `records`, (n + m, d + d d).
+
+    Displacements of ghosts are given; the change of the gradient on a ghost is computed from the change on its source.
+    """
     total, dimension = displacements.shape
     n = total - source.shape[0]
     start, stop = share_of(n, chunk, chunks)
@@ -81,15 +85,15 @@ def displacement_records(chunk, chunks, displacements, gradients, source, gradie
 
 @ByDimension
 def volume_changes(algebra):
-    """Build the pass that computes the change of det F_ij of every pair under displacements."""
+    """Build the pass that computes the change of det F_ij of every pair of points under displacements, to first order."""
     multiply = multiply_pairs(algebra.DIMENSION)
 
     @Pass
     def volume_changes(chunk, chunks, derivatives, records, pair_pointers, second, changes):
-        """Compute the change of det F_ij of every pair under displacements, to first order.
+        """Compute the change of det F_ij of every pair of points under displacements, to first order.
 
-        `derivatives` comes from `volume_derivatives` and `records` from `displacement_records`. The pairs of point i as first point are
-        ``pair_pointers[i]`` to ``pair_pointers[i + 1]``; `second` holds their other ends.
+        `derivatives` comes from `volume_derivatives` and `records` from `displacement_records`. Point i is the first point of the pairs
+        ``pair_pointers[i]`` to ``pair_pointers[i + 1]``; `second` holds the second point of every pair. `changes` receives the result.
         """
         start, stop = share_of(pair_pointers.shape[0] - 1, chunk, chunks)
         for i in range(start, stop):
@@ -100,9 +104,10 @@ def volume_changes(algebra):
 
 @Pass
 def pair_pressures(chunk, chunks, pressures, first, second, shares, found):
-    """Compute the pressure that multiplies the change of det F_ij of every pair, from the pressures of its ends.
+    """Compute the pressure of every pair of points, by which the derivatives of its det F_ij are multiplied.
 
-    `shares` (n_blocks, 2, BLOCK) are the pair's shares of the volumes of both ends.
+    It is the sum of the pressures of both points, each times the share that the pair has in the volume of the point; `shares` (n_blocks, 2,
+    BLOCK) holds these shares, and `found` receives the pressures of the pairs.
     """
     widest_vectors()
     first_block, last_block = share_of(shares.shape[0], chunk, chunks)
@@ -115,14 +120,16 @@ def pair_pressures(chunk, chunks, pressures, first, second, shares, found):
 
 @ByDimension
 def sum_pressures(algebra):
-    """Build the pass that applies the transpose of the linearised dilatation to pressures of the pairs."""
+    """Build the pass that applies the transpose of the linearised dilatation to the pressures of the pairs."""
     add_up = sum_scaled_records(algebra.DIMENSION)
 
     @Pass
     def sum_pressures(chunk, chunks, derivatives, pressures, pair_pointers, incidence_pointers, incidence, forces, moments):
-        """Sum, over the pairs of every point and ghost, the derivatives of det F_ij times the pressure of the pair.
+        """Sum, over the pairs of every point and ghost, the derivatives of det F_ij of a pair times the pressure of the pair.
 
-        `forces` (n + m, d) receives the part by the point's place and `moments` (n + m, d d) the part by its gradient, by columns.
+        `forces` (n + m, d) receives the sums of the derivatives by the position of the point, and `moments` (n + m, d d) the sums of the
+        derivatives by its deformation gradient, by columns. `pair_pointers` bound the pairs whose first point it is, `incidence` lists the
+        pairs whose second point it is.
         """
         start, stop = share_of(forces.shape[0], chunk, chunks)
         for i in range(start, stop):
@@ -135,9 +142,10 @@ def sum_pressures(algebra):
 
 @Pass
 def smooth_and_add(chunk, chunks, smoothing, values, factor, others, out):
-    """Compute ``factor * W values`` plus the sum of three `others`, each a factor and values; `out` may be one of these three.
+    """Compute ``out = factor * W values`` plus three further vectors, each times a factor of its own.
 
-    `smoothing` is the matrix W, see `selective_energy.smooth`.
+    `smoothing` is the sparse matrix W, see `selective_energy.smoothed_value`; `others` are three tuples of factor and vector, and `out` may
+    be one of these vectors.
     """
     (of_first, first), (of_second, second), (of_third, third) = others
     start, stop = share_of(smoothing[3].shape[0], chunk, chunks)

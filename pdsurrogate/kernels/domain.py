@@ -1,9 +1,9 @@
-"""Guards: the edge of a surrogate's domain, and the blend of its force or energy into the exact one near that edge.
+"""Edge of the domain in which a surrogate holds, and the blend of its force or energy into the exact one near that edge.
 
 A bond force, the energy of a sheet and an isochoric energy depend on different invariants, so each has its own distances from the edges.
 All three blend with one polynomial of two continuous derivatives (theory (18)), since the stiffness of an energy needs both. The limits of
-a domain are low^2, high^2, their inverses, the least and greatest J3^2 = J^2 C33, and the least a, where low and high bound the principal
-stretches. NumPy evaluates the functions of an energy, too.
+a domain are low^2, high^2, their inverses, the least and greatest J3^2 = J^2 C33, and the least a = U_nn, where low and high bound the
+principal stretches. NumPy evaluates the functions of an energy, too.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ less than the error of the stress of a fit whose energy and stress have been lea
 
 @inlined
 def blend(t):
-    """Return the polynomial that rises from 0 at t = 0 to 1 at t = 1, and its first and second derivative; t is clipped."""
+    """Return the polynomial that rises from 0 at t = 0 to 1 at t = 1, and its first and second derivative; t is clipped to [0, 1]."""
     t = select(t > 0.0, t, 0.0)
     t = select(t < 1.0, t, 1.0)
     return t * t * t * (10.0 + t * (6.0 * t - 15.0)), 30.0 * t * t * (1.0 - t) * (1.0 - t), 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t)
@@ -33,10 +33,10 @@ def blend(t):
 
 @inline
 def is_outside(a, b, U_mm, J, C33, limits):
-    """Return 1 for a bond outside the domain, else 0; NaN counts as outside, and so does a bond without a stretch tensor.
+    """Return 1 for a bond whose state lies outside a surrogate's domain, else 0; NaN and a bond without a stretch tensor are outside.
 
-    With J the product of the principal stretches, both lie within [low, high] exactly if J lies within [low^2, high^2] and tr C is at most
-    high^2 + J^2/high^2 and low^2 + J^2/low^2: no eigenvalue is needed.
+    With J the product of the principal stretches, both stretches lie within [low, high] exactly if J lies within [low^2, high^2] and tr C
+    is at most high^2 + J^2/high^2 and low^2 + J^2/low^2: no eigenvalue is needed.
     """
     trace = a * a + b * b + b * b + U_mm * U_mm
     square = J * J
@@ -55,10 +55,10 @@ def is_outside(a, b, U_mm, J, C33, limits):
 
 @inline
 def share_inside(a, b, U_mm, J, C33, outer, inner):
-    """Return the share of the surrogate in the force: 1 within the interior of the domain, 0 outside the domain, rising smoothly between.
+    """Return the share of the surrogate in the force of a bond: 1 within the interior of its domain, 0 outside, rising smoothly between.
 
-    Without this band the force would jump at the edge by the error of the surrogate, and an equilibrium with bonds on the edge need not
-    exist.
+    `outer` and `inner` are the limits of the domain and of its interior. Without the band between them the force would jump at the edge by
+    the error of the surrogate, and an equilibrium with bonds on the edge need not exist.
     """
     if is_outside(a, b, U_mm, J, C33, outer) > 0.0:
         return 0.0
@@ -77,17 +77,17 @@ def share_inside(a, b, U_mm, J, C33, outer, inner):
 
 @inline
 def _rise(value, edge, full):
-    """Return 0 at `edge`, 1 from `full` on, linear between."""
+    """Return the linear ramp of a value: 0 at `edge` and before it, 1 from `full` on; 1 where `edge` and `full` are equal."""
     return min(max((value - edge) / (full - edge), 0.0), 1.0) if full != edge else 1.0
 
 
 @inlined
 def edge_distances(trace, J, limits):
-    """Return how far a state of a sheet lies beyond the four edges of the domain: positive outside, all negative inside.
+    """Return how far a state of a sheet lies beyond each of the four edges of the domain: positive outside, all negative inside.
 
-    With L and H the squares of the least and the greatest stretch, both stretches lie within unless tr C > H + J^2/H (one above),
-    tr C > L + J^2/L (one below), J > H (both above) or J < L (both below). Each distance is about the relative change of the offending
-    squared stretch.
+    With L and H the squares of the least and the greatest stretch of the domain, both principal stretches lie within the domain unless tr C
+    > H + J^2/H (one is above), tr C > L + J^2/L (one is below), J > H (both are above) or J < L (both are below). Each distance is about
+    the relative change of the offending squared stretch.
     """
     low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
     square, one = J * J, like(J, 1.0)
@@ -101,9 +101,9 @@ def edge_distances(trace, J, limits):
 
 @inlined
 def exact_share(trace, J, limits):
-    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its derivatives by (I, J, II, IJ, JJ), I = tr C.
+    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its first and second derivatives.
 
-    A switch at the edge itself would make the energy jump by the error of the fit.
+    The derivatives are by (I, J, II, IJ, JJ), I = tr C. A switch at the edge itself would make the energy jump by the error of the fit.
     """
     low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
     above, below = high + J * J * inverse_high, low + J * J * inverse_low
@@ -127,7 +127,11 @@ def exact_share(trace, J, limits):
 
 @inlined
 def _share_within(distance, first, second):
-    """Return the share that one edge leaves to the surrogate, and its derivatives, from those of the distance beyond the edge."""
+    """Return the share of the surrogate near one edge of its domain, 1 deep inside and 0 at the edge, and its derivatives.
+
+    `distance` is the distance beyond the edge, `first` and `second` are the derivatives of the distance by (I, J) and by (II, IJ, JJ); the
+    derivatives of the share are by (I, J, II, IJ, JJ).
+    """
     s, ds, dds = blend(distance / BLEND + 1.0)
     ds, dds = ds / BLEND, dds / (BLEND * BLEND)
     return (
@@ -142,7 +146,7 @@ def _share_within(distance, first, second):
 
 @inlined
 def product_rule(f, g):
-    """Return a product of functions of two variables and its derivatives, from (value, I, J, II, IJ, JJ) of both."""
+    """Return the product of two functions of (I, J) and its derivatives; a function is (value, and derivatives by I, J, II, IJ, JJ)."""
     return (
         f[0] * g[0],
         f[1] * g[0] + f[0] * g[1],
@@ -154,7 +158,10 @@ def product_rule(f, g):
 
 
 def distance_coefficients(low, high):
-    """Return the coefficients by (1, I1bar, I2bar) of the distances from both bounds of the isochoric stretches, shape (2, 3)."""
+    """Return the coefficients of the distances of a state from the lower and the upper bound of the isochoric stretches, shape (2, 3).
+
+    A distance is linear in the isochoric invariants; its coefficients are those of (1, I1bar, I2bar).
+    """
     low, high = max(low, high**-2), min(high, low**-2)
     a, b = low**2, high**2
     return np.array([[1 - a**3, a * a, -a], [1 - b**-3, -1 / b, b**-2]])
@@ -162,6 +169,9 @@ def distance_coefficients(low, high):
 
 @inlined
 def exact_share_at(distance):
-    """Return the share of the exact energy, 0 deeper than the band and 1 at the edge, and its derivative by the distance."""
+    """Return the share of the exact energy and its derivative, from the distance of a state from the edge, positive inside the domain.
+
+    The share is 1 at the edge and outside, and 0 from the distance `BLEND` on.
+    """
     share, slope, _ = blend(1.0 - distance / BLEND)
     return share, -slope / BLEND

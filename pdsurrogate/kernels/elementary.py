@@ -39,7 +39,7 @@ def _quotient(x, y):
 
 
 def _format(x):
-    """Return the real type x, the integers of its width, and how many bits its exponent stands above."""
+    """Return the NumPy type for the numba real type x, the integer type of equal width, and the position of its lowest exponent bit."""
     return (np.float32, np.int32, 23) if x == types.float32 else (np.float64, np.int64, 52)
 
 
@@ -90,7 +90,7 @@ def _inverse_square_root(x):
 
 
 def _polynomial(coefficients, real):
-    """Return the function that evaluates a polynomial in one precision by Horner's rule, from its lowest coefficient on."""
+    """Return the function that evaluates a polynomial in precision `real` by Horner's rule; `coefficients` begin with the constant term."""
     names = {f"c{n}": real(coefficient) for n, coefficient in enumerate(coefficients)}
     *others, nested = names
     for name in reversed(others):
@@ -156,7 +156,7 @@ def _exponential(x):
 
 @inlined
 def langevin(beta):
-    """Return coth(beta) - 1/beta for beta >= 0. Relative error below 1e-15."""
+    """Return the Langevin function coth(beta) - 1/beta for beta >= 0. Relative error below 1e-15."""
     # coth - 1/beta cancels for small arguments; there the eight terms of Lambert's continued fraction are exact to rounding.
     square = beta * beta
     fraction = 15 + square / 17
@@ -173,7 +173,7 @@ def langevin(beta):
 
 @inlined
 def inverse_langevin(y):
-    """Return beta with langevin(beta) = y, and its derivative by y, for 0 < y < 1; NaN for y >= 1, where the chain is straight.
+    """Return beta with langevin(beta) = y, and the derivative of beta by y, for 0 < y < 1; NaN for y >= 1, where a chain is straight.
 
     Two steps of Halley's iteration improve Kroeger's approximation, which is within 0.2 %: relative error below 1e-14 up to y = 0.99
     (Kroeger, J. Non-Newton. Fluid Mech. 223 (2015) 77).
@@ -193,9 +193,9 @@ def inverse_langevin(y):
 
 @inlined
 def chain_energy(y, beta):
-    """Return the free energy of a chain over kT and its number of links, y beta + log(beta/sinh(beta)), for beta = inverse_langevin(y).
+    """Return the free energy of a chain of freely jointed links, y beta + log(beta/sinh(beta)), over kT and the number of links.
 
-    Absolute error below 1e-14.
+    y is the extension of the chain over its full length, and beta = inverse_langevin(y). Absolute error below 1e-14.
     """
     decay = exponential(-2 * beta)
     # 0 * beta passes NaN on, which the kernels' logarithm does not.

@@ -1,8 +1,8 @@
-"""The plane-stress energy of a sheet, psi(tr C, det F) with C33 eliminated, as block functions: exact for any law, and learnt.
+"""The plane-stress energy density of a sheet, psi(tr C, det F) with C33 eliminated: exact for any law, and learnt by a network.
 
-Both give psi and its two derivatives, dimensionless, from the two invariants, and have the arguments of a bond force. By the envelope
-theorem the derivatives at the C33 that solves P33 = 0 are those at fixed C33: 2 dpsi/dtr C = p and J dpsi/dJ = q, the coefficients of R^T P
-= p U + q U^-1 (`pdsurrogate.materials.expressions`).
+Both are functions compiled for blocks of states, with the arguments of a bond force; they compute psi and its two derivatives,
+dimensionless, from the two invariants. By the envelope theorem the derivatives at the C33 that solves P33 = 0 are those at fixed C33: 2
+dpsi/dtr C = p and J dpsi/dJ = q, the coefficients of R^T P = p U + q U^-1 (`pdsurrogate.materials.expressions`).
 """
 
 from functools import cache
@@ -25,7 +25,10 @@ ENERGY_ROWS = 3
 
 @cache
 def analytic_energy_density(dtype):
-    """Return the block function of the exact energy of any law; its result is NaN where det F <= 0 or the law has no plane-stress state."""
+    """Return the function, compiled for blocks of states, that computes the exact plane-stress energy density from the response of a law.
+
+    The result is psi, dpsi/dtr C and dpsi/dJ; it is NaN where det F <= 0 or the law has no plane-stress state.
+    """
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
         widest_vectors()
@@ -60,7 +63,7 @@ NETWORK_WORK_ROWS = 2
 def pack_network(hidden_weights, hidden_biases, output_weights, dtype):
     """Pack an energy network of one hidden layer for `network_energy_density`: return its sizes and its weights in `dtype`.
 
-    `hidden_weights` has a row for log J and one for log(tr C/(2 J)); the constants are zero.
+    `hidden_weights` has a row for log J and a row for log(tr C/(2 J)); the constant and the slope that follow the weights are set to zero.
     """
     units = pack_units(hidden_weights, hidden_biases, output_weights)
     return np.array([units.size // GROUP]), np.append(units, np.zeros(N_CONSTANTS)).astype(dtype)
@@ -68,10 +71,11 @@ def pack_network(hidden_weights, hidden_biases, output_weights, dtype):
 
 @cache
 def network_energy_density(activation, dtype):
-    """Return the block function of energy networks with an activation; number of units and weights are arguments of it.
+    """Return the function, compiled for blocks of states, that evaluates energy networks of one hidden layer with an activation.
 
-    ``psi = sum of v a(w1 log J + w2 log(tr C/(2 J)) + b) - constant - slope log J``. Both features vanish at rest, where the constants make
-    psi and dpsi/dlog J vanish, and with them the stress: 2 dpsi/dtr C + dpsi/dJ = dpsi/dlog J there.
+    ``psi = sum of v a(w1 log J + w2 log(tr C/(2 J)) + b) - constant - slope log J``. The function takes the number of hidden units and the
+    weights as arguments. Both features vanish at rest, where the constant and the slope make psi and dpsi/dlog J vanish, and with them the
+    stress: 2 dpsi/dtr C + dpsi/dJ = dpsi/dlog J there.
     """
     add_units = unit_sums(activation)
 

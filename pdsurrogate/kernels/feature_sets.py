@@ -1,7 +1,7 @@
-"""Feature sets of learnt bond forces: the features of a bond, and the traction that the two outputs represent, elementwise.
+"""Feature sets of learnt bond forces: the features of a bond, and the traction that the two outputs of a model represent.
 
-NumPy evaluates the functions where regressors are trained and checked, and numba compiles them into the kernels. ``like`` gives constants
-the precision of the kernel.
+All functions are elementwise: NumPy evaluates them where regressors are trained and checked, and numba compiles them into the kernels.
+``like`` converts constants to the precision of the kernel.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class FeatureSet:
 
 
 def like(x, value):
-    """Return `value` in the precision of `x`."""
+    """Return `value`; in compiled code, convert it to single precision if `x` is in single precision."""
     return value
 
 
@@ -72,17 +72,20 @@ def _like(x, value):
 
 
 def symmetric_shared(a, b, J, C33):
-    """Return the ratio k = C33/J."""
+    """Return the tuple of the ratio k = C33/J, which the functions of the symmetric feature set share."""
     return (quotient(C33, J),)
 
 
 def symmetric_inputs(shared, a, b, U_mm, J, C33, length):
-    """Return log U_nn, log U_mm, log J, log J3^2 (theory (15)): even in b, so mirror symmetry is exact; all vanish at rest."""
+    """Return the features of the symmetric set: log U_nn, log U_mm, log J, log J3^2 (theory (15)).
+
+    All are even in b = U_nm, so that mirror symmetry is exact, and all vanish at rest.
+    """
     return logarithm(a), logarithm(U_mm), logarithm(J), logarithm(C33 * J * J)
 
 
 def symmetric_traction(shared, o1, o2, a, b, U_mm, J, C33):
-    """Return T_nn, T_nm, T_mm from the outputs T_nn/(U_nn + k U_mm) and T_nm/(b (1 + k)), k = C33/J.
+    """Return the traction T_nn, T_nm, T_mm from the outputs o1 = T_nn/(U_nn + k U_mm) and o2 = T_nm/(b (1 + k)), k = C33/J.
 
     T and U are coaxial for every isotropic law, T_nm (U_nn - U_mm) = U_nm (T_nn - T_mm), so T_mm needs no output.
     """
@@ -93,22 +96,22 @@ def symmetric_traction(shared, o1, o2, a, b, U_mm, J, C33):
 
 
 def symmetric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Invert `symmetric_traction`."""
+    """Return the outputs T_nn/(U_nn + k U_mm) and T_nm/(b (1 + k)) that represent a traction; the inverse of `symmetric_traction`."""
     k = shared[0]
     return T_nn / (a + k * U_mm), T_nm / (b * (1 + k))
 
 
 def isochoric_shared(a, b, J, C33):
-    """Return J3^(-1/3)."""
+    """Return the tuple of J3^(-2/3), which the functions of the isochoric feature set share."""
     return (inverse_cube_root(J * J * C33),)
 
 
 def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
-    """Return log Jbar and tr Cbar/(2 Jbar) - 1 of the isochoric stretch in the plane, Ubar = J3^(-1/3) U.
+    """Return the features log Jbar and tr Cbar/(2 Jbar) - 1 of the isochoric stretch in the plane, Ubar = J3^(-1/3) U.
 
     For a law W_iso + U(J3) the traction is J3^(-1/3) times a function of Ubar alone, and an isotropic function of Ubar has two arguments:
     these features lose nothing, and isotropy and the split are exact. The second feature is cosh log(lambda_1/lambda_2) - 1; its numerator
-    is the difference, so that it is zero at rest on processors whose quotient of one by one is not exactly one.
+    is tr C/2 - J, so that the feature is zero at rest on processors whose quotient of one by one is not exactly one.
     """
     c = shared[0]
     trace = a * a + like(a, 2.0) * b * b + U_mm * U_mm
@@ -116,7 +119,7 @@ def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
 
 
 def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
-    """Return T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; zero at rest if o2 is.
+    """Return the traction T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; zero at rest if the output o2 is zero.
 
     For laws that depend on I1bar only, r vanishes and p is 2 W1 J3^(-2/3). The components of T J are computed, and divided by J last: at
     rest they are zero in exact arithmetic and in floating point, whatever the rounding of a quotient.
@@ -130,7 +133,7 @@ def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
 
 
 def isochoric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Invert `isochoric_traction`."""
+    """Return the outputs o1 and o2 that represent a traction by the isochoric feature set; the inverse of `isochoric_traction`."""
     c = shared[0]
     q = (T_nn - a * T_nm / b) / (a + U_mm)
     p = T_nm / b + q
@@ -138,9 +141,10 @@ def isochoric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
 
 
 def write_tractions(features: FeatureSet):
-    """Return the function that replaces the outputs in the first two rows of a block by tractions, `at_rest` subtracted.
+    """Return the function that turns a model's two outputs for every bond of a block into tractions, in place.
 
-    `kept` holds the shared values of the block's states, and `shared` those of one of them.
+    The outputs are the first two rows of `traction`; `at_rest`, the outputs at rest, is subtracted from them. `kept` holds the values of
+    `FeatureSet.shared` for every bond, and `shared` is such a tuple for any bond, of which only the length and the types are used.
     """
     traction_of = inlined(features.traction)
 

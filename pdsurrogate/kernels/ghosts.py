@@ -1,7 +1,7 @@
-"""Values on ghosts computed from their sources, and the transpose of that linear map.
+"""Values on ghosts computed from the values on their sources, and the transpose of that linear map.
 
-A ghost's displacement is that of its source, each component times a parity, plus a shift; its neighbourhood is that of its source, each
-direction times a reflection. With P = diag(parity) and S = diag(reflection)
+The displacement of a ghost is the displacement of its source, each component times a parity, plus a shift; the neighbourhood of a ghost is
+the neighbourhood of its source, each direction times a reflection. With P = diag(parity) and S = diag(reflection)
 
     y = shift + P y_source,    F = I + P (F_source - I) S,    K = S K_source S,
 
@@ -15,13 +15,13 @@ from ..engine.passes import Pass, share_of
 
 @inlined
 def _component(values, source, parity, shift, g, r):
-    """Return component r of the vector shift + P v on ghost g."""
+    """Return component r of the vector on ghost g, shift + P v, where v is the vector on the source and P = diag(parity)."""
     return shift[g, r] + parity[g, r] * values[source[g], r]
 
 
 @kernel
 def fill_vectors(values, source, parity, shift):
-    """Write the vectors on ghosts from those on their sources."""
+    """Write the vectors on the m ghosts, the last m rows of `values`: shift + P v, v the vector on the source and P = diag(parity)."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
@@ -31,7 +31,7 @@ def fill_vectors(values, source, parity, shift):
 
 @Pass
 def place_points(chunk, chunks, given, source, parity, shift, positions):
-    """Write the positions of points and ghosts from those of the points."""
+    """Copy the positions of points, and compute the positions of ghosts: shift + P y, y the position of the source and P = diag(parity)."""
     n, dimension = given.shape
     start, stop = share_of(n, chunk, chunks)
     for i in range(start, stop):
@@ -45,7 +45,7 @@ def place_points(chunk, chunks, given, source, parity, shift, positions):
 
 @kernel
 def fold_vectors(values, source, parity):
-    """Add P v of the vectors on ghosts to those on their sources; this is the transpose of `fill_vectors`."""
+    """Add P v to the vector on the source of a ghost, v the vector on the ghost and P = diag(parity); the transpose of `fill_vectors`."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
@@ -55,7 +55,10 @@ def fold_vectors(values, source, parity):
 
 @kernel
 def fill_matrices(values, source, parity, reflection, rest):
-    """Write the matrices on ghosts, rest I + P (F - rest I) S; `rest` is 1 for a deformation gradient and 0 for a change of one."""
+    """Write the matrices on ghosts, rest I + P (F - rest I) S, where F is the matrix on the source, P = diag(parity), S = diag(reflection).
+
+    `rest` is 1 for a deformation gradient and 0 for a change of a deformation gradient.
+    """
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
@@ -68,7 +71,10 @@ def fill_matrices(values, source, parity, reflection, rest):
 
 @kernel
 def fold_matrices(values, source, parity, reflection):
-    """Add P M S of the matrices on ghosts to those on their sources and clear them; this is the transpose of `fill_matrices`."""
+    """Add P M S to the matrix on the source of each ghost, where M is the matrix on the ghost, and set M to zero.
+
+    P = diag(parity) and S = diag(reflection): this is the transpose of `fill_matrices`.
+    """
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
@@ -81,7 +87,10 @@ def fold_matrices(values, source, parity, reflection):
 
 @kernel
 def fill_symmetric(values, source, reflection):
-    """Write the symmetric matrices on ghosts, S K S, stored as their upper triangles row by row."""
+    """Write the symmetric matrices on ghosts, S K S, where K is the matrix on the source and S = diag(reflection).
+
+    Matrices are stored as their upper triangles, row by row.
+    """
     m, dimension = reflection.shape
     n = values.shape[0] - m
     for g in range(m):

@@ -1,7 +1,7 @@
-"""The learnt isochoric energy W(I1bar, I2bar) as a response of the selective energy, blended into the exact one at the edge of its domain.
+"""Learnt isochoric energy W(I1bar, I2bar), blended into the exact energy of the law at the edge of its domain.
 
-The block function has the rows of an exact isochoric response. A state is outside if a principal stretch is beyond its bounds L and H. Of
-three stretches with product 1, where L >= 1/H^2 and H <= 1/L^2, that is the case if one of
+The compiled function has the arguments and result rows of an exact isochoric response. A state is outside if a principal stretch is beyond
+the bounds L and H. Of three stretches with product 1, where L >= 1/H^2 and H <= 1/L^2, that is the case if one of
 
     (1 - s1/H^2) (1 - s2/H^2) (1 - s3/H^2),    (1 - L^2/s1) (1 - L^2/s2) (1 - L^2/s3),    s the squared stretches,
 
@@ -41,10 +41,11 @@ distances = entries("b, I1, I2", ["b[0] + b[1] * I1 + b[2] * I2", "b[3] + b[4] *
 
 
 def network_block(activation, invariants, of_invariants):
-    """Build the block function of a network: ``W = sum of v a(w1 log(I1bar/3) + w2 log(I2bar/3) + b) - constant``.
+    """Build the function for blocks of states of a network: ``W = sum of v a(w1 log(I1bar/3) + w2 log(I2bar/3) + b) - constant``.
 
-    It accepts rows of either precision. Both features vanish at rest, and the constant makes W vanish there; the stress vanishes as for
-    every function of isochoric invariants.
+    `invariants` computes (I1bar, I2bar) from a state, and `of_invariants` the rows of the result from W and its derivatives by these
+    invariants. The function accepts states and results of either precision. Both features vanish at rest, and the constant makes W vanish
+    there; the stress vanishes as for every function of isochoric invariants.
     """
     add_units = unit_sums(activation)
 

@@ -13,12 +13,15 @@ from ..engine.vector_loads import sum_weighted_rows
 
 @cache
 def passes_of(width: int) -> SimpleNamespace:
-    """Return the passes `scale`, `relax`, `residual` and `add_product` for vectors with rows of `width` reals."""
+    """Return four passes over vectors with rows of `width` reals: `scale`, `relax`, `residual` and `add_product`.
+
+    `scale` and `relax` are steps of Jacobi's iteration for A x = b, `residual` is b - A x, and `add_product` adds A x to a vector.
+    """
     add_up = sum_weighted_rows(width)
 
     @Pass
     def scale(chunk, chunks, relaxation, right, out):
-        """Compute ``r b``, a step of Jacobi's iteration from zero."""
+        """Compute ``out = r b``, the step of Jacobi's iteration from zero for A x = b; r is `relaxation` and b is `right`."""
         start, stop = share_of(right.shape[0], chunk, chunks)
         for i in range(start, stop):
             for c in range(width):
@@ -26,7 +29,7 @@ def passes_of(width: int) -> SimpleNamespace:
 
     @Pass
     def relax(chunk, chunks, pointers, columns, values, relaxation, right, found, out):
-        """Compute a step of Jacobi's iteration, ``x + r (b - A x)``."""
+        """Compute ``out = x + r (b - A x)``, a step of Jacobi's iteration; x is `found`, r `relaxation` and b `right`."""
         start, stop = share_of(right.shape[0], chunk, chunks)
         for i in range(start, stop):
             add_up(values, columns, (pointers[i], pointers[i + 1]), found, i, out)
@@ -35,7 +38,7 @@ def passes_of(width: int) -> SimpleNamespace:
 
     @Pass
     def residual(chunk, chunks, pointers, columns, values, right, found, out):
-        """Compute ``b - A x``."""
+        """Compute the residual ``out = b - A x``; x is `found` and b is `right`."""
         start, stop = share_of(right.shape[0], chunk, chunks)
         for i in range(start, stop):
             add_up(values, columns, (pointers[i], pointers[i + 1]), found, i, out)
@@ -44,7 +47,7 @@ def passes_of(width: int) -> SimpleNamespace:
 
     @Pass
     def add_product(chunk, chunks, pointers, columns, values, vectors, kept, product, out):
-        """Compute ``kept * out + A x`` in place; `product` is working memory like `out`."""
+        """Compute ``out = kept * out + A x`` in place; x is `vectors`, and `product` is working memory with the shape of `out`."""
         start, stop = share_of(out.shape[0], chunk, chunks)
         for i in range(start, stop):
             add_up(values, columns, (pointers[i], pointers[i + 1]), vectors, i, product)

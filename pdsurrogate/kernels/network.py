@@ -1,8 +1,8 @@
-"""Multilayer perceptrons: activations, packed weights, sums of hidden units, and bond-force block functions with their NumPy twin.
+"""Multilayer perceptrons: activations, packed weights, sums of hidden units, and the compiled bond force with its NumPy twin.
 
-Units are packed in groups of four, whose weights are scalars of the inner loop over a block: a state is loaded once for four units, and an
-accumulator is written once for four. Networks of a bond force have one to three hidden layers; their inputs are padded to a multiple of
-four with zero weights, except a pair of inputs to a single hidden layer.
+Four units are packed into a group, whose weights are scalars of the inner loop over a block of bonds: a state is loaded once for four
+units, and an accumulator is written once for four units. Networks of a bond force have one to three hidden layers; their inputs are padded
+to a multiple of four with zero weights, except a pair of inputs to a single hidden layer.
 
 Activation functions return their first and second derivative, too: a network that represents an energy gives the stress through the slope
 and the stiffness through the curvature. NumPy evaluates the same expressions for checks and training; compiled, unused derivatives cost
@@ -44,34 +44,37 @@ N_SIZES = WIDTHS + 1 + MOST_HIDDEN
 
 
 def algebraic(x):
-    """Evaluate x / sqrt(1 + x^2), the cheapest smooth sigmoid: one inverse square root gives value, slope and curvature."""
+    """Return the value, slope and curvature of x / sqrt(1 + x^2), the cheapest smooth sigmoid.
+
+    All three follow from one inverse square root.
+    """
     r = inverse_square_root(like(x, 1.0) + x * x)
     slope = r * r * r
     return x * r, slope, like(x, -3.0) * x * slope * r * r
 
 
 def logistic(x):
-    """Evaluate 1 / (1 + exp(-x))."""
+    """Return the value, slope and curvature of 1 / (1 + exp(-x))."""
     value = like(x, 1.0) / (like(x, 1.0) + exponential(-x))
     slope = value * (like(x, 1.0) - value)
     return value, slope, slope * (like(x, 1.0) - value - value)
 
 
 def tanh(x):
-    """Evaluate tanh x as 1 - 2/(1 + exp(2x)); the absolute error near 0 is the rounding error at 1."""
+    """Return the value, slope and curvature of tanh x as 1 - 2/(1 + exp(2x)); the absolute error near 0 is the rounding error at 1."""
     value = like(x, 1.0) - like(x, 2.0) / (like(x, 1.0) + exponential(x + x))
     slope = like(x, 1.0) - value * value
     return value, slope, like(x, -2.0) * value * slope
 
 
 def relu(x):
-    """Evaluate max(x, 0)."""
+    """Return the value, slope and curvature of max(x, 0)."""
     zero = like(x, 0.0)
     return np.maximum(x, zero), select(x > zero, like(x, 1.0), zero), zero
 
 
 def identity(x):
-    """Return x, with slope 1 and curvature 0."""
+    """Return the value, slope and curvature of the activation x: x, 1 and 0."""
     return x, like(x, 1.0), like(x, 0.0)
 
 
@@ -84,13 +87,19 @@ SMOOTH = ("algebraic", "logistic", "tanh")
 
 
 def groups_of(rows):
-    """Return the columns of a matrix in groups of four, padded with zeros, each group as a vector row by row."""
+    """Cut a matrix into groups of four columns, and return each group as a vector, row by row.
+
+    The last group is padded with zeros.
+    """
     padded = np.pad(rows, ((0, 0), (0, -rows.shape[1] % GROUP)))
     return [padded[:, at : at + GROUP].ravel() for at in range(0, padded.shape[1], GROUP)]
 
 
 def units_of(n_inputs):
-    """Return the function ``units(w, x)`` of four units before their activation, from a tuple of weights and a tuple of inputs."""
+    """Return the function ``units(w, x)`` that computes four hidden units before their activation: biases + weights times inputs.
+
+    `w` is a tuple of four biases and four weights for each input, `x` a tuple of `n_inputs` inputs.
+    """
     sums = [[f"w[{r}]", *(f"w[{GROUP * (q + 1) + r}] * x[{q}]" for q in range(n_inputs))] for r in range(GROUP)]
     return entries("w, x", [total(terms) for terms in sums])
 
@@ -100,14 +109,15 @@ units_of_pair, units_of_group = units_of(PAIR), units_of(GROUP)
 
 
 def pack_units(hidden_weights, hidden_biases, output_weights):
-    """Return the weights of hidden units with two features and one output as a vector, for `unit_sums`."""
+    """Pack the weights of hidden units with two inputs and one output into one vector, in groups of four units, for `unit_sums`."""
     return np.concatenate(groups_of(np.vstack([hidden_biases, hidden_weights, output_weights])))
 
 
 def unit_sums(activation):
-    """Return a function that adds a hidden layer of two features to the first row of sums, and its derivatives by them to the next two.
+    """Return the function that evaluates a hidden layer of two features p and q over a block, and its derivatives by both features.
 
-    ``sums[0] += sum of v a(b + p x + q u)`` over the units; `weights` begin with those of `pack_units`.
+    It adds ``sum of v a(b + w1 p + w2 q)`` over the units to row 0 of `sums`, the derivative by p to row 1 and the derivative by q to row
+    2. `weights` begin with those from `pack_units`; `units` is the number of units.
     """
     activate = inlined(activation)
     converted = entries("x, w", [f"like(x, w[{n}])" for n in range(PAIR_WEIGHTS)])
@@ -131,10 +141,10 @@ def unit_sums(activation):
 
 
 def pack(layers, at_rest, dtype):
-    """Pack the layers of a network for `network_block`: return its sizes and its weights in `dtype`.
+    """Pack the layers of a bond-force network for `network_block`: return its sizes and its weights in `dtype`.
 
-    `layers` lists (weights, biases), weights of shape (n_in, n_out), the output layer last; `at_rest` is subtracted from the two outputs.
-    Raise ValueError for more hidden layers than `MOST_HIDDEN`, or other than two outputs.
+    `layers` lists (weights, biases), weights of shape (n_in, n_out), the output layer last; `at_rest`, the two outputs at rest, is appended
+    for subtraction. Raise ValueError for more hidden layers than `MOST_HIDDEN`, for none, or for a number of outputs other than two.
     """
     hidden, (output_weights, output_biases) = layers[:-1], layers[-1]
     if not 1 <= len(hidden) <= MOST_HIDDEN:
@@ -155,7 +165,10 @@ def pack(layers, at_rest, dtype):
 
 
 def network_outputs(features, layers, activation):
-    """Return the outputs of a network in NumPy, shape (n, n_out), from features of shape (n, n_in); `layers` are those of `pack`."""
+    """Evaluate a network in NumPy: return its outputs, shape (n, n_out), from features of shape (n, n_in).
+
+    `layers` lists (weights, biases) with the output layer last, as for `pack`.
+    """
     *hidden, (output_weights, output_biases) = layers
     values = features
     for weights, biases in hidden:
@@ -164,13 +177,16 @@ def network_outputs(features, layers, activation):
 
 
 def _padded(width):
-    """Return the width rounded up to whole groups."""
+    """Return the number of units of a layer rounded up to a multiple of four (`GROUP`)."""
     return -(-width // GROUP) * GROUP
 
 
 @kernel
 def _pre_activations(rows, n_rows, weights, z):
-    """Compute four units of a layer before their activation: z = biases + rows @ weights."""
+    """Compute four units of a layer over a block before their activation: z = biases + weights times the first `n_rows` rows of `rows`.
+
+    `weights` holds the four biases, then the weights of the four units for each input.
+    """
     widest_vectors()
     rows = block_rows(rows)
     z = block_rows(z)
@@ -185,7 +201,11 @@ def _pre_activations(rows, n_rows, weights, z):
 
 
 def add_outputs(activate, column, units, n_weights):
-    """Return the function that adds four units of the last hidden layer to both outputs; ``units(weights, column)`` precede activation."""
+    """Return the function that evaluates four units of the last hidden layer over a block and adds their shares of both outputs.
+
+    ``units(w, x)`` computes the four units before their activation from `n_weights` weights and from x, the column of inputs that
+    ``column(rows, k)`` returns for bond k.
+    """
     n_outputs = GROUP * N_OUTPUTS
 
     @expanded
@@ -203,7 +223,10 @@ def add_outputs(activate, column, units, n_weights):
 
 @cache
 def network_block(features: FeatureSet, activation, dtype):
-    """Return the block function of networks with a feature set and an activation; `sizes` and `weights` from `pack` are arguments of it."""
+    """Return the function, compiled for blocks of bonds, that evaluates networks with a feature set and an activation as a bond force.
+
+    The function takes the sizes and weights from `pack` as arguments.
+    """
     shared_of, inputs = inlined(features.shared), inlined(features.inputs)
     activate, put_tractions = inlined(activation), write_tractions(features)
     add_from_pair = add_outputs(activate, column_of_pair, units_of_pair, GROUP * (1 + PAIR))

@@ -1,4 +1,4 @@
-"""Deformation gradient of every point, and the state that follows from it: rotation, J, and C33 by the plane-stress condition."""
+"""Deformation gradient of every point, and the state that follows from the gradient: rotation, J, and C33 at plane stress."""
 
 import numpy as np
 
@@ -20,13 +20,14 @@ SWELLING = 0.02
 
 @ByDimension
 def deformation_gradients(algebra):
-    """Build the pass that computes the deformation gradient of every point (20)."""
+    """Build the pass that computes the deformation gradient F of every point (20)."""
 
     @Pass
     def deformation_gradients(chunk, chunks, positions, pointers, neighbours, weighted_bonds, inverse_shape, unsupported, gradients):
-        """Compute F of every point by columns; where the bonds do not span the space it is `unsupported` times I.
+        """Compute the deformation gradient F of every point, by columns.
 
-        Points without a gradient carry no stress: their F is I (`unsupported` = 1) and a change of it zero (`unsupported` = 0).
+        Where the bonds of a point do not span the plane or space, the point carries no stress, and F is `unsupported` times I: 1 for a
+        deformation gradient, 0 for a change of F.
         """
         start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
         for i in range(start, stop):
@@ -40,12 +41,12 @@ def deformation_gradients(algebra):
 
 @inline
 def solve_volume_ratios(n, states, result, last, response, parameters, last_step=1e-8):
-    """Solve P33 = 0 for J3 by Newton's method, in place in ``states[2]``, for the first n states of a block.
+    """Solve P33 = 0 for the volume ratio J3 by Newton's method, in place in ``states[2]``, for the first n states of a block.
 
     Return the number of states without a solution. Each state ends with a relative step below `last_step`; convergence is quadratic, so the
-    error is about its square. `result` holds the response before that step. A converged state waits for the others of its block, so its
-    result depends on nothing but itself, to the last bit. `last` is a row of working memory. The residual is J3 dPsi/dJ3, whose slope is
-    about the bulk modulus: from the J3 of the last evaluation one step reaches rounding, and a second confirms it.
+    error is about the square of that step. `result` holds the response before the last step. A converged state waits for the others of its
+    block, so that J3 of a state depends on nothing but that state, to the last bit. `last` is a row of working memory. The residual is J3
+    dPsi/dJ3, whose slope is about the bulk modulus: from the J3 of the last evaluation one step reaches rounding, and a second confirms it.
     """
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
@@ -76,14 +77,14 @@ def solve_volume_ratios(n, states, result, last, response, parameters, last_step
 
 @inlined
 def thickness_squared(states, k):
-    """Return C33 = (J3/J)^2 of a state of a block."""
+    """Return C33 = (J3/J)^2, the squared thickness stretch, of state k of a block; the rows of `states` are tr C, J and J3."""
     thickness = states[2, k] / states[1, k]
     return thickness * thickness
 
 
 @inlined
 def rotation(F):
-    """Return the cosine and the sine of the rotation of a plane gradient."""
+    """Return the cosine and the sine of the rotation in a plane deformation gradient F (11, 21, 12, 22)."""
     c = F[0] + F[3]
     s = F[1] - F[2]
     norm = inverse_square_root(c * c + s * s)
@@ -92,14 +93,15 @@ def rotation(F):
 
 @ByDimension
 def held_states(algebra):
-    """Build the pass that computes the state of every point of a solid, or of a sheet whose thickness is held: J3 = det F."""
+    """Build the pass that computes the state of every point of a solid, or of a sheet whose thickness is held, where J3 = det F."""
     sheet = algebra.DIMENSION == 2
 
     @Pass
     def held_states(chunk, chunks, gradients, volume_ratios, records):
-        """Compute det F of every point from F by columns; return the number of points with det F <= 0 or non-finite F.
+        """Write det F of every point into `volume_ratios`; return the number of points with det F <= 0 or non-finite F.
 
-        In a sheet the points' records are (cos, sin, J, 1), with C33 = 1; a solid has none.
+        `gradients` holds F by columns. In a sheet `records` receives the rotation, J = det F and C33 = 1 of every point, (cos, sin, J, 1);
+        for a solid it is not written.
         """
         widest_vectors()
         start, stop = share_of(gradients.shape[0], chunk, chunks)
@@ -123,10 +125,10 @@ def held_states(algebra):
 
 @Pass
 def node_states(thread, chunk, chunks, gradients, volume_ratios, response, parameters, scratch, records):
-    """Write the points' records (cos, sin, J, C33) from F (11, 21, 12, 22), with C33 from the law.
+    """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient F (11, 21, 12, 22), with C33 from the law.
 
-    Return the number of points with det F <= 0, non-finite F or no plane-stress state. `volume_ratios` holds J3, the last values on entry
-    and the new ones on exit.
+    A row of `records` receives (cos, sin, J, C33) of a point. Return the number of points with det F <= 0, non-finite F or no plane-stress
+    state. `volume_ratios` holds J3, the last values on entry and the new ones on exit.
     """
     n = gradients.shape[0]
     widest_vectors()

@@ -8,11 +8,11 @@ from .algebra import ByDimension
 
 @ByDimension
 def weighted_stresses(algebra):
-    """Build the pass that computes P K^-1 of every point."""
+    """Build the pass that computes P K^-1 of every point, the first Piola-Kirchhoff stress times the inverse shape tensor."""
 
     @Pass
     def weighted_stresses(thread, chunk, chunks, gradients, volume_ratios, inverse_shape, unit, response, parameters, scratch, stresses):
-        """Compute P K^-1 of every point, by columns."""
+        """Compute P K^-1 of every point, by columns: first Piola-Kirchhoff stress, times `unit`, times inverse shape tensor."""
         widest_vectors()
         n = gradients.shape[0]
         first, last = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
@@ -42,11 +42,14 @@ def weighted_stresses(algebra):
 
 @ByDimension
 def nosb_forces(algebra):
-    """Build the pass that sums the weighted stresses to forces on points."""
+    """Build the pass that computes the forces on points from P K^-1, stress times inverse shape tensor, of every point."""
 
     @Pass
     def nosb_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, out):
-        """Compute the force on every point, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; return how many are not finite."""
+        """Compute the force on every point i, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; return how many are not finite.
+
+        `stresses` holds P K^-1 of every point, `weighted_bonds` w x V_j of every directed bond.
+        """
         without_force = 0
         start, stop = share_of(out.shape[0], chunk, chunks)
         for i in range(start, stop):

@@ -1,7 +1,7 @@
-"""Polynomials in two features as bond-force block functions: sums of products of Chebyshev polynomials.
+"""Bond forces as polynomials in two features, sums of products of Chebyshev polynomials, compiled for blocks of bonds.
 
 The sum is unrolled over the terms that a polynomial has, so that features, polynomial and traction are one loop over bonds whose
-intermediate values stay in registers. Coefficients are arguments; all polynomials with the same terms share one block function.
+intermediate values stay in registers. Coefficients are arguments; all polynomials with the same terms share one compiled function.
 """
 
 from functools import cache, reduce
@@ -25,10 +25,10 @@ _FLAGS = ("contract", "reassoc", "nsz")
 
 
 def pack(centre, half_width, coefficients, at_rest, dtype):
-    """Pack a polynomial for `polynomial_block`: return the number of terms for each power of the second feature, and the weights.
+    """Pack a polynomial for `polynomial_block`: return the number of terms for each degree in the second feature, and the weights.
 
     Features are mapped to (x - centre)/half_width; `coefficients` (2, inner + 1, outer + 1) multiply T_j(x1) T_i(x2). For each i,
-    coefficients after the last non-zero one cost nothing. `at_rest` is subtracted from the outputs.
+    coefficients after the last non-zero one cost nothing. `at_rest`, the two outputs at rest, is appended for subtraction.
     """
     outer = coefficients.shape[2] - 1
     used = (coefficients != 0).any(axis=0)
@@ -40,10 +40,10 @@ def pack(centre, half_width, coefficients, at_rest, dtype):
 
 @intrinsic
 def chebyshev_sums(typingctx, counts, x1, x2, weights):
-    """Return the sums over i and j < counts[i] of c_ij T_j(x1) T_i(x2) for both outputs.
+    """Return both outputs of a polynomial: the sums over i and j < counts[i] of c_ij T_j(x1) T_i(x2), T the Chebyshev polynomials.
 
-    `counts` is a literal, the counts separated by commas; `weights` is a tuple with the coefficients from `SCALING` on, as packed by
-    `pack`.
+    `counts` is a literal text, the counts separated by commas; `weights` is the tuple of all weights from `pack`, in which the coefficients
+    begin at `SCALING`.
     """
     if not isinstance(counts, types.StringLiteral):
         return None
@@ -57,13 +57,16 @@ def chebyshev_sums(typingctx, counts, x1, x2, weights):
             return builder.fmul(a, b, flags=_FLAGS)
 
         def total(values):
-            """Return the sum of the values; short chains of additions let the processor work on several at a time."""
+            """Return the sum of LLVM values, added in groups of three, so that the processor works on several groups at a time."""
             while len(values) > 1:
                 values = [reduce(lambda a, b: builder.fadd(a, b, flags=_FLAGS), values[n : n + 3]) for n in range(0, len(values), 3)]
             return values[0]
 
         def chebyshev(x, count):
-            """Return T_0 … T_count-1, each a few operations from x: T_p+m = 2 T_p T_m - T_p-m, p a power of two."""
+            """Return the Chebyshev polynomials T_0 … T_count-1 at x, by T_p+m = 2 T_p T_m - T_p-m, p a power of two.
+
+            Each polynomial is thus only a few operations from x.
+            """
             values = [ir.Constant(x.type, 1.0), x]
             while len(values) < count:
                 p = 1 << (len(values) - 1).bit_length() - 1
@@ -87,9 +90,9 @@ def chebyshev_sums(typingctx, counts, x1, x2, weights):
 
 @cache
 def polynomial_block(features: FeatureSet, counts, dtype):
-    """Return the block function of polynomials with given terms in two features.
+    """Return the function, compiled for blocks of bonds, that evaluates polynomials in two features as a bond force.
 
-    The weights from `pack` are an argument of it, and its sizes are unused.
+    `counts` are the numbers of terms from `pack`. The function takes the weights from `pack` as an argument, and ignores its sizes.
     """
     shared_of, inputs, traction_of = inlined(features.shared), inlined(features.inputs), inlined(features.traction)
     terms = ",".join(str(count) for count in counts)

@@ -1,4 +1,4 @@
-"""Reference configuration: shape tensors, the reference vectors of the pair forces, and the shares of the bonds in an energy.
+"""Quantities of the undeformed body: shape tensors, reference vectors of the pair forces, and shares of the bonds in an energy.
 
 These passes run once for a body without damage, and again for the points and pairs around every bond that breaks.
 """
@@ -24,19 +24,21 @@ LEAST_TILT_STIFFNESS = 0.01
 """Regularisation epsilon of `bond_shares`: at an edge the mean bond shrinks from 0.42 to some 0.08 horizons."""
 
 MOST_NEWTON_STEPS = 100
-"""Steps of at most 1 towards the tilt: it is at most 1/`LEAST_TILT_STIFFNESS`, since epsilon times the tilt is the mean bond, at most 1."""
+"""Greatest number of Newton steps, each of at most 1, for the tilt a in `bond_shares`. The tilt is at most 1/`LEAST_TILT_STIFFNESS`, since
+epsilon times the tilt is the mean bond, at most 1.
+"""
 
 
 @ByDimension
 def shape_rows(algebra):
-    """Build the pass that computes the shape tensors (21) of given points."""
+    """Build the pass that computes the inverse shape tensors (21) of given points."""
 
     @Pass
     def shape_rows(chunk, chunks, rows, pointers, neighbours, points, weighted_bonds, inverse_shape, supported):
-        """Compute the inverse shape tensors of the given points; zero, with ``supported`` 0, where the bonds do not span the space.
+        """Compute the inverse shape tensors of the points `rows`; zero, with ``supported`` 0, where the bonds do not span all dimensions.
 
-        `weighted_bonds` is w x V_j of every directed bond, zero where broken. K is summed from these values as rounded, so that also in
-        single precision F of a homogeneous deformation is exact to some 1e-9.
+        `weighted_bonds` is w x V_j of every directed bond, zero where the bond is broken. The shape tensor is summed from these values as
+        rounded, so that also in single precision F of a homogeneous deformation is exact to some 1e-9.
         """
         start, stop = share_of(rows.shape[0], chunk, chunks)
         for r in range(start, stop):
@@ -58,12 +60,12 @@ def shape_rows(algebra):
 
 @Pass
 def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_shape, supported, correction, kappa, horizon, geometry):
-    """Compute the reference vectors of the pair forces, in blocks.
+    """Compute the reference vectors of the pair forces of the given `pairs`, and write them into the blocks of `geometry`.
 
-    The rows of a block are n1/l, n2/l, normal_factor l, tilt_factor l and, if there is a fifth row, l/horizon. The force on the first point
-    of a pair is R T zeta, T the traction of theory (11) and zeta = normal_factor n + tilt_factor m (theory (21)): with the tensor
-    correction zeta = strength (K_i^-1 + K_j^-1)/2 n, with the scalar one (24)-(25) strength/kappa (fac_i + fac_j)/2 n. `strength` is 2 w l
-    V_i V_j, zero where broken.
+    The rows of a block are n1/l, n2/l, normal_factor l, tilt_factor l and, if the block has a fifth row, l/horizon. The force on the first
+    point of a pair is R T zeta, T the traction of theory (11) and zeta = normal_factor n + tilt_factor m (theory (21)): with the tensor
+    correction zeta = strength (K_i^-1 + K_j^-1)/2 n, with the scalar correction (24)-(25) strength/kappa (fac_i + fac_j)/2 n, without a
+    correction strength/kappa n. `strength` is 2 w l V_i V_j, zero where the bond is broken.
     """
     start, stop = share_of(pairs.shape[0], chunk, chunks)
     for r in range(start, stop):
@@ -97,17 +99,17 @@ def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_sha
 
 @ByDimension
 def bond_shares(algebra):
-    """Build the pass that divides the volume of given points among their bonds."""
+    """Build the pass that divides the volume of each given point among the bonds of the point."""
 
     @Pass
     def bond_shares(chunk, chunks, rows, pointers, neighbours, pair_of, points, volumes, strength, horizon, shares):
-        """Divide the volume of each of the given points among its bonds; the shares sum to V_i, or to zero where no bond is left.
+        """Divide the volume V_i of each point of `rows` among its bonds; the shares sum to V_i, or to zero where no bond is left.
 
         A bond's energy is that of the material about its middle. Shares proportional to w V_j would place the energy of a point at an edge
-        half a mean bond inside: an error of first order in the horizon, which makes holes too compliant. Shares w V_j exp(-a . x/horizon)
-        have a zero mean bond, where the vector a minimises the convex function log sum w V_j exp(-a . x/horizon): these are the weights of
-        greatest entropy with that mean (Arroyo, Ortiz, Int. J. Numer. Meth. Engng 65 (2006) 2167). Where no positive weights have a zero
-        mean, as at an edge, epsilon/2 |a|^2 is added to keep a finite.
+        half a mean bond inside the body: an error of first order in the horizon, which makes holes too compliant. Shares w V_j exp(-a .
+        x/horizon) have a zero mean bond, where the vector a minimises the convex function log sum w V_j exp(-a . x/horizon): these are the
+        weights of greatest entropy with zero mean (Arroyo, Ortiz, Int. J. Numer. Meth. Engng 65 (2006) 2167). Where no positive weights
+        have a zero mean, as at an edge, epsilon/2 |a|^2 is added to keep a finite.
         """
         begin, end = share_of(rows.shape[0], chunk, chunks)
         for r in range(begin, end):

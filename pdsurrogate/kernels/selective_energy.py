@@ -16,9 +16,9 @@ STATE_ROWS, RESULT_ROWS = 3, 4
 
 @inline
 def evaluate_isochoric_energy(energy, constants, states, result):
-    """Evaluate an isochoric energy over one block of states: a learnt one by its address, or the law's own if that is 0.
+    """Evaluate the isochoric energy over one block of states: the learnt one at address `energy`, or the exact one of the law if that is 0.
 
-    `constants` are sizes and weights of a learnt energy, and response and parameters of the law.
+    `constants` are the sizes and weights of a learnt energy, and the address of the response and the parameters of the law.
     """
     if energy == 0:
         call_block(constants[2], states, constants[3], result)
@@ -27,17 +27,24 @@ def evaluate_isochoric_energy(energy, constants, states, result):
 
 
 def buffer_rows(dimension: int) -> int:
-    """Return the number of rows of a thread's buffer: gradients, bonds, states and results."""
+    """Return the number of rows of a thread's buffer for the pair passes: gradients, bond vectors, states and results."""
     return dimension * dimension + dimension + STATE_ROWS + RESULT_ROWS
 
 
 def gradient_of_bond(algebra):
-    """Build the function that returns F_ij = Fbar + (y/l - Fbar n) (x) n of theory (27)."""
+    """Build the function that returns the deformation gradient of a pair, F_ij = Fbar + (y/l - Fbar n) (x) n of theory (27).
+
+    Fbar is the mean of the deformation gradients of the two points, y the deformed bond vector, n and l direction and length at rest.
+    """
     length, volume = algebra.DIMENSION, algebra.DIMENSION + 1
 
     @inlined
     def of_bond(sums, bonds, reference, k):
-        """Return F_ij from column k of the sums of the ends' gradients, the bonds and the reference data; I for a pair of volume zero."""
+        """Return the deformation gradient F_ij of pair k; I for a pair of volume zero.
+
+        `sums` holds the sums of the gradients of both points, `bonds` the deformed bond vectors, `reference` n, 1/l and the volume of the
+        pair.
+        """
         # All terms have the precision of the sums and the bonds.
         one = like(sums[0, k], 1.0)
         zero = like(one, 0.0)
@@ -53,16 +60,16 @@ def gradient_of_bond(algebra):
 
 @ByDimension
 def pair_volumes(algebra):
-    """Build the pass that computes det F_ij of every pair."""
+    """Build the pass that computes det F_ij, the volume ratio, of every pair of points."""
     of_bond = gradient_of_bond(algebra)
     matrix = algebra.MATRIX
 
     @Pass
     def pair_volumes(thread, chunk, chunks, positions, gradients, pairs, buffers, volumes):
-        """Compute det F_ij of every pair; return the number of pairs where it is not positive or NaN.
+        """Compute det F_ij of every pair of points; return the number of pairs where it is not positive or NaN.
 
-        `pairs` are the numbers of the first and second points and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l, the volume and,
-        where a body has several materials or ranks, the part of it counted here.
+        `pairs` are the numbers of the first and second points and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l, the volume of the
+        pair and, where a body has several materials or ranks, the part of this volume counted here.
         """
         first, second, geometry = pairs
         ends = first, second
@@ -89,9 +96,9 @@ def pair_volumes(algebra):
 
 @Pass
 def means_over_bonds(chunk, chunks, pointers, pair_of, shares, values, otherwise, means):
-    """Compute, for every point, the mean of the pairs' values over its bonds, weighted by the bonds' shares of its volume.
+    """Compute, for every point, the mean of `values` of the pairs over its bonds, weighted by the bonds' shares of the point's volume.
 
-    A point whose bonds have no share gets `otherwise`.
+    `pair_of` is the number of the pair of every directed bond. A point whose bonds have no share gets the value `otherwise`.
     """
     start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
     for i in range(start, stop):
@@ -105,7 +112,10 @@ def means_over_bonds(chunk, chunks, pointers, pair_of, shares, values, otherwise
 
 @inlined
 def smoothed_value(smoothing, values, i):
-    """Return ``own * value + sum of weights * neighbours' values`` at a point, of a smoothing (pointers, columns, weights, own)."""
+    """Return the smoothed value at point i, ``own[i] * values[i]`` plus the sum of ``weights * values`` over the neighbours of the point.
+
+    `smoothing` is a sparse matrix: pointers, columns, weights, and its diagonal `own`.
+    """
     pointers, columns, weights, own = smoothing
     total = own[i] * values[i]
     for b in range(pointers[i], pointers[i + 1]):
@@ -115,7 +125,10 @@ def smoothed_value(smoothing, values, i):
 
 @Pass
 def smooth(chunk, chunks, smoothing, values, out):
-    """Smooth values at points, which are the first rows of `out`; see `smoothed_value`."""
+    """Compute ``out = W values``, smoothed values at the points, which are the first rows of `out`.
+
+    `smoothing` is the sparse matrix W, see `smoothed_value`.
+    """
     start, stop = share_of(smoothing[3].shape[0], chunk, chunks)
     for i in range(start, stop):
         out[i] = smoothed_value(smoothing, values, i)
@@ -123,9 +136,9 @@ def smooth(chunk, chunks, smoothing, values, out):
 
 @Pass
 def volume_energies(thread, chunk, chunks, volume_ratios, volumes, response, parameters, buffers, energies, slopes):
-    """Compute U and its derivative at the points' volume ratios; `energies` receives the sum of volume times U over each block of points.
+    """Compute the derivative U' of the volumetric energy at the volume ratio of every point, and the sum of volume times U over each block.
 
-    `response` returns (U, U') for the ratio in the first row of its states.
+    `slopes` receives U', `energies` the sums. `response` returns (U, U') for the volume ratio in the first row of its states.
     """
     widest_vectors()
     n = volumes.shape[0]
@@ -152,7 +165,7 @@ def volume_energies(thread, chunk, chunks, volume_ratios, volumes, response, par
 
 @ByDimension
 def pair_energies(algebra):
-    """Build the pass that computes the isochoric energy of the pairs and their parts of the force, with the points' pressures."""
+    """Build the pass that computes the isochoric energy of the pairs, their forces and their moments, with the pressures of the points."""
     of_bond = gradient_of_bond(algebra)
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
     state_rows, result_rows = matrix + dimension, matrix + dimension + STATE_ROWS
@@ -160,11 +173,12 @@ def pair_energies(algebra):
 
     @Pass
     def pair_energies(thread, chunk, chunks, positions, gradients, pressures, pairs, shares, energy, constants, buffers, results):
-        """Compute the isochoric energy of the pairs and their parts of the force and of the points' S; dimensionless, times volume.
+        """Compute the isochoric energy, the force and the moment S of every pair of points; all are dimensionless, times volume.
 
-        The pressure of a pair is the sum of its ends' `pressures`, each times its share (`shares`, (n_blocks, 2, BLOCK)) of the end's
-        volume. The results are: `energies`, the sums over each block; `forces`, P n/l on the first point; `moments`, S = P (I - n (x) n)/2
-        by columns.
+        The stress P of a pair includes the pressure of the pair: the sum of the `pressures` of both points, each times the share of the
+        pair in the volume of the point (`shares`, (n_blocks, 2, BLOCK)). The results are: `energies`, the sums over each block of pairs;
+        `forces`, P n/l on the first point; `moments`, S = P (I - n (x) n)/2 by columns, the derivative of the energy by the deformation
+        gradient of either point.
         """
         first, second, geometry = pairs
         ends = first, second

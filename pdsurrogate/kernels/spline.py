@@ -1,8 +1,8 @@
-"""Tensor-product cubic splines of two or three features as bond-force block functions.
+"""Bond forces as tensor-product cubic splines of two or three features, compiled for blocks of bonds.
 
 Knots are equidistant, so that one multiplication finds the cell of a state; the function and its first two derivatives are continuous.
-Beyond the box of the knots the spline has the value of the nearest place in the box, and the box's lower end
-replaces a feature that is NaN.
+Beyond the box of the knots the spline has the value of the nearest place in the box, and the box's lower end replaces a feature that is
+NaN.
 """
 
 from functools import cache
@@ -42,8 +42,8 @@ WORK_ROWS = KEPT + MOST_SHARED
 def pack(low, step, coefficients, at_rest, dtype):
     """Pack a spline for `spline_block`: return its sizes and its weights in `dtype`.
 
-    `low` and `step` are the lower end of the box and the width of a cell by feature, `coefficients` have shape (2, cells_1 + 3, …, cells_n
-    + 3), and `at_rest` is subtracted from the outputs.
+    `low` and `step` are the lower end of the box and the width of a cell for each feature, `coefficients` have shape (2, cells_1 + 3, …,
+    cells_n + 3), and `at_rest`, the two outputs at rest, is appended for subtraction.
     """
     missing = MOST_FEATURES - len(low)
     scaling = [np.pad(values, (missing, 0)) for values in (low, 1 / np.asarray(step))]
@@ -56,7 +56,7 @@ def pack(low, step, coefficients, at_rest, dtype):
 
 
 def cubic_weights(u):
-    """Return the values of the four cubic B-splines of a cell at the place u in [0, 1] within it."""
+    """Return the values of the four cubic B-splines that are non-zero in a cell of the knots, at the place u in [0, 1] within the cell."""
     one = like(u, 1.0)
     v = one - u
     sixth = like(u, 1 / 6)
@@ -67,7 +67,10 @@ def cubic_weights(u):
 
 @cache
 def spline_block(features: FeatureSet, dtype):
-    """Return the block function of splines of two or three features; `sizes` and `weights` from `pack` are arguments of it."""
+    """Return the function, compiled for blocks of bonds, that evaluates splines of two or three features as a bond force.
+
+    The function takes the sizes and weights from `pack` as arguments.
+    """
     shared_of, inputs, put_tractions = inlined(features.shared), inlined(features.inputs), write_tractions(features)
     weights_at = inlined(cubic_weights)
     # With two features the first of three has one cell and one weight.

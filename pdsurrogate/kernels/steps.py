@@ -1,4 +1,7 @@
-"""Steps of dynamic relaxation and of explicit dynamics, and bounds of a step; nothing is allocated."""
+"""Steps of dynamic relaxation and of explicit dynamics in place, and the Rayleigh quotient, greatest force and strain of a step.
+
+The functions allocate no memory.
+"""
 
 import numpy as np
 
@@ -8,11 +11,14 @@ from .algebra import ByDimension
 
 @ByDimension
 def rayleigh_parts(algebra):
-    """Build the kernel for the Rayleigh quotient of the velocities."""
+    """Build the kernel that computes numerator and denominator of the Rayleigh quotient of the velocities."""
 
     @kernel
     def rayleigh_parts(velocities, forces, last_forces, mass):
-        """Return v . K v and v . M v, with K v from the change of the forces over the last step of unit length."""
+        """Return v . K v and v . M v, numerator and denominator of the Rayleigh quotient of the velocities v.
+
+        K v, stiffness matrix times velocities, is minus the change of the forces over the last time step, which has unit length.
+        """
         stiffness = 0.0
         inertia = 0.0
         for i in range(velocities.shape[0]):
@@ -26,14 +32,14 @@ def rayleigh_parts(algebra):
 
 @ByDimension
 def relaxation_step(algebra):
-    """Build the kernel for one step of dynamic relaxation with unit time step."""
+    """Build the kernel that takes one step of dynamic relaxation with unit time step."""
     dimension = algebra.DIMENSION
 
     @kernel
     def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping):
         """Take one step of dynamic relaxation with unit time step, in place; `last_forces` is overwritten with `forces`.
 
-        `free` is 1 where a component may move, `mass` is fictitious, and the `damping` rate is below 2.
+        `free` is 1 where a component may move and 0 elsewhere, `mass` is fictitious, and the `damping` rate is below 2.
         """
         for i in range(positions.shape[0]):
             for c in range(dimension):
@@ -47,12 +53,15 @@ def relaxation_step(algebra):
 
 @ByDimension
 def greatest_force_density(algebra):
-    """Build the kernel for the largest force per volume."""
+    """Build the kernel that finds the largest force per volume."""
     dimension = algebra.DIMENSION
 
     @kernel
     def greatest_force_density(forces, free, volumes):
-        """Return the largest force per volume over the free components; NaN if any is not finite."""
+        """Return the largest magnitude of force per volume over the free components of all points; NaN if any is not finite.
+
+        `free` is 1 where a component may move and 0 elsewhere.
+        """
         largest = 0.0
         total = 0.0
         for i in range(forces.shape[0]):
@@ -67,13 +76,13 @@ def greatest_force_density(algebra):
 
 @ByDimension
 def greatest_strain(algebra):
-    """Build the kernel for the largest relative displacement of bonded points."""
+    """Build the kernel that finds the largest relative displacement of two bonded points over their distance."""
 
     @kernel
     def greatest_strain(displacements, points, first, second):
-        """Return the largest relative displacement, in any component, of two bonded points over their distance.
+        """Return the largest relative displacement of two bonded points, in any component, over their distance at rest.
 
-        Pairs with ghosts are left out.
+        Bonds to ghosts are left out.
         """
         largest = 0.0
         for b in range(first.shape[0]):
@@ -90,14 +99,14 @@ def greatest_strain(algebra):
 
 @ByDimension
 def central_difference_step(algebra):
-    """Build the kernel for one explicit time step."""
+    """Build the kernel for one explicit time step of dynamics by central differences."""
     dimension = algebra.DIMENSION
 
     @kernel
     def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
-        """Take one explicit step in place, with velocities at half steps and damping c proportional to mass, M (a + c v) = f.
+        """Take one explicit time step of M (a + c v) = f in place, with velocities v at half steps and a `damping` c proportional to mass.
 
-        `step` and `last_step` are this time step and the one before; the velocities span half of each.
+        `step` and `last_step` are the lengths of this time step and of the step before; the velocity changes over the mean of both.
         """
         span = 0.5 * (step + last_step)
         decay = 1.0 - 0.5 * damping * span

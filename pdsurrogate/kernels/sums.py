@@ -1,4 +1,7 @@
-"""Sums of pair forces and of the points' own stresses to forces on points, in an order that does not depend on the number of threads."""
+"""Sums of the pair forces, and of the stress-like moments S of the points, to forces on points.
+
+The order of each sum does not depend on the number of threads.
+"""
 
 from ..engine.passes import Pass, share_of
 from .algebra import ByDimension
@@ -6,14 +9,15 @@ from .algebra import ByDimension
 
 @ByDimension
 def sum_pair_forces(algebra):
-    """Build the pass that sums pair forces to forces on points."""
+    """Build the pass that sums the forces of the pairs to forces on points."""
 
     @Pass
     def sum_pair_forces(chunk, chunks, forces, pair_pointers, incidence_pointers, incidence, unit, out):
         """Write the force on every point, times `unit` (the shear modulus), summed in double precision; return how many are not finite.
 
-        The force of a pair acts on its first point, and its opposite on the second. Directed bonds are summed by the same pass, with their
-        reverse bonds as `incidence`.
+        The force of a pair acts on its first point, and the opposite force on the second. `pair_pointers` bound the pairs whose first point
+        it is, `incidence` lists the pairs whose second point it is. Directed bonds are summed by this pass, too, with the reverse bonds as
+        `incidence`.
         """
         without_force = 0
         start, stop = share_of(out.shape[0], chunk, chunks)
@@ -29,7 +33,7 @@ def sum_pair_forces(algebra):
 
 @ByDimension
 def sum_moments(algebra):
-    """Build the pass that sums S of every point and ghost over the pairs it belongs to."""
+    """Build the pass that sums, for every point and ghost, the moments S (matrices) of the pairs it belongs to."""
 
     @Pass
     def sum_moments(chunk, chunks, moments, own_pointers, incidence_pointers, incidence, out):
@@ -44,7 +48,7 @@ def sum_moments(algebra):
 
 @ByDimension
 def weigh_moments(algebra):
-    """Build the pass that replaces S of every point by S K^-1/V."""
+    """Build the pass that replaces the moment S of every point by S K^-1/V, K the shape tensor and V the volume of the point."""
 
     @Pass
     def weigh_moments(chunk, chunks, moments, inverse_shape, volumes):
@@ -58,14 +62,14 @@ def weigh_moments(algebra):
 
 @ByDimension
 def add_node_forces(algebra):
-    """Build the pass that adds the forces of the points' weighted S to the forces on points."""
+    """Build the pass that adds to the forces on points the forces that follow from the weighted moments S K^-1/V of the points."""
 
     @Pass
     def add_node_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, unit, first_point, node_parts, out):
-        """Add the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j to every force; return how many are not finite.
+        """Add the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j to every force; return how many forces are not finite.
 
-        `stresses` comes from `weigh_moments`. The directed bonds are those of the points from `first_point` on, where `out` is written;
-        `node_parts` is working memory like `out`.
+        `stresses` holds S K^-1/V from `weigh_moments`, and the sums are multiplied by `unit`. The directed bonds are those of the points
+        from `first_point` on; `out` is changed at these points only. `node_parts` is working memory with the shape of `out`.
         """
         without_force = 0
         start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)

@@ -1,12 +1,12 @@
-"""State of every point as in `node_state`, with C33 from the learnt bond force instead of the law.
+"""Rotation, J and C33 of every point of a sheet, with C33 from the learnt bond force instead of the law.
 
 The isochoric Kirchhoff stress has no trace. With the pressure eliminated by P33 = 0 its principal values are tau_1 - tau_3, tau_2 - tau_3
 and 0 up to a pressure, so that the thickness condition reads
 
     J3 U'(J3) = tr(T U)/3,        T = R^T P,
 
-and the map that gives the force of a bond gives the pressure in a point as well: no second surrogate is needed, and its error is divided by
-K/mu.
+and the map that gives the force of a bond gives the pressure in a point as well: no second surrogate is needed, and the error of the learnt
+force is divided by K/mu.
 """
 
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column, quad_records, tuple_of
@@ -34,11 +34,13 @@ over J3, and working memory of `solve_volume_ratios`.
 def surrogate_node_states(
     thread, chunk, chunks, gradients, volume_ratios, volumetric, bond_force, constants, domain, tolerance, memory, records
 ):
-    """Write the points' records (cos, sin, J, C33) from the deformation gradients; return the number of points without a state.
+    """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient, with C33 from the learnt bond force.
 
-    `constants` are sizes and weights of the learnt force `bond_force`, and response and parameters of the law, for points outside the
-    `domain` (2, 7) of that force; in the band inside its edge J3 is blended as the bond force is. `tolerance` is the relative step of J3 at
-    which the iteration ends. `memory` is a buffer that already holds the bond length, work and scratch.
+    A row of `records` receives (cos, sin, J, C33) of a point. Return the number of points without a plane-stress state. `volume_ratios`
+    holds J3, the last values on entry and the new ones on exit. `constants` are the sizes and weights of the learnt force `bond_force`, and
+    the response and parameters of the law, which serves points outside the `domain` (2, 7) of the learnt force; in the band inside the edge
+    of the domain J3 is blended as the bond force is. `tolerance` is the relative step of J3 at which the iteration ends. `memory` is, for
+    each thread, a buffer that already holds the bond length, and the rows `work` and `scratch`.
     """
     _, _, response, parameters = constants
     buffers, work, scratch = memory
