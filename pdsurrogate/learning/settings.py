@@ -119,8 +119,6 @@ class FitSettings:
         if self.activation is not None or self.iterations is not None:
             raise ValueError("activation and iterations are of a network: give its units")
         degrees, features = DEGREES if self.degree is None else _numbers(self.degree, "degree"), self.features or "isochoric"
-        if not any(degrees):
-            raise ValueError("a polynomial of degree 0 is a constant: take a degree of at least 1")
         pipeline = surrogate_pipeline(ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0]), features=features)
         # Before the training of a polynomial that would be resampled: another choice is exact.
         if (count := len(FEATURE_SETS[features].names)) != 2:

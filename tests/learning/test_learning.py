@@ -27,7 +27,6 @@ from pdsurrogate.learning import surrogate_of
 from pdsurrogate.learning.bond_force import BOND_FORCE
 from pdsurrogate.learning.pipeline import feature_transformer, outputs_of_force
 from pdsurrogate.learning.sampling import force_factor, stretches_of_strain
-from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.learning.target import relative_errors
 from pdsurrogate.materials import plane_stress
 
@@ -592,9 +591,3 @@ def test_targets_have_their_columns(columns):
     energies = pds.training_samples(pds.materials.NeoHookean(), 200, target="sheet-energy")
     with pytest.raises(ValueError, match="y must have the 3 columns psi"):
         pds.surrogate_pipeline(target="sheet-energy").fit(energies.X, np.tile(energies.y, 2)[:, :columns])
-
-
-def test_a_polynomial_of_degree_0_is_refused():
-    """It was stored with an error of 7 %."""
-    with pytest.raises(ValueError, match="degree of at least 1"):
-        FitSettings(degree=0).pipeline()
