@@ -32,18 +32,17 @@ class KilledAtLevel(Silent):
 
     def level(self, number, parameter):
         if number == self.number:
-            raise Killed
+            self.end()
+
+    def end(self):
+        raise Killed
 
 
-class InterruptedAtLevel(Silent):
+class InterruptedAtLevel(KilledAtLevel):
     """Progress that interrupts a run, as Ctrl-C does, when it begins a level, by its number from 0."""
 
-    def __init__(self, number):
-        self.number = number
-
-    def level(self, number, parameter):
-        if number == self.number:
-            signal.raise_signal(signal.SIGINT)
+    def end(self):
+        signal.raise_signal(signal.SIGINT)
 
 
 @contextmanager

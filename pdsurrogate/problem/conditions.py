@@ -57,12 +57,14 @@ def conditions_of(
     body, stretched = regions.body, scene.stretched
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
     edges = [edge_of(plane) for plane in body.planes]
-    planes, held, along_planes, keys = [], [], [], []
+    planes, held, along_planes = [], [], []
+    reached = np.unique(body.bonds.second[body.bonds.second >= len(body)]) - len(body)  # images at which bonds end
     for number, (edge, plane) in enumerate(zip(edges, body.planes, strict=True)):
-        sources = np.unique(body.ghosts.source[body.ghosts.plane == number])
         holding = [one for one in prescriptions if regions.edge(one.region) == edge]
-        _check_crossed(body, holding[0].key, edge, len(sources) > 0)
-        points = regions.points(edge)
+        if not body.share.any(body.ghosts.lever[reached, number].any()):
+            words = words_for(edge, body)
+            raise ValueError(f"{holding[0].key}: no bond of the body crosses its {words}; do holes take all that is there?")
+        points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
         feet = body.points[sources].copy()
         feet[:, plane.axis] = plane.position
         rigid_points = np.intersect1d(points, rigid)  # a plane's images hold no region that nothing deforms
@@ -73,7 +75,6 @@ def conditions_of(
             along_planes.append(one.held(names, points, body.points[points]))
             if len(rigid_points):
                 held.append(one.held(names, rigid_points, body.points[rigid_points]))
-        keys.append(holding[0].key)
     moving = any(stage.inertia is not None for stage in stages)
     held += [_points_of(one, names, regions, moving) for one in prescriptions if regions.edge(one.region) not in edges]
     plane_names = [f"{edge} {'grip' if stretched else 'edge'}" for edge in edges]
@@ -82,8 +83,6 @@ def conditions_of(
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
     _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
     _check_counted(loading, prescriptions)
-    for number, (key, edge) in enumerate(zip(keys, edges, strict=True)):
-        _check_crossed(body, key, edge, (loading.crossing[1] == number).any())
     if stretched:
         axis, travels = scene.loaded_axis, np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
         loading.course = Pull(loading, axis, regions.lower[axis], float(regions.upper[axis] - regions.lower[axis]), travels)
@@ -113,12 +112,6 @@ def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
         for axis in one.components if one.holder is not None else ():
             if not loading.body.share.any(counted[loading.names.index(one.holder), axis]):
                 raise ValueError(f"{one.key}: later entries hold all that it holds along x{axis + 1}; leave one of them out")
-
-
-def _check_crossed(body: Body, key: str, edge: str, crossed: bool) -> None:
-    """Raise ValueError if on no rank bonds cross an edge or face that is held by reflection."""
-    if not body.share.any(crossed):
-        raise ValueError(f"{key}: no bond of the body crosses its {words_for(edge, body)}; do holes take all that is there?")
 
 
 def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> Held:

@@ -48,7 +48,8 @@ class Halo:
 
     def clear(self, field: np.ndarray) -> None:
         """Set the rows of a field's halo to zero, in place."""
-        field[self.rows] = 0
+        if self._ranks.size > 1:
+            field[self.rows] = 0
 
     def _exchanged(self, field: np.ndarray, send: dict[int, np.ndarray], receive: dict[int, np.ndarray]) -> list[tuple]:
         """Send rows of a field to other ranks; return the rows for which values arrive, and the values, by rank in rising order."""
