@@ -158,7 +158,7 @@ class Ghosts:
         return moved
 
     def _feet(self, points: np.ndarray) -> np.ndarray:
-        """Return the points on the planes about which each ghost is reflected, shape (m, planes, d); defined for planes in `image`."""
+        """Return the point of each plane about which each ghost was mirrored, (m, planes, d); only planes in its mask `image` count."""
         feet = np.repeat(self.points[:, None], len(self.planes), axis=1)
         for number, plane in enumerate(self.planes):
             # A ghost that a later plane reflects again had, before that, its source's place along the later plane's axis.

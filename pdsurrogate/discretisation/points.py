@@ -137,7 +137,7 @@ def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray,
     count = int(np.ceil(RASTER * (high - low) / scene.spacing))
 
     def lengths(strips: np.ndarray) -> np.ndarray:
-        """Return the length of material on each line in the section; rows of `strips` hold the remaining coordinate (3D only)."""
+        """Return the length of material on parallel lines of the section, one for a row of `strips`: its third coordinate, none in 2D."""
 
         def inside(along: np.ndarray, line: np.ndarray) -> np.ndarray:
             places = np.empty((len(along), scene.dimension))

@@ -145,10 +145,9 @@ def _names(code: python_types.CodeType) -> frozenset[str]:
 
 
 def _values_behind(names: frozenset[str], space: dict) -> Iterator[tuple[str, object]]:
-    """Yield (name, value) for each of `names` in a module's namespace `space`, and in the modules that it imports.
+    """Yield (name, value) for each of `names` in a namespace `space`, and in the modules among these values.
 
-    Modules of libraries are not searched. Attributes are not matched to their modules: every name that a module has is included, which is
-    too much at worst.
+    Modules of libraries are yielded, not searched. Attributes are not resolved: a name that several modules have is yielded from each.
     """
     for name in sorted(names & space.keys()):
         value = space[name]

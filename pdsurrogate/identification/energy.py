@@ -315,7 +315,7 @@ def _warn_of_few_modes(X: np.ndarray) -> None:
 
 
 def _second_of(first: float, lateral) -> float:
-    """Return the logarithm of the middle stretch at stretches exp(first) along and lateral(exp(first)) across the stress, see `MODES`."""
+    """Return the middle principal log-stretch of a mode, a function `lateral` of `MODES`, at the log-stretch `first` along the stress."""
     return float(ordered_logs(np.array([[np.exp(first), lateral(np.exp(first))]]))[0, 1])
 
 

@@ -330,7 +330,7 @@ def _falling(data: TestData):
 
 
 def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):
-    """Yield a remark if another regressor, or an energy without a law, describes the test data `BETTER` times better than `model`."""
+    """Yield a remark if one of `others`, or an `EnergyRegressor` fitted here, has less than 1/`BETTER` of the error of `model`."""
 
     def off(one: StressRegressor) -> float:
         missing = [1 - value for value in data.r_squared(one.predict(data.stretches)).values()]

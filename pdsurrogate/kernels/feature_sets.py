@@ -96,7 +96,7 @@ def symmetric_traction(shared, o1, o2, a, b, U_mm, J, C33):
 
 
 def symmetric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Return the outputs T_nn/(U_nn + k U_mm) and T_nm/(b (1 + k)) that represent a traction; the inverse of `symmetric_traction`."""
+    """Return the outputs T_nn/(a + k U_mm) and T_nm/(b (1 + k)) with k = C33/J; the inverse of `symmetric_traction`."""
     k = shared[0]
     return T_nn / (a + k * U_mm), T_nm / (b * (1 + k))
 

@@ -236,7 +236,7 @@ class PlaneStress(PlaneStrain):
 
 
 def _power_derivatives(exponents: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first and second derivatives, (3, n) and (3, 3, n), by three numbers `state` of a sum of products of their powers."""
+    """Return gradient (3, n) and Hessian (3, 3, n) by `state` (3, n) of the sum over k of the products of state[i]**exponents[k, i]."""
     terms = np.prod(state ** exponents[:, :, None], axis=1)
     twice = exponents[:, :, None] * (exponents[:, None] - np.eye(3))
     return exponents.T @ terms / state, np.einsum("kij,kn->ijn", twice, terms) / (state * state[:, None])

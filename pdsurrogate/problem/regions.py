@@ -181,7 +181,7 @@ class BodyRegions:
         Raises
         ------
         ValueError
-            If there are none, or a facet has too few points near it to follow; names the region and the place.
+            If there are none, or a node of a facet has too few points near it to determine its motion; names the region and the place.
         """
         found = self._found(reference, key, self._facets)
         surface = self.surface()
@@ -202,7 +202,7 @@ class BodyRegions:
         return isinstance(region, Region) and region.near is not None
 
     def label(self, reference: str | Region, otherwise: str) -> str:
-        """Return the name of a region for results, or of its edge or group, else `otherwise`; characters not allowed there become _."""
+        """Return a region's label for results: its name, edge or group (other characters than A-Za-z0-9_.- become _), else `otherwise`."""
         if isinstance(reference, str):
             return reference
         return reference.edge or re.sub(r"[^A-Za-z0-9_.-]", "_", reference.group or "").lstrip("_.-")[:64] or otherwise

@@ -225,7 +225,7 @@ class Bookkeeping:
         return {"work": account.work, "kinetic_energy": kinetic, "damped_energy": account.damped_energy, "strain_energy": strain}
 
     def entries(self) -> dict:
-        """Return the entries of the run's summary about the energy account: supplied energy, gaps and a remark."""
+        """Return the entries of the run's summary on the energy account: energy supplied, last and greatest gap in per cent, a remark."""
         account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
         if not self.closes:
             remark = f"{self._run.model.name} has no energy: whether the motion keeps it is not known"

@@ -144,7 +144,7 @@ def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float 
 
 
 def _lateral(body: Body, displacements: np.ndarray, axis: int) -> dict[str, float]:
-    """Return the mean and greatest displacement of a rectangle's edges along an axis, and their roughness, from all points' (n, 2)."""
+    """Return half the mean approach of a rectangle's two edges along an axis, their greatest displacement, and its roughness."""
     _, low, high = measures.edge_displacements(body, displacements, axis)
     return {
         "lateral_displacement": float((low - high).mean() / 2),

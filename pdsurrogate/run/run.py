@@ -238,7 +238,7 @@ class Run:
 
 
 def _threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
-    """Return the number of threads of this rank: as asked, or else `paying`, but at most the cores of the machine per rank on it."""
+    """Return this rank's threads: `asked`, or else `paying`, the most that speed up the run, but at most its share of the cores."""
     here = ranks.here()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = asked or max(1, min(paying, cores // here))

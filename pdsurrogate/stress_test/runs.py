@@ -243,7 +243,7 @@ def _judged_contrasts(subject: Subject, direction: int, held: tuple[str, ...], c
 def sheared_layer(subject: Subject) -> Outcome:
     """Test the force on a body under shear with a soft layer, four points thick, between parts 10 to 10^5 times as stiff.
 
-    Points of the sides stay at their height.
+    The left and right sides are held in x2, and in a solid the back and front in x3, so that every layer is sheared homogeneously.
     """
     return _judged_contrasts(subject, 0, ("x1", "x2", "x3")[: subject.dimension], CONTRASTS)
 
