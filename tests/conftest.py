@@ -16,6 +16,7 @@ import pytest
 from hypothesis import settings
 
 import pdsurrogate as pds
+from pdsurrogate.artifacts.card import checked_card
 from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Polyconvex, Yeoh
 
 # A shell starts commands in the background with Ctrl-C ignored, and processes of tests would inherit that.
@@ -33,6 +34,12 @@ needs_torch = pytest.mark.skipif(
     any(importlib.util.find_spec(name) is None for name in ("torch", "skorch")),
     reason='needs torch and skorch: pip install "pdsurrogate[torch]"',
 )
+
+
+def sealed(card: dict) -> str:
+    """The text of a card with the digest of what it says now, as whoever edits one on purpose can make it."""
+    found = checked_card({**card, "schema_version": 3, "digest": "0" * 64})
+    return found.model_copy(update={"digest": found.found_digest()}).to_json()
 
 
 PUBLIC_NAMES = [*pds.__all__, *(f"{room}.{name}" for room, names in vars(pds)["_IN_ROOMS"].items() for name in names.split())]

@@ -5,17 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator
 
+from ..arguments import kind_of
 from ..forces import Domain, EnergyNetwork, IsochoricNetwork, NetworkForce, PolynomialForce, SplineForce
 from ..html_tables import html_facts
-from ..materials import LAWS, Law
+from ..materials import Law
 from ..scenes import MaterialSpec
-from ..scenes.problems import PLAIN, explain
+from ..scenes.problems import explain
+from .shipped import SHIPPED_CARDS
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
 """Force models that can be stored, by the kind in their card."""
@@ -45,9 +46,6 @@ NOTED = 0.01
 
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
 """Files of an artefact other than its card."""
-
-SAME = 1e-9
-"""Relative difference within which two statements of a number in a card agree: it allows for rounding in text and in a formula."""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -103,6 +101,15 @@ class _Report(_Part):
     by_strain: tuple[_Bin, ...] = ()
 
 
+class _Reports(_Part):
+    """Reports of errors by title; all have that over the domain, the box of stretches."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, _Report]
+
+    box: _Report
+
+
 class _Features(_Part):
     set: str
     names: tuple[str, ...]
@@ -133,7 +140,7 @@ class _Training(_Part):
     resampling: dict[str, Any] | None = None
 
 
-Report = Annotated[dict[str, Any], _looked_at(_Report)]
+Reports = Annotated[dict[str, Any], _looked_at(_Reports)]
 Features = Annotated[dict[str, Any], _looked_at(_Features)]
 Training = Annotated[dict[str, Any], _looked_at(_Training)]
 
@@ -180,7 +187,7 @@ class MemberSpec(_Part):
 
     material: Material
     domain: DomainSpec
-    errors: dict[str, Report]
+    errors: Reports
 
 
 class Card(_Part):
@@ -198,11 +205,15 @@ class Card(_Part):
     scaling: dict[str, Any]
     training: Training
     domain: DomainSpec
-    errors: dict[str, Report]
+    errors: Reports
     made_with: dict[str, str]
     payloads: dict[str, Payload]
     members: Annotated[tuple[MemberSpec, ...], Field(max_length=MOST_MEMBERS)] = ()
     digest: Annotated[str, Field(pattern=SHA256)] | None = None
+
+    def stated_digest(self) -> str | None:
+        """Return the digest with which the card was stored; None for a card of a schema without digests that was not shipped."""
+        return self.digest or next((SHIPPED_CARDS[file.sha256] for file in self.payloads.values() if file.sha256 in SHIPPED_CARDS), None)
 
     def found_digest(self) -> str:
         """Return the SHA-256 computed anew from the card's entries `DIGESTED` and its ``training.identification``."""
@@ -250,43 +261,31 @@ def read_card(data: bytes, where: str) -> Card:
     if len(data) > MOST_BYTES:
         raise ArtifactError(f"{where}: the card has {len(data)} bytes, which is not a card")
     try:
-        content = json.loads(data.decode(), parse_constant=_finite, parse_float=_finite, object_pairs_hook=_without_duplicates)
+        content = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise ArtifactError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ArtifactError(f"{where}: format: this is not the card of a {FORMAT}")
     schema = content.get("schema_version")
-    if type(schema) is not int:
-        raise ArtifactError(f"{where}: schema_version: the card has no schema_version that is a whole number, so it is damaged")
-    if not OLDEST_SCHEMA <= schema <= SCHEMA_VERSION:
-        newer = f"this pdsurrogate reads {SCHEMA_VERSION}: upgrade pdsurrogate to use it"
-        remedy = newer if schema > SCHEMA_VERSION else "which is no longer read: fit it again with this pdsurrogate"
-        raise ArtifactError(f"{where}: the artefact has schema version {schema}, {remedy}")
+    if type(schema) is not int or not OLDEST_SCHEMA <= schema <= SCHEMA_VERSION:
+        readable = f"this pdsurrogate reads {OLDEST_SCHEMA} to {SCHEMA_VERSION}"
+        remedy = "upgrade pdsurrogate for a later one; fit an artefact of an earlier one again"
+        raise ArtifactError(f"{where}: schema_version: {readable}, not {kind_of(schema)}: {remedy}")
     try:
         return checked_card(content)
-    except RecursionError:
-        raise ArtifactError(f"{where}: the card is damaged: its tables are nested too deeply") from None
-    except ArtifactError as error:
+    except (ArtifactError, RecursionError) as error:
         raise ArtifactError(f"{where}: the card is damaged: {error}; put back what was written, or store the artefact again") from None
 
 
 def checked_card(content: Mapping[str, Any]) -> Card:
-    """Return a card made of plain values (numbers, text, lists and tables), after checking that the values agree with one another.
-
-    Raises
-    ------
-    ArtifactError
-        If values are wrong or contradict each other; the message names the fields and the right values.
-    """
+    """Return a card made of plain values (numbers, text, lists and tables); raise ArtifactError with the field for a wrong value."""
     check_plain(content)
     try:
         card = Card.model_validate(content)
-    except (ValidationError, OverflowError) as error:
-        raise ArtifactError(_explained(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
+    except ValidationError as error:
+        raise ArtifactError(explain(error)) from None
     if card.schema_version > OLDEST_SCHEMA and card.digest is None:
         raise ArtifactError("digest: is missing")
-    if problem := next(_contradictions(card), None):
-        raise ArtifactError(problem)
     return card
 
 
@@ -300,85 +299,7 @@ def check_plain(content: Mapping[str, Any]) -> None:
     """Raise ArtifactError unless all values in nested tables and lists are None, finite numbers or text, as a card can hold."""
     for field, value in _leaves(dict(content)):
         if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
-            raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
-
-
-def _contradictions(card: Card) -> Iterator[str]:
-    """Yield a message for each contradiction between entries of a card, and for each value beyond the limits of stored artefacts."""
-    files = {SURROGATE, *([MEMBERS] if card.members else [])}
-    for name in sorted(files ^ set(card.payloads) - {PIPELINE}):
-        there = f"with {len(card.members)} members it has {', '.join(sorted(files))} and maybe {PIPELINE}"
-        yield f"payloads.{name}: is {'missing' if name in files else 'unknown'}; {there}"
-    design = card.training["design"]
-    hull = design.get("hull")
-    if (hull is None) != (card.domain.hull is None) or not same_values(hull, card.domain.hull):
-        yield "domain.hull: must be the same as training.design.hull"
-    try:
-        reach = math.exp(design["perturbation"]["log_C33"]) if design.get("off_surface") else None
-    except (TypeError, KeyError, OverflowError):
-        yield f"training.design.perturbation: must be a table with the number log_C33, not {_shown(design.get('perturbation'))}"
-    bulk = card.domain.least_bulk, card.domain.greatest_bulk
-    if reach is not None and not same_values(bulk, (1 / reach, reach)):
-        right = 1 / reach, reach
-        yield f"domain: least_bulk and greatest_bulk must be {right} by training.design.perturbation.log_C33, not {bulk}"
-    parts: list[tuple[str, Card | MemberSpec]] = [("", card)]
-    for key, part in [*parts, *((f"members.{number}.", member) for number, member in enumerate(card.members))]:
-        yield from (f"{key}{problem}" for problem in _contradictions_of(part, card.kind))
-    identified = card.training.get("identification")
-    if identified is not None and not same_values(identified["law"], card.material.trained_with):
-        yield f"training.identification.law: must be material.trained_with, {card.material.trained_with}, not {identified['law']}"
-
-
-def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
-    """Yield a message for each contradiction between material, domain and errors of a surrogate or committee member, `part`."""
-    material, domain = part.material, part.domain
-    if material.trained_with.get("law") != material.law:
-        yield f"material.law: must be that of material.trained_with, {_shown(material.trained_with.get('law'))}, not {_shown(material.law)}"
-    if material.law in LAWS:  # a user's own law may be absent here
-        try:
-            law = material.build()
-        except ValueError as error:
-            yield str(error)
-            return
-        right = law.describe()
-        for name in sorted(set(right) - set(material.trained_with)):
-            yield f"material.trained_with.{name}: is missing"
-        shape = KINDS[kind].shape_of(law) if kind in KINDS else law.shape
-        for name in sorted(set(shape) | set(material.shape)):
-            found, meant = (numbers.get(name, "not there") for numbers in (material.shape, shape))
-            if not same_values(found, meant):
-                yield f"material.shape.{name}: must be {meant} by material.trained_with, not {found}"
-    if "box" not in part.errors:
-        yield "errors.box: is missing"
-        return
-    for low, high in (("least_stretch", "greatest_stretch"), ("least_bulk", "greatest_bulk")):
-        if getattr(domain, low) > getattr(domain, high):
-            yield f"domain.{low}: must be at most domain.{high}, {getattr(domain, high)}, not {getattr(domain, low)}"
-    examined = part.errors["box"]["stretch_range"]
-    for name, end in zip(("least_stretch", "greatest_stretch"), examined, strict=True):
-        if not same_values(getattr(domain, name), end):
-            yield f"domain.{name}: must be that of errors.box.stretch_range, {end}, over which it was examined, not {getattr(domain, name)}"
-    for number, (*normal, distance) in enumerate(domain.hull or ()):
-        if not any(normal) or distance < 0:
-            yield f"domain.hull.{number}: must be n1, n2, d with n1 or n2 other than 0, and d, how far rest lies within, at least 0"
-    box = part.errors["box"]
-    rms, greatest = box["on_surface"]["rms"], box["on_surface"]["max"]
-    if rms > MOST_STORED:
-        yield f"errors.box.on_surface.rms: must be at most {MOST_STORED}, as nothing that is farther off is stored, not {rms}"
-    # The greatest of n errors with this root mean square.
-    most = math.sqrt(box["n_samples"]) * rms
-    if not rms * (1 - SAME) <= greatest <= (1 + SAME) * most:
-        yield f"errors.box.on_surface.max: must be from rms to rms sqrt(n_samples), {rms} to {most}, not {greatest}"
-
-
-def same_values(one, other) -> bool:
-    """Return whether two nested plain values are equal, where numbers may differ by `SAME` and tuples count as lists."""
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return set(one) == set(other) and all(same_values(one[key], other[key]) for key in one)
-    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(same_values, one, other))
-    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (one, other))
-    return math.isclose(one, other, rel_tol=SAME, abs_tol=0) if numbers else one == other
+            raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {kind_of(value)}")
 
 
 def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
@@ -388,51 +309,3 @@ def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
             yield from _leaves(inner, f"{field}.{key}" if field else str(key))
     else:
         yield field, value
-
-
-WORDS = {
-    **PLAIN,
-    "missing": "is missing",
-    "extra_forbidden": "is unknown: take it out",
-    "float_type": "must be a number",
-    "finite_number": "must be a finite number",
-    **dict.fromkeys(("int_type", "int_from_float"), "must be a whole number"),
-    "string_type": "must be text",
-    "string_unicode": "must be text in Unicode",
-    "string_pattern_mismatch": "must match {pattern}",
-    "greater_than": "must be greater than {gt:g}",
-    "greater_than_equal": "must be at least {ge:g}",
-    "too_short": "must have at least {min_length} entries",
-    "too_long": "must have at most {max_length} entries",
-}
-"""Messages about a field by pydantic's types of errors."""
-
-
-def _explained(error: ValidationError) -> str:
-    """Return one line of text on a pydantic error: for each problem the field, the kind of value required, and the value found."""
-    lines = []
-    for problem in error.errors():
-        field, kind = ".".join(map(str, problem["loc"])), problem["type"]
-        words = WORDS[kind].format(**problem.get("ctx", {})) if kind in WORDS else problem["msg"]
-        given = "" if kind in ("missing", "extra_forbidden") else f", not {_shown(problem['input'])}"
-        lines.append(f"{field}: {words}{given}")
-    return "; ".join(lines)
-
-
-def _shown(value: Any) -> str:
-    text = "a table" if isinstance(value, dict) else "a list" if isinstance(value, list | tuple) else repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f"{text} is {'not' if math.isnan(value) else 'too large'} a number")
-    return value
-
-
-def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    for key, count in Counter(key for key, _ in pairs).items():
-        if count > 1:
-            raise ValueError(f"{key!r} is there twice in one table")
-    return dict(pairs)

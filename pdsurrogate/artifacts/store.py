@@ -21,7 +21,6 @@ from ..forces import FORCES, ForceModel, LearntBondForce, LearntEnergy, Member
 from ..materials import LAWS, Law
 from ..scenes import Scene
 from .card import DIGESTED, KINDS, MEMBERS, NAME_PATTERN, PIPELINE, SURROGATE, VERSION_PATTERN, ArtifactError, Card, new_card, read_card
-from .shipped import SHIPPED_CARDS
 
 Surrogate = LearntBondForce | LearntEnergy
 """Model that an artefact holds."""
@@ -175,7 +174,6 @@ def load_card(reference: str | Path) -> Card:
     """
     folder, which = find_artifact(reference), parted(reference)[1]
     card = _card_of(folder)
-    _check_unchanged(folder, card)
     return card if which in (None, ALL) else card.of_member(*_meant(folder, card, which))
 
 
@@ -208,22 +206,18 @@ def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
 
 
 def _card_of(folder: Path) -> Card:
+    """Return the card in an artefact's folder; raise ArtifactError if its digest shows that it was changed after it was stored."""
     try:
         with (folder / CARD).open("rb") as file:
-            data = file.read(2**20 + 1)
+            card = read_card(file.read(2**20 + 1), str(folder / CARD))
     except OSError as error:
         raise ArtifactError(f"{folder}: cannot read the card: {error.strerror}") from None
-    return read_card(data, str(folder / CARD))
-
-
-def _check_unchanged(folder: Path, card: Card) -> None:
-    """Raise ArtifactError if the digest shows that a card was changed after it was stored with its weights."""
-    stated = card.digest or SHIPPED_CARDS.get(card.payloads[SURROGATE].sha256)
-    if stated is not None and stated != card.found_digest():
+    if card.stated_digest() not in (None, card.found_digest()):
         raise ArtifactError(
             f"{folder / CARD}: digest: what the card says of {', '.join(DIGESTED)} or training.identification is not what was stored with "
             "these weights: put back what was written, or store the artefact again"
         )
+    return card
 
 
 def load_surrogate(reference: str | Path) -> ForceModel:
@@ -269,8 +263,7 @@ def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
         model = replace(model, members=tuple(map(Member, members, laws, ratios)))
     else:
         [model] = members
-    _check_unchanged(folder, card)  # after the checks that name the field
-    if card.digest is None and card.payloads[SURROGATE].sha256 not in SHIPPED_CARDS:
+    if card.stated_digest() is None:
         warnings.warn(
             f"{called(folder, card)} was stored by an earlier pdsurrogate, whose cards have no digest: nothing tells whether its material, "
             "domain and errors are those of its weights; store it again",
@@ -304,10 +297,6 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Sur
         model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
         raise ArtifactError(f"{name}: {file} holds no {card.kind}, the kind of its card: {error}") from None
-    for key, found in (("set", model.feature_set), ("names", list(model.features))):
-        stated = card.features[key]
-        if stated != found:
-            raise ArtifactError(f"{folder / CARD}: features.{key}: must be {found!r}, of which {file} is, not {stated!r}")
     model = replace(model, stated=_stated(card))
     if card.material.law in LAWS:
         try:

@@ -46,7 +46,7 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str
     ----------
     error : ValidationError
     model : type, optional
-        Model as which the description was read; with it, messages about unknown keys list the known ones.
+        Model as which a scene or a study was read; with it, messages list the known keys, and say what belongs to the plane or to space.
     """
     problems = error.errors()
     return "; ".join(line for problem in problems if (line := _line(problem, problems, model)))
@@ -57,7 +57,7 @@ def _line(problem: Any, problems: list, model: type[BaseModel] | None) -> str | 
     loc, kind, given, context = problem["loc"], problem["type"], problem.get("input"), problem.get("ctx", {})
     if kind in ("too_short", "too_long") and any(other["loc"] != loc == other["loc"][: len(loc)] for other in problems):
         return None  # Pydantic counts the entries that remain without the invalid ones.
-    if kind == "missing" and isinstance(loc[-1], int):
+    if kind == "missing" and isinstance(loc[-1], int) and model is not None:
         if any(other["type"] == "missing" and other["loc"][:-1] == loc[:-1] and other["loc"] > loc for other in problems):
             return None  # The last one missing shows how many there should be.
         count = f"needs {loc[-1] + 1} entries, not {len(given)}"
@@ -69,7 +69,7 @@ def _line(problem: Any, problems: list, model: type[BaseModel] | None) -> str | 
     elif kind in ("too_short", "too_long"):
         bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
         message = f"needs {bound} entries, not {context['actual_length']}"
-        if (context.get("max_length"), context["actual_length"]) == (2, 3):
+        if model is not None and (context.get("max_length"), context["actual_length"]) == (2, 3):
             message += "; it belongs to the plane, and three components to a solid"
     elif kind == "union_tag_invalid":
         shapes = context["expected_tags"].replace("'", "").split(", ")

@@ -8,7 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
-from conftest import SHIPPED
+from conftest import SHIPPED, sealed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -85,66 +85,79 @@ def changed(card: dict, path: tuple, value) -> dict:
 
 
 EDITS = [
-    (("format",), "another", "format: this is not the card"),
-    (("schema_version",), True, "schema_version: .* a whole number"),
-    (("name",), 3, "name: must be text, not 3"),
-    (("name",), "No", r"name: must match .*, not 'No'"),
-    (("version",), "one", "version: must match"),
-    (("kind",), "oracle", "kind: unknown kind 'oracle'; known are bond-force-network"),
-    (("kind",), "bond-force-network", "surrogate.npz holds no bond-force-network, the kind of its card: "),
-    (("kind",), ..., "kind: is missing"),
-    (("description",), None, "description: must be text, not None"),
-    (("colour",), "red", "colour: is unknown: take it out"),
-    (("material", "law"), "yeoh", "material.law: must be that of material.trained_with, 'gent', not 'yeoh'"),
-    (("material", "trained_with", "law"), "gnt", "material.law: must be that of material.trained_with"),
-    (("material", "trained_with", "chain_limit"), "60", "material.trained_with: .*chain_limit must be a number, not '60'"),
-    (("material", "trained_with", "chain_limit"), -3.0, "material.trained_with: .*chain_limit"),
-    (("material", "trained_with", "chain_limit"), 61.0, "material.shape.chain_limit: must be 61.0 by material.trained_with, not 60.0"),
-    (("material", "trained_with", "chain_limit"), ..., "material.trained_with.chain_limit: is missing"),
-    (("material", "trained_with", "colour"), 1.0, "material.trained_with: gent has no parameter 'colour'"),
-    (("material", "shape", "chain_limit"), 61.0, "material.shape.chain_limit: must be 60.0 by material.trained_with, not 61.0"),
-    (("material", "shape", "chain_limit"), True, "material.shape.chain_limit: must be a number, not True"),
-    (("material", "shape"), {}, "material.shape.chain_limit: must be 60.0 by material.trained_with, not not there"),
-    (("material", "shape", "x"), 1, "material.shape.x: must be not there by material.trained_with, not 1"),
-    (("features", "set"), "symmetric", "features.set: must be 'isochoric', of which surrogate.npz is, not 'symmetric'"),
-    (("features", "names"), ["a"], r"features.names: must be \[.*\], of which surrogate.npz is, not \['a'\]"),
-    (("features",), [], "features: must be a table, not a list"),
-    (("scaling",), 3, "scaling: must be a table, not 3"),
-    (("training", "identification"), "x", "training.identification: must be a table, not 'x'"),
-    (("training", "identification", "data"), 3, "training.identification.data: must be text, not 3"),
-    (("training", "identification", "law", "chain_limit"), 3, "training.identification.law: must be material.trained_with"),
-    (("training", "search"), {}, "training.search: must be a list, not a table"),
-    (("training", "design", "perturbation"), 0, "training.design.perturbation: must be a table with the number log_C33, not 0"),
-    (("domain", "least_stretch"), "0.6", "domain.least_stretch: must be a number, not '0.6'"),
-    (("domain", "least_stretch"), True, "domain.least_stretch: must be a number, not True"),
-    (("domain", "least_stretch"), -1, "domain.least_stretch: must be greater than 0, not -1"),
-    (("domain", "least_stretch"), 0.5, "domain.least_stretch: must be that of errors.box.stretch_range, 0.6, .* not 0.5"),
-    (("domain", "greatest_stretch"), 20.0, "domain.greatest_stretch: must be that of errors.box.stretch_range, 2.0, .* not 20.0"),
-    (("domain", "greatest_bulk"), 9.0, "domain: least_bulk and greatest_bulk must be .* by training.design.perturbation.log_C33"),
-    (("domain", "hull"), [[1, 0, 1]] * 3, "domain.hull: must be the same as training.design.hull"),
-    (("domain", "hull"), [], "domain.hull: must have at least 3 entries, not a list"),
-    (("errors",), {}, "errors.box: is missing"),
-    (("errors", "box", "on_surface", "rms"), "tiny", "errors.box.on_surface.rms: must be a number, not 'tiny'"),
-    (("errors", "box", "on_surface", "rms"), 0.3, "errors.box.on_surface.rms: must be at most 0.1"),
-    (("errors", "box", "on_surface", "rms"), -1, "errors.box.on_surface.rms: must be at least 0, not -1"),
-    (("errors", "box", "on_surface", "max"), 5.0, "errors.box.on_surface.max: must be from rms to rms sqrt"),
-    (("errors", "box", "on_surface"), ..., "errors.box.on_surface: is missing"),
-    (("errors", "box", "at_rest"), [], "errors.box.at_rest: must be a number, not a list"),
-    (("errors", "box", "n_samples"), 2.5, "errors.box.n_samples: must be a whole number, not 2.5"),
-    (("made_with", "numpy"), 2, "made_with.numpy: must be text, not 2"),
-    (("payloads", "surrogate.npz", "bytes"), 2**40, "surrogate.npz: the card states 1099511627776 bytes; at most"),
-    (("payloads", "surrogate.npz", "sha256"), "0" * 64, "surrogate.npz: the file is not the one that the card describes"),
-    (("payloads", "surrogate.npz", "sha256"), "0", "payloads.surrogate.npz.sha256: must match"),
-    (("payloads", "surrogate.npz"), ..., "payloads.surrogate.npz: is missing; with 2 members it has members.npz, surrogate.npz and maybe"),
-    (("payloads", "members.npz"), ..., "payloads.members.npz: is missing"),
-    (("payloads", "evil.so"), {"contains": "", "sha256": "0" * 64, "bytes": 0}, "payloads.evil.so: is unknown"),
-    (("members",), ..., "payloads.members.npz: is unknown; with 0 members it has surrogate.npz and maybe pipeline.joblib"),
-    (("members",), 3, "members: must be a list, not 3"),
-    (("members", 0, "material", "shape", "chain_limit"), 3.0, "members.0.material.shape.chain_limit: must be 60.0"),
-    (("members", 1, "domain", "least_stretch"), 0.3, "members.1.domain.least_stretch: must be that of errors.box.stretch_range"),
-    (("members", 1, "errors", "box", "on_surface", "max"), 0.0, "members.1.errors.box.on_surface.max: must be from"),
-    (("members", 0, "material"), ..., "members.0.material: is missing"),
+    (("format",), "another", "format: this is not the card of a pdsurrogate artefact"),
+    (("schema_version",), True, "schema_version: this pdsurrogate reads 2 to 3, not True: upgrade pdsurrogate for a later one"),
+    (("name",), 3, r"name: Input should be a valid string \(given 3\)"),
+    (("name",), "No", "name: String should match pattern"),
+    (("version",), "one", "version: String should match pattern"),
+    (("kind",), ..., "kind: Field required"),
+    (("description",), None, "description: Input should be a valid string"),
+    (("colour",), "red", "colour: unknown key"),
+    (("material", "shape", "chain_limit"), True, r"material.shape.chain_limit: Input should be a valid number \(given True\)"),
+    (("features",), [], "features: must be a table"),
+    (("scaling",), 3, r"scaling: must be a table \(given 3\)"),
+    (("training", "identification"), "x", r"training.identification: must be a table \(given 'x'\)"),
+    (("training", "identification", "data"), 3, r"training.identification.data: Input should be a valid string \(given 3\)"),
+    (("training", "search"), {}, "training.search: must be a list"),
+    (("domain", "least_stretch"), "0.6", r"domain.least_stretch: Input should be a valid number \(given '0.6'\)"),
+    (("domain", "least_stretch"), True, r"domain.least_stretch: Input should be a valid number \(given True\)"),
+    (("domain", "least_stretch"), -1, r"domain.least_stretch: Input should be greater than 0 \(given -1\)"),
+    (("domain", "hull"), [], "domain.hull: needs at least 3 entries, not 0"),
+    (("errors",), {}, "errors.box: Field required"),
+    (("errors", "box", "on_surface", "rms"), "tiny", r"errors.box.on_surface.rms: Input should be a valid number \(given 'tiny'\)"),
+    (("errors", "box", "on_surface", "rms"), -1, r"errors.box.on_surface.rms: Input should be greater than or equal to 0 \(given -1\)"),
+    (("errors", "box", "on_surface"), ..., "errors.box.on_surface: Field required"),
+    (("errors", "box", "at_rest"), [], "errors.box.at_rest: Input should be a valid number"),
+    (("errors", "box", "n_samples"), 2.5, r"errors.box.n_samples: Input should be a valid integer \(given 2.5\)"),
+    (("made_with", "numpy"), 2, r"made_with.numpy: Input should be a valid string \(given 2\)"),
+    (("payloads", "surrogate.npz", "sha256"), "0", "payloads.surrogate.npz.sha256: String should match pattern"),
+    (("members",), 3, r"members: must be a list \(given 3\)"),
+    (("members", 0, "material"), ..., "members.0.material: Field required"),
 ]
+
+CONTRADICTIONS = [
+    (("kind",), "oracle"),
+    (("kind",), "bond-force-network"),
+    (("material", "law"), "yeoh"),
+    (("material", "trained_with", "law"), "gnt"),
+    (("material", "trained_with", "chain_limit"), "60"),
+    (("material", "trained_with", "chain_limit"), -3.0),
+    (("material", "trained_with", "chain_limit"), 61.0),
+    (("material", "trained_with", "chain_limit"), ...),
+    (("material", "trained_with", "colour"), 1.0),
+    (("material", "shape", "chain_limit"), 61.0),
+    (("material", "shape"), {}),
+    (("material", "shape", "x"), 1),
+    (("features", "set"), "symmetric"),
+    (("features", "names"), ["a"]),
+    (("training", "identification", "law", "chain_limit"), 3),
+    (("domain", "least_stretch"), 0.5),
+    (("domain", "greatest_stretch"), 20.0),
+    (("domain", "greatest_bulk"), 9.0),
+    (("domain", "hull"), [[1, 0, 1]] * 3),
+    (("errors", "box", "on_surface", "rms"), 0.3),
+    (("errors", "box", "on_surface", "max"), 5.0),
+    (("payloads", "surrogate.npz", "bytes"), 2**40),
+    (("payloads", "surrogate.npz", "sha256"), "0" * 64),
+    (("payloads", "surrogate.npz"), ...),
+    (("payloads", "members.npz"), ...),
+    (("payloads", "evil.so"), {"contains": "", "sha256": "0" * 64, "bytes": 0}),
+    (("members",), ...),
+    (("members", 0, "material", "shape", "chain_limit"), 3.0),
+    (("members", 1, "domain", "least_stretch"), 0.3),
+    (("members", 1, "errors", "box", "on_surface", "max"), 0.0),
+]
+"""Values of the right type that are not those that were stored."""
+
+
+@pytest.mark.parametrize(
+    ("path", "value"), CONTRADICTIONS, ids=[f"{'.'.join(map(str, path))}={value}"[:60] for path, value in CONTRADICTIONS]
+)
+def test_what_a_run_depends_on_is_as_it_was_stored(committee, path, value):
+    [said] = refused(committee, json.dumps(changed(card_of(committee), path, value)))
+    assert re.search(
+        f"mine.*card.json: digest: what the card says of .*{path[0]}.* is not what was stored .*: put back what was written", said
+    )
 
 
 @pytest.mark.parametrize(("path", "value", "message"), EDITS, ids=[f"{'.'.join(map(str, path))}={value}"[:60] for path, value, _ in EDITS])
@@ -154,37 +167,50 @@ def test_what_is_said_of_an_edit(committee, path, value, message):
     assert re.search(message, said), said
     assert "\n" not in said
     assert "mine" in said
-    assert not re.search("Input should|pydantic|Traceback|For further", said)
+    assert not re.search("pydantic|Traceback|For further", said)
 
 
 def test_contradictions_with_the_weights(committee):
-    """A card that agrees with itself, of another material than its weights; members taken away or exchanged."""
+    """A card with a digest of its own, of another material than its weights; members taken away or exchanged."""
     card = card_of(committee)
     other = changed(card, ("material", "trained_with", "chain_limit"), 30.0)
     other = changed(changed(other, ("material", "shape", "chain_limit"), 30.0), ("training", "identification"), ...)
-    [said] = refused(committee, json.dumps(other))
+    [said] = refused(committee, sealed(other))
     assert re.search(
         "card.json: material: surrogate.npz is not of the material that the card states: mine@1 differs from the forces of gent", said
     )
     first, second = card["members"]
-    [said] = refused(committee, json.dumps({**card, "members": [first]}), ["#all"])
+    [said] = refused(committee, sealed({**card, "members": [first]}), ["#all"])
     assert "card.json: members: must be as many as in members.npz, 2, not 1" in said
-    [said] = refused(committee, json.dumps({**card, "members": [second, first]}), ["#all"])
+    [said] = refused(committee, sealed({**card, "members": [second, first]}), ["#all"])
     assert "card.json: material: members.npz is not of the material that the card states: mine@1#1 differs" in said
+    for path, value, message in (
+        (("kind",), "oracle", "kind: unknown kind 'oracle'; known are bond-force-network"),
+        (("kind",), "bond-force-network", "surrogate.npz holds no bond-force-network, the kind of its card: "),
+        (("payloads", "surrogate.npz", "bytes"), 2**40, "surrogate.npz: the card states 1099511627776 bytes; at most"),
+        (("payloads", "surrogate.npz"), ..., "surrogate.npz: the artefact has none"),
+        (("payloads", "surrogate.npz", "sha256"), "0" * 64, "surrogate.npz: the file is not the one that the card describes"),
+        (("material", "trained_with", "chain_limit"), "60", "material: .*material.trained_with: .*chain_limit"),
+        (("material", "trained_with", "colour"), 1.0, "material.trained_with: gent has no parameter 'colour'"),
+    ):
+        [said] = refused(committee, sealed(changed(card, path, value)))
+        assert re.search(message, said), said
 
 
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda text: text.replace('"least_stretch": 0.6', '"least_stretch": 1e999', 1), "1e999 is too large a number"),
-        (lambda text: text.replace('"name": "mine"', '"name": "mine", "name": "yours"'), "'name' is there twice in one table"),
+        (
+            lambda text: text.replace('"least_stretch": 0.6', '"least_stretch": 1e999', 1),
+            "domain.least_stretch: must be a finite number, .* not inf",
+        ),
         (lambda text: text[:-40], "not valid JSON"),
         (lambda text: text.replace('"scaling": {', '"scaling": {"deep": ' + "[" * 900 + "]" * 900 + ", ", 1), None),
     ],
 )
 def test_json_that_means_something_else_than_it_says(committee, edit, message):
     [said] = refused(committee, edit((committee / "card.json").read_text()))
-    assert (said is None) if message is None else (message in said)
+    assert (said is None) if message is None else re.search(message, said)
 
 
 def everywhere(text: str) -> dict:
@@ -250,14 +276,6 @@ def test_shipped_cards_are_known_without_a_digest(tmp_path):
     assert "card.json: digest: what the card says" in refused(copied, text)[0]
 
 
-def test_hulls_of_energies(isochoric):
-    card = card_of(isochoric)
-    [said] = refused(isochoric, json.dumps(changed(card, ("domain", "hull", 0, 2), 0.7)))
-    assert "domain.hull: must be the same as training.design.hull" in said
-    both = changed(changed(card, ("domain", "hull", 0, 2), -0.1), ("training", "design", "hull", 0, 2), -0.1)
-    assert "domain.hull.0: must be n1, n2, d" in refused(isochoric, json.dumps(both))[0]
-
-
 FREE = {"name", "version", "description", "weight_function", "scaling", "training", "made_with"}
 """Parts that no run is changed by, but for the name of the artefact; the identification is digested."""
 
@@ -308,7 +326,7 @@ def test_any_edit_is_refused_with_its_field_or_changes_nothing(committee, isocho
             assert "\n" not in message
             assert folder.parent.name in message
             assert any(word in message for word in words) or path[0] in message, message
-            assert not re.search("Input should|pydantic", message), message
+            assert not re.search("pydantic", message), message
             continue
         if path[0] in FREE:
             continue
