@@ -208,7 +208,10 @@ def make_all(folder: Path) -> None:
 
 
 def differences(made: Path, shipped: Path) -> list[str]:
-    """Return files that are not the same in two folders: payloads byte for byte, cards to nine digits, without what schema 2 lacks."""
+    """Return files that are not the same in two folders: payloads byte for byte, cards to nine digits.
+
+    Shipped cards have no digest, and their errors by bins of strain are of other states than those that are drawn today.
+    """
     names = {path.relative_to(made) for path in made.rglob("*") if path.is_file()}
     return [str(name) for name in sorted(names) if not (shipped / name).is_file() or not same(made / name, shipped / name)]
 
@@ -221,6 +224,8 @@ def same(made: Path, shipped: Path) -> bool:
     for card in cards:
         card.pop("digest", None)
         card["schema_version"] = None
+        for report in card["errors"].values():
+            del report["by_strain"]
     return cards[0] == cards[1]
 
 

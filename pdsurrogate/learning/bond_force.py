@@ -33,7 +33,6 @@ class _BondForce(Target):
     weight_function = "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS)
 
     _reported: ClassVar = {"near_rest": 0.25, "off_surface": 0.0}
-    _bins_share_generator = False
     reached = staticmethod(sampling.bond_states_reached)
     pipeline = staticmethod(bond_force_pipeline)
     surrogate = staticmethod(taken_over)
@@ -41,14 +40,8 @@ class _BondForce(Target):
     def draw(
         self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int, off_surface: float = 2 / 3
     ) -> Samples:
-        return Samples(*sampling.wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
-
-    def draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
-        random = np.random.default_rng(random_state)
-        first, second = sampling.stretches_of_strain(random, strains, *stretch_range, n_samples)
-        U_nn, U_nm, J, C33 = sampling.on_surface(law, first, second, random.uniform(0, 2 * np.pi, n_samples))
-        X, y = sampling.force_on_bonds(law, U_nn, U_nm, J, C33, 1 - random.uniform(0, 1, n_samples))
-        return Samples(X, y, {}, self)
+        X, y, design, stretches = sampling.wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state)
+        return Samples(X, y, design, self, stretches)
 
     def _predicted(self, model, law: Law, X: np.ndarray) -> np.ndarray:
         return force_of(model)(*X.T)
@@ -165,7 +158,7 @@ def algorithm_1(
         "nondimensional": nondimensional,
         "random_state": random_state,
     }
-    return Samples(X, y, design, BOND_FORCE)
+    return Samples(X, y, design, BOND_FORCE, stretches)
 
 
 def stiffness_slopes(force: Callable, states: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from ..forces.bond_energy import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES
 from ..materials import Law, plane_stress
 from .base import checked_columns, named
-from .sampling import bond_states_reached, log_stretches, range_of_stretches, stretches_of_strain
+from .sampling import bond_states_reached, log_stretches, range_of_stretches
 from .target import EnergyTarget, Range, Samples, checked_derivatives
 
 INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
@@ -61,9 +61,6 @@ class _SheetEnergy(EnergyTarget):
         J3 = plane_stress.volume_ratio(law, trace, J)
         p, q, _, _, energy = plane_stress.response(law, trace, J, J3)
         return np.stack([trace, J], axis=1), np.stack([energy, p / 2, q / J], axis=1)
-
-    def _of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
-        return np.stack(stretches_of_strain(random, strains, low, high, n_samples), axis=1)
 
     def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         # Principal nominal stresses 2 psi_I lambda + psi_J J/lambda.

@@ -10,7 +10,7 @@ from ..forces.agreement import isochoric_slopes, isochoric_stresses
 from ..forces.learnt_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
 from .base import checked_columns, named
-from .target import EnergyTarget, Range, Samples, checked_derivatives
+from .target import EnergyTarget, Samples, checked_derivatives
 
 INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
 
@@ -92,15 +92,6 @@ class _IsochoricEnergy(EnergyTarget):
         most = np.minimum(low / direction.min(axis=1), high / direction.max(axis=1))
         logs[:n_near] = np.minimum(size, most)[:, None] * direction
         return logs
-
-    def _of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
-        direction = random.standard_normal((n_samples, 3))
-        direction -= direction.mean(axis=1, keepdims=True)
-        strain = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
-        # The greatest strain is that of the extension or of the compression along the direction, whichever reaches the value first.
-        up, down = np.log1p(strain) / direction.max(axis=1), np.log1p(-np.minimum(strain, 1 - low)) / direction.min(axis=1)
-        most = np.minimum(np.log(low) / direction.min(axis=1), np.log(high) / direction.max(axis=1))
-        return np.exp(np.minimum(np.minimum(up, np.where(strain < 1 - low, down, np.inf)), most)[:, None] * direction)
 
     def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         return isochoric_stresses(stretches.T**2, first, second)

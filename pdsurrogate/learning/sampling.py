@@ -19,19 +19,20 @@ OUTPUTS = ("t_n", "t_tau")
 
 def wide_bonds(
     law: Law, n_samples: int, stretch_range: tuple[float, float], near_rest: float, off_surface: float, random_state: int
-) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Draw bond-force samples uniform in log-stretch (theory, section 5): return X, y and their design, with states near rest first.
+) -> tuple[np.ndarray, np.ndarray, dict, np.ndarray]:
+    """Draw bond-force samples uniform in log-stretch (theory, section 5): return X, y, their design and principal stretches.
 
-    The share `off_surface` of the states is off the plane-stress surface: lambda_b, dtheta and C33 are perturbed independently, by amounts
-    that shrink with the strain, and the force is the exact one of the perturbed values.
+    States near rest come first. The share `off_surface` of the states is off the plane-stress surface: lambda_b, dtheta and C33 are
+    perturbed independently, by amounts that shrink with the strain, and the force is the exact one of the perturbed values.
     """
     check_share(off_surface, "off_surface")
     low, high = stretch_range
     random = np.random.default_rng(random_state)
     logs = log_stretches(random, n_samples, low, high, near_rest)
+    stretches = np.exp(logs)
     angle = random.uniform(0, 2 * np.pi, n_samples)
     length = random.uniform(0, 1, n_samples)
-    U_nn, U_nm, J, C33 = on_surface(law, *np.exp(logs).T, angle)
+    U_nn, U_nm, J, C33 = on_surface(law, *stretches.T, angle)
 
     # The greatest perturbations, or less where the range of stretches ends below their full size.
     share = min(1.0, max(np.log(high), -np.log(low)) / PERTURBATION["full_from_strain"])
@@ -52,7 +53,7 @@ def wide_bonds(
         "random_state": random_state,
         "nondimensional": True,
     }
-    return X, y, design
+    return X, y, design, stretches
 
 
 def random_order(n_samples: int, near_rest: float, random_state: int) -> np.ndarray:
@@ -99,19 +100,6 @@ def range_of_stretches(trace, J) -> tuple[float, float]:
     """Return the least and the greatest principal stretch that occur among states of a sheet, from tr C and J of each state."""
     total, difference = np.sqrt(trace + 2 * J), np.sqrt(np.maximum(trace - 2 * J, 0))
     return float((total - difference).min() / 2), float((total + difference).max() / 2)
-
-
-def stretches_of_strain(
-    random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Draw pairs of principal stretches whose greatest strain |lambda - 1| lies in the bin `strains`, uniform in its logarithm.
-
-    The first stretch has the greatest strain: a compression or an extension, at random where both are between `low` and `high`.
-    """
-    greatest = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
-    compressive = (random.random(n_samples) < 0.5) | (1 + greatest > high)
-    first = np.where(compressive & (1 - greatest >= low), 1 - greatest, 1 + greatest)
-    return first, random.uniform(np.maximum(1 - greatest, low), np.minimum(1 + greatest, high))
 
 
 @named()

@@ -214,8 +214,8 @@ class Samples:
         Everything that is needed to draw the samples again.
     target : Target
         Quantity that y holds.
-    stretches : ndarray, shape (n, 2) or (n, 3), optional
-        Principal stretches of the states, for energies.
+    stretches : ndarray, shape (n, 2) or (n, 3)
+        Principal stretches of the states; of a bond off the plane-stress surface those before its perturbation.
 
     Examples
     --------
@@ -229,15 +229,14 @@ class Samples:
     y: np.ndarray
     design: dict
     target: Target
-    stretches: np.ndarray | None = None
+    stretches: np.ndarray
 
     def __len__(self) -> int:
         return len(self.X)
 
     def take(self, rows: np.ndarray) -> Samples:
         """Return the samples with the given row numbers, with the same design and target."""
-        stretches = None if self.stretches is None else self.stretches[rows]
-        return Samples(self.X[rows], self.y[rows], self.design, self.target, stretches)
+        return Samples(self.X[rows], self.y[rows], self.design, self.target, self.stretches[rows])
 
 
 class Target:
@@ -278,9 +277,6 @@ class Target:
         surrogate that equals the model.
     scaling : callable
         ``scaling(model)``: scalings of a fitted model for its card.
-    draw_strain : callable
-        ``draw_strain(law, strains, stretch_range, n_samples, random_state)``: samples whose greatest principal strain lies in a bin;
-        `random_state` is a seed or a generator.
     _predicted : callable
         ``_predicted(model, law, X)``: outputs of a model.
     _more_errors : callable
@@ -288,8 +284,6 @@ class Target:
         the surface.
     _reported : dict
         Options with which `draw` makes the samples of a report.
-    _bins_share_generator : bool
-        Whether one generator draws the samples of all bins of strain in a report, or each bin has its own.
     """
 
     name: str
@@ -307,11 +301,9 @@ class Target:
     domain_of_states: Callable[[Law, np.ndarray], Domain]
     surrogate: Callable[..., tuple[LearntBondForce | LearntEnergy, dict]]
     scaling: Callable[[Any], dict]
-    draw_strain: Callable[[Law, Range, Range, int, Any], Samples]
     _predicted: Callable[[Any, Law, np.ndarray], np.ndarray]
     _more_errors: Callable[[Any, Law, Samples], dict]
     _reported: ClassVar[dict[str, float]] = {"near_rest": 0.0}
-    _bins_share_generator = True
 
     def carried_by(self, model) -> bool:
         """Return whether a pipeline, fitted or not, was made for this target: its transformation reads the columns of this target."""
@@ -320,11 +312,12 @@ class Target:
     def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         """Return the errors of a model against a law over a range of stretches, in the form that `pdsurrogate.evaluate` returns."""
         samples = self.draw(law, n_samples, stretch_range, random_state=random_state, **self._reported)
-        bins, shared = [], np.random.default_rng(random_state + 1)
-        for number, strains in enumerate(strain_bins(*stretch_range)):
-            random = shared if self._bins_share_generator else random_state + 2 + number
-            some = self.draw_strain(law, strains, stretch_range, max(n_samples // 10, 100), random)
-            bins.append({"strain": list(strains), **self.errors(self._predicted(model, law, some.X), some)})
+        # Half of the states lie near rest, so that there are some in every bin.
+        spread = self.draw(law, max(n_samples, 1000), stretch_range, random_state=random_state + 1, **{**self._reported, "near_rest": 0.5})
+        predicted, strain, bins = self._predicted(model, law, spread.X), np.abs(spread.stretches - 1).max(axis=1), []
+        for low, high in strain_bins(*stretch_range):
+            if len(rows := np.flatnonzero((low <= strain) & (strain <= high))):
+                bins.append({"strain": [low, high], **self.errors(predicted[rows], spread.take(rows))})
         return {
             "stretch_range": list(stretch_range),
             "n_samples": n_samples,
@@ -371,8 +364,6 @@ class EnergyTarget(Target):
     _draw_logs : callable
         ``_draw_logs(random, n_samples, low, high, near_rest)``: logarithms of principal stretches, uniform within their bounds except for
         a share near rest.
-    _of_strain : callable
-        ``_of_strain(random, strains, low, high, n_samples)``: principal stretches whose greatest strain lies in a bin.
     _stresses : callable
         ``_stresses(stretches, first, second)``: principal stresses from the derivatives of the energy by the two invariants.
     """
@@ -385,7 +376,6 @@ class EnergyTarget(Target):
     _functions: tuple[NamedFunction, ...]
     _states: Callable[[Law, np.ndarray], tuple[np.ndarray, np.ndarray]]
     _draw_logs: Callable[[np.random.Generator, int, float, float, float], np.ndarray]
-    _of_strain: Callable[[np.random.Generator, Range, float, float, int], np.ndarray]
     _stresses: Callable[..., np.ndarray]
 
     def _samples_at(self, law: Law, stretches: np.ndarray, design: dict) -> Samples:
@@ -403,10 +393,6 @@ class EnergyTarget(Target):
             "random_state": random_state,
         }
         return self._samples_at(law, np.exp(logs), design)
-
-    def draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
-        random = np.random.default_rng(random_state)
-        return self._samples_at(law, self._of_strain(random, strains, *stretch_range, n_samples), {})
 
     def pipeline(self, regressor: SobolevRegressor | None) -> InputAwareTargetRegressor:
         if regressor is not None and not isinstance(regressor, SobolevRegressor):
