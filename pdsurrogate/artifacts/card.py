@@ -11,10 +11,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator
 
 from ..arguments import kind_of
-from ..forces import Domain, EnergyNetwork, IsochoricNetwork, NetworkForce, PolynomialForce, SplineForce
+from ..forces import EnergyNetwork, IsochoricNetwork, NetworkForce, PolynomialForce, SplineForce
 from ..html_tables import html_facts
-from ..materials import Law
-from ..scenes import MaterialSpec
 from ..scenes.problems import explain
 from .shipped import SHIPPED_CARDS
 
@@ -152,13 +150,6 @@ class Material(_Part):
     trained_with: dict[str, Any]
     shape: dict[str, Finite]
 
-    def build(self) -> Law:
-        """Return the law, with the parameters for which the model was trained; raise ValueError for a wrong field or an unknown law."""
-        try:
-            return MaterialSpec.model_validate(self.trained_with).build()
-        except ValidationError as error:
-            raise ValueError(f"material.trained_with: {explain(error)}") from None
-
 
 class Payload(_Part):
     """Entry of a card for a file of the artefact: contents in words, SHA-256, and size in bytes."""
@@ -176,10 +167,6 @@ class DomainSpec(_Part):
     least_bulk: Positive
     greatest_bulk: Positive
     hull: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
-
-    def build(self) -> Domain:
-        """Return the domain as the `Domain` against which a run tests its states."""
-        return Domain(self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk, self.hull)
 
 
 class MemberSpec(_Part):

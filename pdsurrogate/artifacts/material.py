@@ -1,7 +1,7 @@
 """Material of an artefact, for scenes that do not state their own."""
 
+import json
 import warnings
-from dataclasses import MISSING, fields
 from pathlib import Path
 
 from ..forces import FORCES, ForceModel
@@ -98,10 +98,5 @@ def _has_moduli(card: Card) -> bool:
 
 
 def in_words(law: Law) -> str:
-    """Return a law as the text of a scene's table ``material``, with all digits and without parameters at their defaults."""
-    parts = [f'law="{law.name}"']
-    for field in fields(law):
-        value = getattr(law, field.name)
-        if field.default is MISSING or value != field.default:
-            parts.append(f"{field.name}={list(value) if isinstance(value, tuple) else value!r}")
-    return f"{{{', '.join(parts)}}}"
+    """Return a law as the text of a scene's table ``material``, with all digits."""
+    return f"{{{', '.join(f'{key}={json.dumps(value)}' for key, value in law.describe().items())}}}"

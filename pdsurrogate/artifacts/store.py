@@ -17,9 +17,9 @@ import numpy as np
 
 from ..arguments import check_path
 from ..array_files import DamagedFile, read_arrays
-from ..forces import FORCES, ForceModel, LearntBondForce, LearntEnergy, Member
+from ..forces import FORCES, Domain, ForceModel, LearntBondForce, LearntEnergy, Member
 from ..materials import LAWS, Law
-from ..scenes import Scene
+from ..scenes import MaterialSpec, Scene
 from .card import DIGESTED, KINDS, MEMBERS, NAME_PATTERN, PIPELINE, SURROGATE, VERSION_PATTERN, ArtifactError, Card, new_card, read_card
 
 Surrogate = LearntBondForce | LearntEnergy
@@ -294,13 +294,15 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
 def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Surrogate:
     """Return the surrogate made of the arrays of a payload; raise ArtifactError if kind, features or material contradict the card."""
     try:
-        model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
+        model = KINDS[card.kind].from_payload(name, payload, Domain(**dict(card.domain)), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
         raise ArtifactError(f"{name}: {file} holds no {card.kind}, the kind of its card: {error}") from None
-    model = replace(model, stated=_stated(card))
     if card.material.law in LAWS:
+        errors, law = card.errors["box"]["on_surface"], law_of(card)
+        stated = {"rms": float(errors["rms"]), "max": float(errors["max"]), "bulk_ratio": law.bulk_modulus / law.shear_modulus}
+        model = replace(model, stated=stated)
         try:
-            model.check_material(law_of(card))
+            model.check_material(law)
         except ValueError as error:
             raise ArtifactError(f"{folder / CARD}: material: {file} is not of the material that the card states: {error}") from None
     return model
@@ -309,19 +311,9 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Sur
 def law_of(card: Card) -> Law:
     """Return the law that a card names, with the parameters for which the model was trained; raise ArtifactError if the law is unknown."""
     try:
-        return card.material.build()
+        return MaterialSpec(**card.material.trained_with).build()
     except ValueError as error:
-        raise ArtifactError(f"{card.name}@{card.version}: the card's {error}") from None
-
-
-def _stated(card: Card) -> dict[str, float] | None:
-    """Return the RMS and greatest error on the plane-stress surface, and K/mu, as a card states them; None if it states no moduli."""
-    errors, trained_with = card.errors["box"]["on_surface"], card.material.trained_with
-    try:
-        bulk_ratio = trained_with["bulk_modulus"] / trained_with["shear_modulus"]
-    except (KeyError, TypeError, ZeroDivisionError):
-        return None
-    return {"rms": float(errors["rms"]), "max": float(errors["max"]), "bulk_ratio": bulk_ratio}
+        raise ArtifactError(f"{card.name}@{card.version}: the card's material.trained_with: {error}") from None
 
 
 def payload_of(data: bytes) -> dict[str, np.ndarray | str]:

@@ -305,18 +305,12 @@ def _warn_of_few_modes(X: np.ndarray) -> None:
             stacklevel=3,
         )
     elif np.abs(logs @ line_through_rest(logs)[0]).max() < SAME_MODE:
-        first, second = states[-1]
-        mode = next((name for name, lateral in MODES.items() if abs(second - _second_of(first, lateral)) < SAME_MODE), "one mode")
+        mode = str(groups_of(X)[np.abs(logs).max(axis=1).argmax()])
         warnings.warn(
-            f"the data are of one mode of loading ({mode}): what the stress is in others is not determined by them, as the share of the "
-            "second invariant is not; add another mode, such as pure shear or equibiaxial tension",
+            f"the data are of one mode of loading ({mode if mode in MODES else BIAXIAL}): what the stress is in others is not "
+            "determined by them, as the share of the second invariant is not; add another mode, such as pure shear or equibiaxial tension",
             stacklevel=3,
         )
-
-
-def _second_of(first: float, lateral) -> float:
-    """Return the middle principal log-stretch of a mode, a function `lateral` of `MODES`, at the log-stretch `first` along the stress."""
-    return float(ordered_logs(np.array([[np.exp(first), lateral(np.exp(first))]]))[0, 1])
 
 
 def half_planes(X: np.ndarray) -> np.ndarray:

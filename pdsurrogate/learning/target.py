@@ -132,8 +132,8 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         Raises
         ------
         ValueError
-            If only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or the
-            transformed target is not finite.
+            If only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or no sample
+            determines the transformed target.
         """
         if (self.func is None) != (self.inverse_func is None):
             raise ValueError("func and inverse_func are given together or not at all")
@@ -158,9 +158,6 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             warnings.warn(f"{which}, {X[rows == first][0]}: they are left out", stacklevel=2)
             X, z, rows = X[~undetermined], z[~undetermined], rows[~undetermined]
             sample_weight = None if sample_weight is None else sample_weight[~undetermined]
-        if not np.isfinite(z).all():
-            first = np.flatnonzero(~np.isfinite(z).reshape(len(X), -1).all(axis=1))[0]
-            raise ValueError(f"the transformed target of sample {rows[first]} is not finite: the transformation has no value at {X[first]}")
         routed = get_config()["enable_metadata_routing"] and (sample_weight is None or self._routes_weights())
         weights = {} if sample_weight is None else {"sample_weight" if routed else weighted_part(regressor)[0]: sample_weight}
         with config_context(enable_metadata_routing=routed):

@@ -266,7 +266,10 @@ def test_fit_tells_how_many_tests_lie_outside_the_domain_of_its_artefact(good, w
     ("arguments", "message"),
     [
         (["--data", "treloar", "--bulk-modulus", "400", "--bulk-ratio", "100"], "choose one"),
-        (["--data", "treloar", "--bulk-ratio", "-3"], "--bulk-ratio must be positive and finite, not -3"),
+        (
+            ["--data", "treloar", "--bulk-ratio", "-3"],
+            "'bulk_ratio' parameter of LawRegressor must be a float in the range (0.0, inf). Got -3.0",
+        ),
         (["--bulk-ratio", "100"], "are of test data"),
         (["--data", "treloar", "--law", "polyconvex"], "the terms of polyconvex are found from test data by fit --free"),
     ],
