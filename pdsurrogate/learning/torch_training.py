@@ -7,8 +7,7 @@ import torch
 from sklearn.utils import check_random_state
 from skorch import NeuralNetRegressor
 from skorch.callbacks import EarlyStopping, LRScheduler
-from skorch.dataset import Dataset
-from skorch.helper import predefined_split
+from skorch.dataset import ValidSplit
 
 from .export import layers_of_module
 
@@ -44,11 +43,8 @@ def train(regressor, X, Y, weights):
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         split, callbacks = None, []
-        order = np.random.default_rng(seed).permutation(len(X))
-        kept = int(regressor.validation_fraction * len(X))
-        if kept:
-            validation, order = order[:kept], order[kept:]
-            split = predefined_split(Dataset(X[validation], Y[validation]))
+        if regressor.validation_fraction:
+            split = ValidSplit(regressor.validation_fraction, random_state=seed)
             callbacks.append(("stop", EarlyStopping(patience=regressor.patience, load_best=True)))
         rate, most = regressor.learning_rate, regressor.max_epochs
         callbacks.append(("rate", LRScheduler(torch.optim.lr_scheduler.CosineAnnealingLR, T_max=most, eta_min=rate / 100)))
@@ -60,13 +56,13 @@ def train(regressor, X, Y, weights):
             optimizer=torch.optim.Adam,
             lr=rate,
             max_epochs=most,
-            batch_size=min(regressor.batch_size, len(order)),
+            batch_size=regressor.batch_size,
             train_split=split,
             callbacks=callbacks,
             iterator_train__shuffle=True,
             verbose=0,
         )
-        net.fit(X[order], Y[order])
+        net.fit(X, Y)
     coefs, intercepts = map(list, zip(*layers_of_module(net.module_)[1], strict=True))
     losses = [row["valid_loss"] for row in net.history if "valid_loss" in row]
     return coefs, intercepts, len(net.history), float(np.min(losses)) if losses else float("nan")

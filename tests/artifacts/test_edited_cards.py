@@ -190,7 +190,7 @@ def test_contradictions_with_the_weights(committee):
         (("payloads", "surrogate.npz", "bytes"), 2**40, "surrogate.npz: the card states 1099511627776 bytes; at most"),
         (("payloads", "surrogate.npz"), ..., "surrogate.npz: the artefact has none"),
         (("payloads", "surrogate.npz", "sha256"), "0" * 64, "surrogate.npz: the file is not the one that the card describes"),
-        (("material", "trained_with", "chain_limit"), "60", "material: .*material.trained_with: .*chain_limit"),
+        (("material", "trained_with", "chain_limit"), "60", "the card's material.trained_with: chain_limit must be a number"),
         (("material", "trained_with", "colour"), 1.0, "material.trained_with: gent has no parameter 'colour'"),
     ):
         [said] = refused(committee, sealed(changed(card, path, value)))

@@ -76,7 +76,7 @@ def test_the_command_says_which_material_it_takes(store):
         app, ["run", "uniaxial", *changes, "--force", str(store("said", pds.materials.Gent(chain_limit=CHAIN_LIMIT)))]
     )
     assert done.exit_code == 0, done.output
-    assert 'Material of said@1: {law="gent", shear_modulus=1.0, bulk_modulus=100.0, chain_limit=62.82566463708167}' in done.output
+    assert 'Material of said@1: {law="gent", shear_modulus=1.0, bulk_modulus=200.0, chain_limit=62.82566463708167}' in done.output
 
 
 def test_an_artefact_that_is_off_is_said_at_every_run(tmp_path):
