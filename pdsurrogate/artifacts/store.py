@@ -193,16 +193,13 @@ def called(folder: Path, card: Card, which: str | None = None) -> str:
 
 def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
     """Return the numbers of the committee members that `which` selects (a number or all); raise ArtifactError for unknown members."""
-    if which is None:
-        return ()
     members = range(1, len(card.members) + 1)
-    if which == ALL and members:
-        return members
-    if which != ALL and int(which) in members:
-        return (int(which),)
-    what = f"{called(folder, card, ALL)}:" if which == ALL else f"{called(folder, card)} has no member #{which}:"
-    made = "no committee; pdsurrogate fit --committee, or the members of pds.store, make one"
-    raise ArtifactError(f"{what} it has {f'members #1 to #{len(members)}' if members else made}")
+    chosen = [number for number in members if which in (ALL, str(number))]
+    if which is not None and not chosen:
+        made = "no committee; pdsurrogate fit --committee, or the members of pds.store, make one"
+        found = f"members #1 to #{len(members)}" if members else made
+        raise ArtifactError(f"{called(folder, card)} has no member #{which}: it has {found}")
+    return chosen
 
 
 def _card_of(folder: Path) -> Card:
@@ -274,14 +271,11 @@ def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
 
 def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate]:
     """Return the surrogates of the committee members with given numbers, from one reading of ``members.npz``."""
-    arrays = _arrays(folder, card, MEMBERS)
-    held: dict[str, dict] = {}
-    for key, value in arrays.items():
-        number, _, own = key.partition(".")
-        held.setdefault(number, {})[own] = value
-    if set(held) != set(map(str, range(1, len(card.members) + 1))):
-        raise ArtifactError(f"{folder / CARD}: members: must be as many as in {MEMBERS}, {len(held)}, not {len(card.members)}")
-    return [_built(called(folder, card, str(number)), folder, card.of_member(number), MEMBERS, held[str(number)]) for number in numbers]
+    arrays, members = _arrays(folder, card, MEMBERS), []
+    for number in numbers:
+        own = {key.partition(".")[2]: value for key, value in arrays.items() if key.startswith(f"{number}.")}
+        members.append(_built(called(folder, card, str(number)), folder, card.of_member(number), MEMBERS, own))
+    return members
 
 
 def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:

@@ -375,13 +375,9 @@ class EnergyTarget(Target):
     _draw_logs: Callable[[np.random.Generator, int, float, float, float], np.ndarray]
     _stresses: Callable[..., np.ndarray]
 
-    def _samples_at(self, law: Law, stretches: np.ndarray, design: dict) -> Samples:
-        """Return the samples of a law at given principal stretches, shape (n, 2) or (n, 3)."""
-        return Samples(*self._states(law, stretches), design, self, stretches)
-
     def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int) -> Samples:
         low, high = stretch_range
-        logs = self._draw_logs(np.random.default_rng(random_state), n_samples, low, high, near_rest)
+        stretches = np.exp(self._draw_logs(np.random.default_rng(random_state), n_samples, low, high, near_rest))
         design = {
             "name": self.name,
             "n_samples": n_samples,
@@ -389,7 +385,7 @@ class EnergyTarget(Target):
             "near_rest": near_rest,
             "random_state": random_state,
         }
-        return self._samples_at(law, np.exp(logs), design)
+        return Samples(*self._states(law, stretches), design, self, stretches)
 
     def pipeline(self, regressor: SobolevRegressor | None) -> InputAwareTargetRegressor:
         if regressor is not None and not isinstance(regressor, SobolevRegressor):
