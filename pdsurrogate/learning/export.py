@@ -1,8 +1,7 @@
 """Conversion of a fitted model of a bond force to the plain arrays that a run needs, exactly or by resampling."""
 
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -62,13 +61,12 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
         common, count = (name, own, model.offsets_.astype(float), *described), len(FEATURE_SETS[own].names)
         if count == 2 and (polynomial := _polynomial_of(model)) is not None:
             return PolynomialForce(*common, *polynomial), {}
-        with _plain_arrays():
-            network = network_of(rest, feature_values(states, own))
+        network = network_of(rest, feature_values(states, own))
         if network is not None:
             return NetworkForce(*common, *network), {}
         if count in FEATURES:
             feature_set, offsets, anchored = own, common[2], list(model.anchored_outputs)
-            function = partial(_quietly, rest)
+            function = partial(_quietly, rest.predict)
     at_rest, right = feature_values(np.array([AT_REST]), feature_set), np.asarray(force(*states.T), dtype=float)
 
     def made_of(spline: Spline) -> SplineForce:
@@ -112,7 +110,7 @@ def force_of(model) -> Callable:
 
         def force(stretch, rotation, length, C33, J):
             X = np.stack(np.broadcast_arrays(*np.atleast_1d(stretch, rotation, np.multiply(length, _horizon_of(model)), C33, J)), axis=1)
-            return force_of_outputs(X, _quietly(model.regressor_, X) - model.offsets_, feature_set)
+            return force_of_outputs(X, _quietly(model.regressor_.predict, X) - model.offsets_, feature_set)
 
         return force
     if isinstance(model, ForceSurrogate):
@@ -131,7 +129,7 @@ def force_of(model) -> Callable:
                 "in any order, alone or within a surrogate_pipeline, which makes features of them"
             )
         order = [COLUMNS.index(name) for name in names]
-        return lambda *bond: _quietly(model, np.stack(np.broadcast_arrays(*bond), axis=1)[:, order])
+        return lambda *bond: _quietly(model.predict, np.stack(np.broadcast_arrays(*bond), axis=1)[:, order])
     if isinstance(model, type):
         raise TypeError(f"{model.__name__} is a class: give an instance of it")
     if callable(model):
@@ -152,18 +150,11 @@ def _horizon_of(model: InputAwareTargetRegressor) -> float:
     return model.regressor_[0].kw_args["horizon"]
 
 
-@contextmanager
-def _plain_arrays() -> Iterator[None]:
-    """Silence scikit-learn's warning that an estimator fitted to a table is given an array."""
+def _quietly(function: Callable, X) -> np.ndarray:
+    """Return the result of a method of an estimator for the array X, without scikit-learn's warning if it was fitted to a table."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="X does not have valid feature names")
-        yield
-
-
-def _quietly(estimator, X) -> np.ndarray:
-    """Return the predictions of an estimator for the array X, without scikit-learn's warning if it was fitted to a table."""
-    with _plain_arrays():
-        return np.asarray(estimator.predict(X), dtype=float)
+        return np.asarray(function(X), dtype=float)
 
 
 def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -239,7 +230,7 @@ def network_of(estimator, features: np.ndarray) -> tuple[str, Layers] | None:
     if activation not in ACTIVATIONS or not 1 <= len(layers) - 1 <= MOST_HIDDEN:
         return None
     values = network_outputs(features, layers, ACTIVATIONS[activation])
-    expected = np.asarray(estimator.predict(features), dtype=float)
+    expected = _quietly(estimator.predict, features)
     agree = expected.shape == values.shape and np.abs(values - expected).max() <= AGREEMENT * np.sqrt((expected**2).mean())
     return (activation, layers) if agree else None
 
@@ -278,7 +269,7 @@ def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
 
 def _affine(transform, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrix M and the vector c of an affine transformation x -> x M + c of `count` features."""
-    values = np.asarray(transform(np.vstack([np.zeros((1, count)), np.eye(count)])), dtype=float)
+    values = _quietly(transform, np.vstack([np.zeros((1, count)), np.eye(count)]))
     return values[1:] - values[0], values[0]
 
 
