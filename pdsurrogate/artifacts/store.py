@@ -38,7 +38,7 @@ MOST_BYTES = 64 * 2**20
 
 @contextmanager
 def _reading() -> Iterator[None]:
-    """Context manager or decorator that turns an OSError from reading folders into an ArtifactError with the path."""
+    """Context manager or decorator that turns an OSError from reading files or folders into an ArtifactError with the path."""
     try:
         yield
     except OSError as error:
@@ -204,11 +204,8 @@ def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
 
 def _card_of(folder: Path) -> Card:
     """Return the card in an artefact's folder; raise ArtifactError if its digest shows that it was changed after it was stored."""
-    try:
-        with (folder / CARD).open("rb") as file:
-            card = read_card(file.read(2**20 + 1), str(folder / CARD))
-    except OSError as error:
-        raise ArtifactError(f"{folder}: cannot read the card: {error.strerror}") from None
+    with _reading(), (folder / CARD).open("rb") as file:
+        card = read_card(file.read(2**20 + 1), str(folder / CARD))
     if card.stated_digest() not in (None, card.found_digest()):
         raise ArtifactError(
             f"{folder / CARD}: digest: what the card says of {', '.join(DIGESTED)} or training.identification is not what was stored with "
@@ -489,12 +486,10 @@ def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) 
     stated = card.payloads[name]
     if stated.bytes > most:
         raise ArtifactError(f"{where}: the card states {stated.bytes} bytes; at most {most} are read")
-    try:
+    with _reading():
         path = folder / name
         # The size first, so that no file larger than stated is read into memory.
         data = path.read_bytes() if path.stat().st_size == stated.bytes else b""
-    except OSError as error:
-        raise ArtifactError(f"{where}: cannot be read: {error.strerror}") from None
     if len(data) != stated.bytes or hashlib.sha256(data).hexdigest() != stated.sha256:
         raise ArtifactError(f"{where}: the file is not the one that the card describes (its size or SHA-256 differs): damaged or exchanged")
     return data
