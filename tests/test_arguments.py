@@ -104,7 +104,11 @@ BAD = [
     (lambda _: drawn(1), ValueError, "n_members must be at least 2, not 1"),
     (lambda _: drawn("x"), TypeError, "n_members must be a whole number, not 'x'"),
     (lambda _: drawn(2, tests=[1, 2]), ValueError, r"tests must have one entry for each of the \d+ rows, not shape \(2,\)"),
-    (lambda _: pds.identification.committee(3, TREE.stretches, TREE.nominal_stress), TypeError, "regressor must be StressRegressor, such as"),
+    (
+        lambda _: pds.identification.committee(3, TREE.stretches, TREE.nominal_stress),
+        TypeError,
+        "regressor must be StressRegressor, such as",
+    ),
     (lambda _: pds.load_test_data(None), TypeError, "test data must be text or a path, not None"),
     (lambda _: pds.load_scene(3), TypeError, "a scene's reference must be text or a path, not 3"),
     (lambda _: pds.load_surrogate(None), TypeError, "an artefact's reference must be text or a path, not None"),

@@ -166,7 +166,7 @@ class DomainSpec(_Part):
     greatest_stretch: Positive
     least_bulk: Positive
     greatest_bulk: Positive
-    hull: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
+    hull: Annotated[tuple[tuple[Finite, Finite, Share], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
 
 
 class MemberSpec(_Part):
@@ -277,8 +277,14 @@ def checked_card(content: Mapping[str, Any]) -> Card:
 
 
 def new_card(entries: Mapping[str, Any]) -> Card:
-    """Return the card of a new artefact: the entries completed by format, schema version and digest; see `checked_card` for errors."""
+    """Return the card of a new artefact: the entries completed by format, schema version and digest.
+
+    Raise ArtifactError for wrong values, see `checked_card`, and for an identification of another law than the material.
+    """
     card = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64})
+    identified, right = card.training.get("identification"), card.material.trained_with
+    if identified and json.dumps(identified["law"], sort_keys=True) != json.dumps(right, sort_keys=True):
+        raise ArtifactError(f"training.identification.law: must be the law that was learnt, {right}, not {identified['law']}")
     return card.model_copy(update={"digest": card.found_digest()})
 
 

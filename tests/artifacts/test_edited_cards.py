@@ -276,6 +276,18 @@ def test_shipped_cards_are_known_without_a_digest(tmp_path):
     assert "card.json: digest: what the card says" in refused(copied, text)[0]
 
 
+def test_what_is_stored_is_identified_by_its_own_law(isochoric, tmp_path):
+    model, law = pds.load_pipeline(isochoric, trust=True), pds.materials.NeoHookean()
+    samples = pds.training_samples(law, 300, (0.7, 1.8), random_state=0, target="isochoric-energy")
+    text = pds.CardText("x", identification={"data": "mine.csv", "law": LAW.describe()})
+    with pytest.raises(ArtifactError, match=r"training.identification.law: must be the law that was learnt, .*neo-hookean.*, not .*gent"):
+        pds.store(model, samples, law, tmp_path, "iso", "1", text)
+    samples.design["hull"] = [[1.0, 0.0, 0.5], [-1.0, 0.0, -0.1], [0.0, 1.0, 0.5]]
+    with pytest.raises(ArtifactError, match=r"domain.hull.1.2: .* greater than or equal to 0"):
+        pds.store(model, samples, law, tmp_path, "iso", "1", "x")
+    assert list(tmp_path.iterdir()) == []
+
+
 FREE = {"name", "version", "description", "weight_function", "scaling", "training", "made_with"}
 """Parts that no run is changed by, but for the name of the artefact; the identification is digested."""
 
