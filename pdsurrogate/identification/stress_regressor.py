@@ -16,7 +16,7 @@ from sklearn.utils import check_X_y
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from ..arguments import check_estimator, check_jobs, check_seed, check_whole_number, in_order, kind_of
+from ..arguments import check_estimator, check_jobs, check_kind, check_seed, check_whole_number, in_order
 from ..materials import Law, homogeneous, plane_stress
 
 WELL_POSED = 1e14
@@ -206,8 +206,7 @@ def committee(
     2
     """
     check_estimator(regressor, "regressor")
-    if not isinstance(regressor, StressRegressor):
-        raise TypeError(f"regressor must be a LawRegressor or an EnergyRegressor, not {kind_of(regressor)}")
+    check_kind(regressor, StressRegressor, "regressor", "a LawRegressor or an EnergyRegressor")
     check_whole_number(n_members, "n_members", 2)
     check_seed(random_state)
     check_jobs(n_jobs)
