@@ -1,4 +1,4 @@
-"""Commands ``identify``, which finds parameters of material laws from test data, and ``fit``, which fits surrogates."""
+"""Commands ``identify`` for parameters of laws from test data, ``fit`` for surrogates of laws, and ``evaluate`` for their errors."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -7,7 +7,9 @@ from typing import Annotated
 import numpy as np
 from typer import Argument, Option
 
+from .. import learning
 from ..artifacts import load_card, load_surrogate, new_artifact, next_version, own_folder
+from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data
 from ..identification.regressor import N_TERMS
@@ -15,11 +17,12 @@ from ..identification.reporting import Identified, bulk_arguments, differences, 
 from ..identification.reporting import identify as identify_laws
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
+from ..learning.sampling import checked_range
 from ..learning.settings import FitSettings
 from ..results import figures
 from ..results.files import write_json
+from ..scenes import MaterialSpec
 from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
-from .evaluate import print_errors
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, status, warn, writing
 
 DIGITS = 16
@@ -214,6 +217,55 @@ def _simulate_tests(path: Path, tests: Identified) -> dict:
         note(f"Tests, law and simulation drawn in {picture}")
     values = [float(value) if np.isfinite(value) else None for value in stress]
     return {"simulated": {"against_measured": against_measured, "rows_outside_domain": outside, "nominal_stress": values}}
+
+
+def evaluate(
+    reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")],
+    least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,
+    greatest: Annotated[float | None, Option(help="Greatest principal stretch, above 1.")] = None,
+    samples: Annotated[int, Option(help="States in each set.", min=100)] = 20_000,
+    seed: Annotated[int, Option(help="Seed of the states.", min=0)] = 2_000_003,
+    law: Annotated[str | None, Option(help="Law to compare with; the artefact's own by default.")] = None,
+) -> None:
+    """Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."""
+    model = load_surrogate(reference)
+    if not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
+        raise ValueError(f"{reference} has no bond force of its own to evaluate")
+    if law is None and reference not in FORCES:
+        material = MaterialSpec(**load_card(reference).material.trained_with).build()
+    else:
+        material = law_of(law or "neo-hookean")
+    model.check_material(material)
+    if reference in FORCES and isinstance(model, ForceSurrogate):
+        model.law = material
+    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else (0.5, 4.0)
+    stretches = checked_range((low if least is None else least, high if greatest is None else greatest))
+    report = learning.evaluate(model, material, stretches, samples, seed)
+    print_json(report)
+    print_errors(report)
+
+
+def print_errors(report: dict) -> None:
+    """Print tables of the errors of a surrogate of a bond force or of an energy."""
+    low, high = report["stretch_range"]
+    which = f"stretches {low:g} to {high:g}, {report['n_samples']} states"
+    force, rows = "off_surface" in report, {"all": report["on_surface"]}
+    if force:
+        rows = {"on the plane-stress surface": report["on_surface"], "off it": report["off_surface"]}
+    rows |= {f"strain {row['strain'][0]:g} to {row['strain'][1]:g}": row for row in report["by_strain"]}
+    columns = {"RMS": "rms", "greatest": "max"} if force else {"stress, RMS": "rms", "greatest": "max", "energy, RMS": "energy_rms"}
+    cells = ([title, *(f"{row[key]:.1e}" for key in columns.values())] for title, row in rows.items())
+    print_table(f"Relative {'force error' if force else 'errors'}, {which}", ("states", *columns), cells, left=1)
+    if force:
+        slope, exact = report["least_slope"], report["least_slope_exact"]
+        out.print(f"force at rest {report['at_rest']:.1e}; least stiffness slope {slope:.3g} (exact: {exact:.3g})")
+        return
+    if "shear_modulus" in report:
+        more = f"shear modulus at rest {report['shear_modulus']:.7g} (exact: 1)"
+    else:
+        more = f"least curvature by log-stretches {report['least_curvature']:.3g} (exact: {report['least_curvature_exact']:.3g})"
+    stiffness = f"least acoustic stiffness {report['least_acoustic']:.3g} (exact: {report['least_acoustic_exact']:.3g})"
+    out.print(f"at rest {report['at_rest']:.1e}; {stiffness}; {more}")
 
 
 class _TrainingBar(Bar):
