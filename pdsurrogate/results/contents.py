@@ -18,6 +18,9 @@ MESH = "mesh"
 MOST_TOLD, MOST_CHARACTERS = 3, 60
 """Number of differences that a message lists, and characters of a value in it."""
 
+ABSENT = "not given"
+"""Text that stands in a message for the value of a missing entry."""
+
 
 @dataclass(frozen=True)
 class Contents:
@@ -70,11 +73,11 @@ class Contents:
 
 def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
     """Return texts such as "spacing is 0.1 there and 0.2 here", one for each entry that differs between two nested dictionaries."""
-    before, now = _leaves(there), _leaves(here)
+    before, now = leaves_of(there), leaves_of(here)
     return [
-        f"{key} is {_value(before, key)} there and {_value(now, key)} here"
+        f"{key} is {_value(before.get(key, ABSENT))} there and {_value(now.get(key, ABSENT))} here"
         for key in dict.fromkeys([*before, *now])
-        if key not in before or key not in now or before[key] != now[key]
+        if before.get(key, ABSENT) != now.get(key, ABSENT)
     ]
 
 
@@ -96,7 +99,7 @@ def _dump(scene: Scene) -> dict[str, Any]:
     return scene.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def _leaves(value: Any, key: str = "") -> dict[str, Any]:
+def leaves_of(value: Any, key: str = "") -> dict[str, Any]:
     """Return the values in nested mappings and lists by dotted key; a list without mappings counts as one value."""
     if isinstance(value, list) and any(isinstance(item, dict) for item in value):
         value = dict(enumerate(value))
@@ -104,12 +107,10 @@ def _leaves(value: Any, key: str = "") -> dict[str, Any]:
         return {key: value}
     found: dict[str, Any] = {}
     for name, item in value.items():
-        found |= _leaves(item, f"{key}.{name}" if key else str(name))
+        found |= leaves_of(item, f"{key}.{name}" if key else str(name))
     return found
 
 
-def _value(leaves: dict[str, Any], key: str) -> str:
-    if key not in leaves:
-        return "not given"
-    text = str(leaves[key])
+def _value(value: Any) -> str:
+    text = str(value)
     return text if len(text) <= MOST_CHARACTERS else text[:MOST_CHARACTERS] + " ..."

@@ -4,7 +4,7 @@ A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces ``NAME
 ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``, ``history.csv``, ``convergence.csv`` and
 ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A file with such a name belongs to a run if its first bytes
 show it, for example by `MARK`; any other file is never replaced, and raises `FolderTaken`.  A folder holds a run of a scene if its summary
-or, without one, its checkpoint names the scene, or if a PVD index lists states of that name.  Summary and checkpoint also hold the
+or, without one, its checkpoint names the scene, or if a PVD index of that name carries the mark.  Summary and checkpoint also hold the
 `Contents` of the run.
 """
 
@@ -16,7 +16,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from xml.etree import ElementTree
 
 from .checkpoint import NAME as CHECKPOINT
 from .checkpoint import identity_in
@@ -219,20 +218,12 @@ def is_marked(path: Path) -> bool:
 
 def _scenes_in(folder: Path) -> set[str]:
     """Return the names of the scenes whose runs a folder holds."""
-    scenes = {path.stem for path in folder.glob("*.pvd") if _is_index(path)}
+    scenes = {path.stem for path in folder.glob("*.pvd") if is_marked(path)}
     if summary := read_summary(folder):
         scenes.add(summary["scene"])
     elif begun := Contents.read(identity_in(folder)):
         scenes.add(begun.scene["name"])
     return scenes
-
-
-def _is_index(path: Path) -> bool:
-    """Return whether a PVD file is the index of a run: written by this package, and listing only states named like the index."""
-    listed = []
-    with suppress(OSError, ElementTree.ParseError):
-        listed = [entry.get("file", "") for entry in ElementTree.parse(path).iter("DataSet")]
-    return bool(listed) and is_marked(path) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.p?vtu", file) for file in listed)
 
 
 def read_summary(folder: Path) -> dict | None:

@@ -18,7 +18,7 @@ from ..problem.materials import scene_errors
 from ..ranks import Communicator, communicator
 from ..results import measures
 from ..results.contents import Contents
-from ..results.states import Moment, States, StatesInFiles, StatesInMemory
+from ..results.states import Moment, States, StatesInFiles
 from ..scenes import Scene
 from .checkpoints import Checkpoints, Record, State
 from .damage import Damage
@@ -176,9 +176,9 @@ class Run:
     def states_of(self, moments: list[Moment] | None = None) -> States:
         """Return the storage for states of the run, in memory or in its folder; `moments` are those of states recorded already."""
         writer = self.body if self._in_pieces else self.whole
-        if writer is None:
+        if writer is None or self.folder is None:
             return States(moments)
-        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, writer, moments)
+        return StatesInFiles(self.folder, self.problem.name, writer, moments)
 
     @property
     def _in_pieces(self) -> bool:
