@@ -11,17 +11,14 @@ from .. import learning
 from ..artifacts import load_card, load_surrogate, new_artifact, next_version, own_folder
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
 from ..forces.identity import digest_of
-from ..identification import figure, fitted_laws, load_test_data
+from ..identification import figure, fitted_laws, load_test_data, reporting
 from ..identification.regressor import N_TERMS
-from ..identification.reporting import Identified, bulk_arguments, differences, identified, simulate_tests
-from ..identification.reporting import identify as identify_laws
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
 from ..learning.sampling import checked_range
 from ..learning.settings import FitSettings
 from ..results import figures
 from ..results.files import write_json
-from ..scenes import MaterialSpec
 from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, status, warn, writing
 
@@ -56,7 +53,7 @@ def identify(
     laws, rows = law or fitted_laws(), load_test_data(data)
     if terms is not None and "ogden" not in laws:
         raise ValueError(f"--terms is of the law ogden, which --law {', '.join(laws)} leaves out")
-    terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    terms, bulk = terms or N_TERMS, reporting.bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     asked = {"laws": laws, "terms": terms, "up_to": stretch, **bulk}
     asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
     check_folder(folder, "identify.json", asked, overwrite)
@@ -64,7 +61,7 @@ def identify(
         rows = rows.up_to(stretch)
     with Bar("Fitting") as bar:
         count = len(laws)
-        models, reports, held_out = identify_laws(
+        models, reports, held_out = reporting.identify(
             rows, laws, terms, bulk, hold_out, lambda done, law: bar.count("laws", done, count, f"now {law}")
         )
     for report in reports:
@@ -149,7 +146,7 @@ def fit(
         raise ValueError("--free finds an energy without a law, --law names one: choose one")
     if terms is not None and (data is None or law != "ogden"):
         raise ValueError("--terms is of --law ogden with test data, which --data gives; of a law's own parameters by --set")
-    law, bulk = law or "neo-hookean", bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    law, bulk = law or "neo-hookean", reporting.bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
         if bulk or force_fit:
             raise ValueError("--bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
@@ -161,7 +158,7 @@ def fit(
         if change:
             raise ValueError("--data finds the law's parameters, --set gives them: choose one")
         with status(f"Fitting {'an energy' if free else law} to {data}"):
-            tests = identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, seed)
+            tests = reporting.identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, seed)
         hull, material, members = None, tests.model.law_, tests.members
         if free:
             settings, hull = settings.within(*tests.model.stretch_range_), tests.model.domain_hull()
@@ -190,15 +187,15 @@ def fit(
     note(f"Wrote {path}")
 
 
-def _simulate_tests(path: Path, tests: Identified) -> dict:
+def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
     """Simulate the material tests with a fitted artefact, print its differences from tests and law, and draw all unless drawn before.
 
     Return, for the output as JSON, the differences from the tests, the number of rows outside the domain, and the simulated stresses.
     """
     with status(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)
-        stress, off_law, outside = simulate_tests(surrogate, tests.data, tests.model)
-    against_measured = differences(tests.data, stress)
+        stress, off_law, outside = reporting.simulate_tests(surrogate, tests.data, tests.model)
+    against_measured = reporting.differences(tests.data, stress)
     out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(against_measured)}")
     off = "no stress" if np.isnan(off_law) else f"{100 * off_law:.2g} % of the greatest stress"
     out.print(f"simulated against the law: {off} at the most")
@@ -232,7 +229,7 @@ def evaluate(
     if not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
         raise ValueError(f"{reference} has no bond force of its own to evaluate")
     if law is None and reference not in FORCES:
-        material = MaterialSpec(**load_card(reference).material.trained_with).build()
+        material = load_card(reference).material.build()
     else:
         material = law_of(law or "neo-hookean")
     model.check_material(material)

@@ -247,16 +247,15 @@ def _force_columns(result: Result) -> list[Column]:
     greatest = max((abs(value) for level in levels for force in level["forces"].values() for value in force), default=0.0)
     zero = LEAST_SHOWN * min(1.0, greatest)
     for name in dict.fromkeys(name for level in levels for name in level["forces"]):
-        forces = np.array([level["forces"][name] for level in levels])
-        # In the plane about x3 only, in three dimensions about all three axes.
-        moments = np.array([np.atleast_1d(level["moments"][name]) for level in levels])
-        in_space, sizes = moments.shape[1] == 3, np.abs(moments).max(axis=0)
-        shown = np.flatnonzero(np.abs(forces).max(axis=0) >= max(zero, LEAST_SHARE * sizes.max() / extent))
-        for component in shown:
-            columns.append((units.label(f"{name} x{component + 1}", "force"), forces[:, component].tolist()))
-        for component in np.flatnonzero(sizes >= zero * min(1.0, extent)) if in_space else [0] * (not len(shown)):
-            heading = f"{name} moment{f' about x{component + 1}' if in_space else ''}"
-            columns.append((units.label(heading, "energy"), moments[:, component].tolist()))
+        # Moments are about x3 only in the plane, in three dimensions about all three axes.
+        forces, moments = (np.array([np.atleast_1d(level[kind][name]) for level in levels]).T for kind in ("forces", "moments"))
+        in_space, sizes = len(moments) == 3, np.abs(moments).max(axis=1)
+        pulled = np.flatnonzero(np.abs(forces).max(axis=1) >= max(zero, LEAST_SHARE * sizes.max() / extent))
+        turned = np.flatnonzero(sizes >= zero * min(1.0, extent)) if in_space else [0] * (not len(pulled))
+        columns += [(units.label(f"{name} x{axis + 1}", "force"), forces[axis].tolist()) for axis in pulled]
+        for axis in turned:
+            about = f" about x{axis + 1}" if in_space else ""
+            columns.append((units.label(f"{name} moment{about}", "energy"), moments[axis].tolist()))
     return columns
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..array_files import read_arrays
-from .contents import Contents
+from .contents import contents_in, differences_between
 from .files import replacing
 
 FORMAT = 9
@@ -32,7 +32,7 @@ class Checkpoint:
     Attributes
     ----------
     identity : dict
-        Entries that must be equal in the run that resumes: scene and force models, as `Contents` describes them, and sizes.
+        Entries that must be equal in the run that resumes: the contents of the run (`contents_of`), and sizes.
     progress : dict
         State of the run as plain numbers, strings and lists.
     arrays : dict of ndarray
@@ -78,13 +78,13 @@ class Checkpoint:
             raise CheckpointError(f"{path} is damaged ({type(error).__name__}); {ANEW}") from None
         if found != FORMAT:
             raise CheckpointError(f"{path} has format {found!r}, this version reads {FORMAT}; {ANEW}")
-        there = Contents.read(written)
+        there = contents_in(written)
         if there is None:
             raise CheckpointError(f"{path} is damaged: it does not name its scene; {ANEW}")
-        if differences := there.differences(Contents.read(identity)):
+        if differences := differences_between(there, identity):
             raise CheckpointError(f"{path} belongs to another run: {differences}; {ANEW}, or resume with what is there")
-        for key in identity:
-            if written.get(key) != json.loads(json.dumps(identity[key])):
+        for key in identity.keys() - there.keys():
+            if written.get(key) != identity[key]:
                 raise CheckpointError(f"{path} belongs to another run: its {key} differs; {ANEW}")
         for key, (shape, dtype) in shapes.items():
             if key not in arrays or arrays[key].shape != shape or arrays[key].dtype != dtype:

@@ -141,10 +141,7 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
             uris.append(uri)
             progress(sum(map(len, pictures.values())), len(chosen) * len(shown))
     titles, labels = [result.title(number) for number in shown], {field: result.label(field) for field in chosen}
-    curves = {
-        "loading curve": loading_figure(result) if result.history else None,
-        "energies": energies_figure(result),
-    }
+    curves = {"loading curve": loading_figure(result) if result.history else None, "energies": energies_figure(result)}
     history = result.history[:: max(1, -(-len(result.history) // MOST_ROWS))]
     return Template(PAGE.read_text("utf-8")).substitute(
         title=escape(f"{result.summary['scene']}, {result.summary['force']}"),

@@ -11,7 +11,7 @@ from matplotlib.colors import LightSource, Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from ..body import CellMesh
+from ..body.cell_mesh import FACES, CellMesh
 from .files import MARK, replacing
 
 Moved = list[tuple[CellMesh, np.ndarray]]
@@ -49,12 +49,6 @@ ELEVATION, AZIMUTH = 22.0, -58.0
 _UP, _ROUND = np.radians([ELEVATION, AZIMUTH])
 EYE = np.array([np.cos(_UP) * np.cos(_ROUND), np.cos(_UP) * np.sin(_ROUND), np.sin(_UP)])
 """Direction from the body to the eye."""
-
-EDGES_OF_CELLS = {
-    4: ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)),
-    8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
-}
-"""Pairs of corners that an edge joins, by the number of corners of a cell."""
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -225,7 +219,8 @@ def section(cells: CellMesh, nodes: np.ndarray, axis: int, position: float) -> t
     above = cells.nodes[:, axis] > position
     polygons, owners, begin = [], [], 0
     for block in cells.blocks:
-        edges = np.array(EDGES_OF_CELLS[block.shape[1]])
+        faces = np.array(FACES[3, block.shape[1]])
+        edges = np.unique(np.sort(np.stack([faces, np.roll(faces, 1, axis=1)], axis=2).reshape(-1, 2)), axis=0)
         cut = np.flatnonzero(above[block].any(axis=1) & ~above[block].all(axis=1))
         for number in cut:
             ends = block[number][edges]

@@ -13,7 +13,7 @@ from ..arguments import check_path
 from ..body import Body, CellMesh
 from ..html_tables import html_facts
 from ..scenes import Scene
-from .contents import Contents
+from .contents import contents_in
 from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
 from .measures import unit_of, values_of
 from .states import States, StatesInFiles, deformed_cells
@@ -103,7 +103,7 @@ class Result:
         with occupied(folder):
             streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
             if not streamed:
-                contents = Contents.read(self.summary)
+                contents = contents_in(self.summary)
                 if self.body is None or contents is None:
                     raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
                 make_room(folder, contents, overwrite)
@@ -131,8 +131,7 @@ class Result:
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of the body at a level, separated along open cracks, and the displacements of their nodes, shape (k, d)."""
-        fields = self._fields(level)
-        return self.states.cells(level) if self.body is None else deformed_cells(self.body, fields)
+        return self.states.cells(level) if self.body is None else deformed_cells(self.body, self._fields(level))
 
     def field(self, name: str, level: int = -1) -> np.ndarray:
         """Return the values of a field on the points at a level.
@@ -326,6 +325,6 @@ def load_result(folder: str | Path) -> Result:
         scene = Scene.model_validate(summary["scene_as_run"])
         states = StatesInFiles.saved(folder, name, summary.get("states")) if (folder / f"{name}.pvd").exists() else States()
         history, convergence = (read_table(folder / table) for table in (HISTORY, CONVERGENCE))
-    except (ValueError, KeyError, OSError, ElementTree.ParseError) as error:
+    except (ValueError, KeyError, TypeError, OSError, ElementTree.ParseError) as error:
         raise ValueError(f"{folder}: the result cannot be read: {' '.join(str(error).split())}") from None
     return Result(scene, None, summary, history, states, convergence)

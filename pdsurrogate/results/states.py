@@ -32,8 +32,8 @@ class Moment:
     """
 
     run_time: float
-    stretch: float | None
-    time: float
+    stretch: float | None = None
+    time: float = 0.0
     t: float | None = None
 
 
@@ -114,9 +114,8 @@ class StatesInFiles(States):
             If the index is not there or cannot be read.
         """
         states = cls(folder, name)
-        for run_time, path in vtk.read_index(folder / f"{name}.pvd")[:most]:
-            values = vtk.read_values(path)
-            states.moments.append(Moment(run_time, values.get("stretch"), values.get("time", 0.0), values.get("t")))
+        for path in vtk.read_index(folder / f"{name}.pvd")[:most]:
+            states.moments.append(Moment(**vtk.read_values(path)))
             states._kept.append(path)
         return states
 

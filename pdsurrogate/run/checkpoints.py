@@ -107,7 +107,7 @@ class Checkpoints:
         """Return the entries by which a checkpoint is recognised as one of this run: scene, force and sizes of the body."""
         run = self.run
         sizes = {"n_points": self._share.size, "n_pairs": self._share.total(run.counted_pairs())}
-        return {**run.contents.describe(), **sizes}
+        return {**run.contents, **sizes}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
         """Write a checkpoint of the run, with the entries `progress` and the `arrays` of the present stage added."""

@@ -20,7 +20,7 @@ from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnF
 from ..problem.materials import checked_models, scene_errors
 from ..ranks import Communicator, communicator
 from ..results import Result
-from ..results.contents import Contents
+from ..results.contents import contents_of
 from ..results.files import remove_leftovers
 from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
 from ..results.provenance import provenance
@@ -199,7 +199,7 @@ def simulate(
             check_names(own, scene.name, resumed=True)
             remove_leftovers(own)
         elif own:
-            check_room(own, Contents.of(scene, models), overwrite)
+            check_room(own, contents_of(scene, models), overwrite)
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
     with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
@@ -256,7 +256,7 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
     directed = total(run.directed_bonds())
     summary = {
         **run.problem.describe(),
-        "force": run.contents.force,
+        "force": run.contents["force"],
         "plane": force.plane,
         "thickness": 1.0,
         "n_points": run.body.share.size,
@@ -284,7 +284,7 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         **({"beyond_data": state.beyond_data} if state.beyond_data else {}),
         "unsupported_points": run.unsupported_points(),
         "levels": state.levels,
-        **run.contents.describe(),
+        **run.contents,
         "provenance": provenance(),
     }
     if any(stage.inertia is not None for stage in run.stages):
