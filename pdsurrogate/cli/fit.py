@@ -20,7 +20,7 @@ from ..learning.settings import FitSettings
 from ..results import figures
 from ..results.files import write_json
 from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
-from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, status, warn, writing
+from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
 
 DIGITS = 16
 """Number of digits of the digest by which a report identifies its test data."""
@@ -94,9 +94,8 @@ def print_identified(report: dict) -> None:
     out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in report["r_squared"].items()))
     out.print(f"law against tests, greatest difference by mode: {differences_in_words(report['differences'])}")
     if report["at_bound"]:
-        warn(
-            f"{form}: {', '.join(report['at_bound'])} ended at the bound of the search: the data do not determine it, or want another law."
-        )
+        at_bound = ", ".join(report["at_bound"])
+        warn(f"{form}: {at_bound} ended at the bound of the search: the data do not determine it, or want another law.")
     if report["volume_ratio"] and report["volume_ratio"] > LARGE_GROWTH:
         growth = f"the volume grows by {100 * (report['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
         warn(f"{form}: with this bulk modulus {growth}: a greater one is given by --bulk-modulus.")
@@ -148,16 +147,14 @@ def fit(
         raise ValueError("--terms is of --law ogden with test data, which --data gives; of a law's own parameters by --set")
     law, bulk = law or "neo-hookean", reporting.bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
-        if bulk or force_fit:
-            raise ValueError("--bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
-        if free:
-            raise ValueError("--free is of an energy from test data: give them by --data")
+        if bulk or force_fit or free:
+            raise ValueError("--free, --bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
         tests, hull, material = None, None, law_of(law, change)
         members = [material] * (committee or 0)
     else:
         if change:
             raise ValueError("--data finds the law's parameters, --set gives them: choose one")
-        with status(f"Fitting {'an energy' if free else law} to {data}"):
+        with Bar(f"Fitting {'an energy' if free else law} to {data}"):
             tests = reporting.identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, seed)
         hull, material, members = None, tests.model.law_, tests.members
         if free:
@@ -192,7 +189,7 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
 
     Return, for the output as JSON, the differences from the tests, the number of rows outside the domain, and the simulated stresses.
     """
-    with status(f"Simulating the tests with {path}"):
+    with Bar(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)
         stress, off_law, outside = reporting.simulate_tests(surrogate, tests.data, tests.model)
     against_measured = reporting.differences(tests.data, stress)

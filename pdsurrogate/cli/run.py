@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -62,16 +62,13 @@ def run(
     writes = folder if ranks.rank == 0 else None
     check_folder(writes)
     failure = None
-    with ExitStack() as held:
-        with writing(folder):
-            if writes is not None:
-                held.enter_context(occupied(writes))
-            options = {"folder": out_folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
-            try:
-                with Bar() as bar:
-                    result = simulate(described, model, threads=threads, progress=_Shown(described, bar), **options)
-            except SimulationFailed as error:
-                failure, result = error, error.result
+    with nullcontext() if writes is None else occupied(writes):
+        options = {"folder": out_folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
+        try:
+            with writing(folder), Bar() as bar:
+                result = simulate(described, model, threads=threads, progress=_Shown(described, bar), **options)
+        except SimulationFailed as error:
+            failure, result = error, error.result
         print_result(result)
         if writes is not None:
             if not isinstance(failure, SimulationInterrupted):  # its tables are there, and pictures would take their time

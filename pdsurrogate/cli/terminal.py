@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import typer
@@ -171,11 +171,6 @@ class Bar(Progress):
         """Show on the bar how many of `total` items are done, the rate, and a state in words."""
         self.show(done / total, state, title)
         self.show(done / total, f"{int(done)} of {total} {items}{self.rate(items, done)}{state and f', {state}'}")
-
-
-def status(text: str) -> AbstractContextManager:
-    """Return a context that shows a line on the work in progress; it shows nothing in quiet mode or if standard error is no terminal."""
-    return nullcontext() if settings.quiet or not err.is_terminal else err.status(escape(text))
 
 
 def share(ranks) -> None:

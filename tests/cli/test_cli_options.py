@@ -155,7 +155,7 @@ def test_progress_is_drawn_on_terminals_alone(monkeypatch, drawn):
     file = io.StringIO()
     monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=drawn, width=100))
     monkeypatch.setattr(terminal.settings, "quiet", False)
-    with terminal.Bar("drawing") as bar, terminal.status("busy"):
+    with terminal.Bar("drawing") as bar:
         bar.show(0.5, "residual 1e-3")
     assert ("drawing" in file.getvalue()) == drawn
     assert drawn or file.getvalue() == ""
