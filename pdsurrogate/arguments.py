@@ -1,19 +1,22 @@
 """Checks of arguments of public functions before work starts; an error names the argument and the right value."""
 
+import math
 import os
-from collections.abc import Callable, Iterable
 from numbers import Integral, Real
 from typing import Any
 
 
-def check_whole_number(value: Any, what: str, least: int | None = None, most: int | None = None) -> None:
+def check_kind(value: Any, kind: Any, what: str, wanted: str) -> None:
+    """Raise TypeError if a value is no instance of `kind`, a class or a union of classes; the message says what is `wanted`."""
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise TypeError(f"{what} must be {wanted}, not {kind_of(value)}")
+
+
+def check_whole_number(value: Any, what: str, least: float = -math.inf, most: float = math.inf) -> None:
     """Raise TypeError if a value is no whole number, ValueError if it is less than `least` or more than `most`."""
-    if not isinstance(value, Integral) or isinstance(value, bool):
-        raise TypeError(f"{what} must be a whole number, not {value!r}")
-    if least is not None and most is not None and not least <= value <= most:
-        raise ValueError(f"{what} must be from {least} to {most}, not {value}")
-    if least is not None and value < least:
-        raise ValueError(f"{what} must be at least {least}, not {value}")
+    check_kind(value, Integral, what, "a whole number")
+    if not least <= value <= most:
+        raise ValueError(f"{what} must be {f'at least {least}' if most == math.inf else f'from {least} to {most}'}, not {value}")
 
 
 def check_seed(value: Any) -> None:
@@ -23,36 +26,21 @@ def check_seed(value: Any) -> None:
 
 def check_share(value: Any, what: str) -> None:
     """Raise TypeError or ValueError if a value is no number from 0 to 1."""
-    if not isinstance(value, Real) or isinstance(value, bool):
-        raise TypeError(f"{what} must be a number from 0 to 1, not {value!r}")
+    check_kind(value, Real, what, "a number from 0 to 1")
     if not 0 <= value <= 1:
         raise ValueError(f"{what} must be from 0 to 1, not {value}")
 
 
 def check_seconds(value: Any, what: str) -> None:
     """Raise TypeError or ValueError if a value is no positive number of seconds."""
-    if not isinstance(value, Real) or isinstance(value, bool):
-        raise TypeError(f"{what} must be a number of seconds, not {value!r}")
-    if not 0 < value < float("inf"):
+    check_kind(value, Real, what, "a number of seconds")
+    if not 0 < value < math.inf:
         raise ValueError(f"{what} must be a number of seconds greater than 0, not {value}")
 
 
 def check_path(value: Any, what: str) -> None:
     """Raise TypeError if a value is neither text nor a path."""
-    if not isinstance(value, str | os.PathLike):
-        raise TypeError(f"{what} must be text or a path, not {value!r}")
-
-
-def check_text(value: Any, what: str) -> None:
-    """Raise TypeError if a value is no text."""
-    if not isinstance(value, str):
-        raise TypeError(f"{what} must be text, not {value!r}")
-
-
-def check_is(value: Any, kind: type, what: str, such_as: str) -> None:
-    """Raise TypeError if a value is no instance of the class `kind`; the message gives the example `such_as`."""
-    if not isinstance(value, kind):
-        raise TypeError(f"{what} must be {kind.__name__}, such as {such_as}, not {kind_of(value)}")
+    check_kind(value, str | os.PathLike, what, "text or a path")
 
 
 def check_estimator(value: Any, what: str = "model") -> None:
@@ -65,19 +53,12 @@ def check_estimator(value: Any, what: str = "model") -> None:
 
 def check_jobs(value: Any) -> None:
     """Raise TypeError or ValueError if a value is no number of jobs for joblib: a whole number other than 0, or None."""
-    if value is not None and (not isinstance(value, Integral) or isinstance(value, bool)):
-        raise TypeError(f"n_jobs must be a whole number or None, not {value!r}")
+    check_kind(value, Integral | None, "n_jobs", "a whole number or None")
     if value == 0:
         raise ValueError("n_jobs must be at least 1, or -1 for all cores, not 0")
 
 
-def check_called(value: Callable, what: str) -> None:
-    """Raise TypeError if a value cannot be called."""
-    if not callable(value):
-        raise TypeError(f"{what} must be a function, not {value!r}")
-
-
-def check_tables(value: Iterable | None, what: str) -> None:
+def check_tables(value: Any, what: str) -> None:
     """Raise TypeError if a value is neither a list of dictionaries nor None."""
     if value is not None and not (isinstance(value, list | tuple) and all(isinstance(row, dict) for row in value)):
         raise TypeError(f"{what} must be a list of dictionaries, or None, not {kind_of(value)}")

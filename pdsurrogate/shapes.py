@@ -2,18 +2,5 @@
 
 from .scenes import Box, Circle, Cylinder, DiscCut, Ellipse, Extrusion, Mesh, ParallelogramCut, Polygon, Precut, Rectangle, Sphere, Tube
 
-__all__ = [
-    "Box",
-    "Circle",
-    "Cylinder",
-    "DiscCut",
-    "Ellipse",
-    "Extrusion",
-    "Mesh",
-    "ParallelogramCut",
-    "Polygon",
-    "Precut",
-    "Rectangle",
-    "Sphere",
-    "Tube",
-]
+__all__ = ["Circle", "Ellipse", "Mesh", "Polygon", "Precut", "Rectangle"]
+__all__ += ["Box", "Cylinder", "DiscCut", "Extrusion", "ParallelogramCut", "Sphere", "Tube"]

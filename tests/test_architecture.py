@@ -14,7 +14,7 @@ ROWS = re.findall(r"^\| `(\w+)` \|[^|]*\|([^|]*)\|$", (ROOT / "docs" / "architec
 ALLOWED = {room: set(re.findall(r"`(\w+)`", imports)) for room, imports in ROWS}
 TRAINING = ("sklearn", "skorch", "torch", "dask", "distributed")
 ROOMS_WITH_TRAINING = {"learning", "identification", "reports", "stress_test"}
-COMMANDS_WITH_TRAINING = {f"pdsurrogate.cli.{name}" for name in ("evaluate", "fit", "measure")}
+COMMANDS_WITH_TRAINING = {f"pdsurrogate.cli.{name}" for name in ("fit", "measure")}
 
 
 def name_of(path):

@@ -108,8 +108,9 @@ def fields_at(
     Returns
     -------
     displacements : tuple of d csr_array, shape (k, n)
-    tensors : tuple of d^2 csr_array, shape (k, n)
-        Matrices for the components 11, 12, ... of tensors of which both indices are reflected, such as stresses and deformation gradients.
+    tensors : tuple of 9 csr_array, shape (k, n)
+        Matrices for the components 11, 12, ... of tensors in three dimensions of which both indices are reflected, such as stresses and
+        deformation gradients.
 
     Raises
     ------
@@ -120,7 +121,7 @@ def fields_at(
     rows, _ = interpolation(body, places, portion_of)
     reach = _reach(body)
     if not any((np.abs(places[:, plane.axis] - plane.position) < reach).any() for plane in mirrors):
-        return (rows,) * d, (rows,) * d**2
+        return (rows,) * d, (rows,) * 9
     displacements = []
     for component in range(d):
         even = [plane for plane in mirrors if plane.axis != component]

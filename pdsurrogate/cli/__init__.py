@@ -26,7 +26,7 @@ COMMANDS = {
     "stress-test": ("measure", "Run hard cases with every force model: for each the limit, the value, and a pass or a named weakness."),
     "study": ("study", "Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused."),
     "fit": ("fit", "Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."),
-    "evaluate": ("evaluate", "Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."),
+    "evaluate": ("fit", "Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."),
     "artifacts": ("lists", "List the artefacts that are found by name, or show one's card."),
 }
 """Commands in the order of the help: the file of each, which has a function of that name with ``_`` for ``-``, and its line of help."""

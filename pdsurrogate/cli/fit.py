@@ -1,4 +1,4 @@
-"""Commands ``identify``, which finds parameters of material laws from test data, and ``fit``, which fits surrogates."""
+"""Commands ``identify`` for parameters of laws from test data, ``fit`` for surrogates of laws, and ``evaluate`` for their errors."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -7,20 +7,20 @@ from typing import Annotated
 import numpy as np
 from typer import Argument, Option
 
+from .. import learning
 from ..artifacts import load_card, load_surrogate, new_artifact, next_version, own_folder
+from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
 from ..forces.identity import digest_of
-from ..identification import figure, fitted_laws, load_test_data
+from ..identification import figure, fitted_laws, load_test_data, reporting
 from ..identification.regressor import N_TERMS
-from ..identification.reporting import Identified, bulk_arguments, differences, identified, simulate_tests
-from ..identification.reporting import identify as identify_laws
 from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
+from ..learning.sampling import checked_range
 from ..learning.settings import FitSettings
 from ..results import figures
 from ..results.files import write_json
 from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
-from .evaluate import print_errors
-from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, status, warn, writing
+from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
 
 DIGITS = 16
 """Number of digits of the digest by which a report identifies its test data."""
@@ -53,7 +53,7 @@ def identify(
     laws, rows = law or fitted_laws(), load_test_data(data)
     if terms is not None and "ogden" not in laws:
         raise ValueError(f"--terms is of the law ogden, which --law {', '.join(laws)} leaves out")
-    terms, bulk = terms or N_TERMS, bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    terms, bulk = terms or N_TERMS, reporting.bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     asked = {"laws": laws, "terms": terms, "up_to": stretch, **bulk}
     asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
     check_folder(folder, "identify.json", asked, overwrite)
@@ -61,7 +61,7 @@ def identify(
         rows = rows.up_to(stretch)
     with Bar("Fitting") as bar:
         count = len(laws)
-        models, reports, held_out = identify_laws(
+        models, reports, held_out = reporting.identify(
             rows, laws, terms, bulk, hold_out, lambda done, law: bar.count("laws", done, count, f"now {law}")
         )
     for report in reports:
@@ -94,9 +94,8 @@ def print_identified(report: dict) -> None:
     out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in report["r_squared"].items()))
     out.print(f"law against tests, greatest difference by mode: {differences_in_words(report['differences'])}")
     if report["at_bound"]:
-        warn(
-            f"{form}: {', '.join(report['at_bound'])} ended at the bound of the search: the data do not determine it, or want another law."
-        )
+        at_bound = ", ".join(report["at_bound"])
+        warn(f"{form}: {at_bound} ended at the bound of the search: the data do not determine it, or want another law.")
     if report["volume_ratio"] and report["volume_ratio"] > LARGE_GROWTH:
         growth = f"the volume grows by {100 * (report['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
         warn(f"{form}: with this bulk modulus {growth}: a greater one is given by --bulk-modulus.")
@@ -146,19 +145,17 @@ def fit(
         raise ValueError("--free finds an energy without a law, --law names one: choose one")
     if terms is not None and (data is None or law != "ogden"):
         raise ValueError("--terms is of --law ogden with test data, which --data gives; of a law's own parameters by --set")
-    law, bulk = law or "neo-hookean", bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    law, bulk = law or "neo-hookean", reporting.bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
-        if bulk or force_fit:
-            raise ValueError("--bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
-        if free:
-            raise ValueError("--free is of an energy from test data: give them by --data")
+        if bulk or force_fit or free:
+            raise ValueError("--free, --bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
         tests, hull, material = None, None, law_of(law, change)
         members = [material] * (committee or 0)
     else:
         if change:
             raise ValueError("--data finds the law's parameters, --set gives them: choose one")
-        with status(f"Fitting {'an energy' if free else law} to {data}"):
-            tests = identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, seed)
+        with Bar(f"Fitting {'an energy' if free else law} to {data}"):
+            tests = reporting.identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, seed)
         hull, material, members = None, tests.model.law_, tests.members
         if free:
             settings, hull = settings.within(*tests.model.stretch_range_), tests.model.domain_hull()
@@ -187,15 +184,15 @@ def fit(
     note(f"Wrote {path}")
 
 
-def _simulate_tests(path: Path, tests: Identified) -> dict:
+def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
     """Simulate the material tests with a fitted artefact, print its differences from tests and law, and draw all unless drawn before.
 
     Return, for the output as JSON, the differences from the tests, the number of rows outside the domain, and the simulated stresses.
     """
-    with status(f"Simulating the tests with {path}"):
+    with Bar(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)
-        stress, off_law, outside = simulate_tests(surrogate, tests.data, tests.model)
-    against_measured = differences(tests.data, stress)
+        stress, off_law, outside = reporting.simulate_tests(surrogate, tests.data, tests.model)
+    against_measured = reporting.differences(tests.data, stress)
     out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(against_measured)}")
     off = "no stress" if np.isnan(off_law) else f"{100 * off_law:.2g} % of the greatest stress"
     out.print(f"simulated against the law: {off} at the most")
@@ -214,6 +211,55 @@ def _simulate_tests(path: Path, tests: Identified) -> dict:
         note(f"Tests, law and simulation drawn in {picture}")
     values = [float(value) if np.isfinite(value) else None for value in stress]
     return {"simulated": {"against_measured": against_measured, "rows_outside_domain": outside, "nominal_stress": values}}
+
+
+def evaluate(
+    reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")],
+    least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,
+    greatest: Annotated[float | None, Option(help="Greatest principal stretch, above 1.")] = None,
+    samples: Annotated[int, Option(help="States in each set.", min=100)] = 20_000,
+    seed: Annotated[int, Option(help="Seed of the states.", min=0)] = 2_000_003,
+    law: Annotated[str | None, Option(help="Law to compare with; the artefact's own by default.")] = None,
+) -> None:
+    """Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."""
+    model = load_surrogate(reference)
+    if not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
+        raise ValueError(f"{reference} has no bond force of its own to evaluate")
+    if law is None and reference not in FORCES:
+        material = load_card(reference).material.build()
+    else:
+        material = law_of(law or "neo-hookean")
+    model.check_material(material)
+    if reference in FORCES and isinstance(model, ForceSurrogate):
+        model.law = material
+    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else (0.5, 4.0)
+    stretches = checked_range((low if least is None else least, high if greatest is None else greatest))
+    report = learning.evaluate(model, material, stretches, samples, seed)
+    print_json(report)
+    print_errors(report)
+
+
+def print_errors(report: dict) -> None:
+    """Print tables of the errors of a surrogate of a bond force or of an energy."""
+    low, high = report["stretch_range"]
+    which = f"stretches {low:g} to {high:g}, {report['n_samples']} states"
+    force, rows = "off_surface" in report, {"all": report["on_surface"]}
+    if force:
+        rows = {"on the plane-stress surface": report["on_surface"], "off it": report["off_surface"]}
+    rows |= {f"strain {row['strain'][0]:g} to {row['strain'][1]:g}": row for row in report["by_strain"]}
+    columns = {"RMS": "rms", "greatest": "max"} if force else {"stress, RMS": "rms", "greatest": "max", "energy, RMS": "energy_rms"}
+    cells = ([title, *(f"{row[key]:.1e}" for key in columns.values())] for title, row in rows.items())
+    print_table(f"Relative {'force error' if force else 'errors'}, {which}", ("states", *columns), cells, left=1)
+    if force:
+        slope, exact = report["least_slope"], report["least_slope_exact"]
+        out.print(f"force at rest {report['at_rest']:.1e}; least stiffness slope {slope:.3g} (exact: {exact:.3g})")
+        return
+    if "shear_modulus" in report:
+        more = f"shear modulus at rest {report['shear_modulus']:.7g} (exact: 1)"
+    else:
+        more = f"least curvature by log-stretches {report['least_curvature']:.3g} (exact: {report['least_curvature_exact']:.3g})"
+    stiffness = f"least acoustic stiffness {report['least_acoustic']:.3g} (exact: {report['least_acoustic_exact']:.3g})"
+    out.print(f"at rest {report['at_rest']:.1e}; {stiffness}; {more}")
 
 
 class _TrainingBar(Bar):

@@ -14,6 +14,7 @@ from typer import Argument, Option
 
 from ..artifacts import ArtifactError, called, list_artifacts, load_card
 from ..materials import LAWS, Law
+from ..results.contents import leaves_of
 from ..results.files import write_text
 from ..scenes import load_scene, scene_names
 from .command import SetScene, check_folder
@@ -81,7 +82,8 @@ def scenes(
     scene = load_scene(name, change or [])
     given = scene.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
     print_json(given)
-    print_table(f"Scene {scene.name}", ("key", "value"), _rows_of_scene(given), folds=("value",), show_header=False)
+    rows = ((key, escape(value if isinstance(value, str) else json.dumps(value))) for key, value in leaves_of(given).items())
+    print_table(f"Scene {scene.name}", ("key", "value"), rows, folds=("value",), show_header=False)
     if plot:
         # Imported here, since only pictures need matplotlib.
         from ..results import figures
@@ -94,16 +96,6 @@ def scenes(
         with writing(pictures):
             figures.save(figure, path)
         note(f"Wrote {path}")
-
-
-def _rows_of_scene(given: dict) -> Iterator[tuple[str, str]]:
-    """Yield a table row (key and value) for each key of a scene; a list of tables has a row for each entry."""
-    for key, value in given.items():
-        several = isinstance(value, list) and value and isinstance(value[0], dict)
-        for name, entry in ((f"{key}.{number}", entry) for number, entry in enumerate(value)) if several else ((key, value),):
-            if isinstance(entry, dict):
-                entry = ", ".join(f"{inner} = {json.dumps(one)}" for inner, one in entry.items())
-            yield name, escape(entry if isinstance(entry, str) else json.dumps(entry))
 
 
 def new(file: Annotated[Path, Argument(metavar="FILE.toml", help="Path of the scene file to create.")]) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -33,6 +33,10 @@ LEAST_SHOWN = 5e-6
 """Force that is printed as zero, relative to the greatest one where that is below 1: tables have five decimals."""
 
 
+Column = tuple[str, Sequence[str | float | None]]
+"""Heading and cells of a column of a table: texts, or numbers that are all printed alike; None is an empty cell."""
+
+
 def run(
     scene: Annotated[str, Argument(metavar="SCENE", help="Name of a built-in scene, or path of a scene file (.toml).")],
     *,
@@ -51,27 +55,20 @@ def run(
     described, model = (asked, default_force(asked)) if force is None else with_material(asked, force)
     if described is not asked:
         err.print(f"Material of {model.name}: {in_words(described.material.build())}", soft_wrap=True, markup=False)
-    if out_folder == "":
-        raise ValueError("--out needs the name of a folder, and it is empty")
     if model.stated and model.stated["rms"] > CAUTION:
         error = f"The card of {model.name} states an RMS error of {100 * model.stated['rms']:.2g} %"
         warn(f"{error}: results will be off by as much; force=analytic is exact.")
-    if resume and out_folder is None:
-        raise ValueError("--resume needs --out, the folder with the checkpoint")
     folder = None if out_folder is None else Path(out_folder)
     writes = folder if ranks.rank == 0 else None
     check_folder(writes)
     failure = None
-    with ExitStack() as held:
-        with writing(folder):
-            if writes is not None:
-                held.enter_context(occupied(writes))
-            options = {"folder": folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
-            try:
-                with Bar() as bar:
-                    result = simulate(described, model, threads=threads, progress=_Shown(described, bar), **options)
-            except SimulationFailed as error:
-                failure, result = error, error.result
+    with nullcontext() if writes is None else occupied(writes):
+        options = {"folder": out_folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
+        try:
+            with writing(folder), Bar() as bar:
+                result = simulate(described, model, threads=threads, progress=_Shown(described, bar), **options)
+        except SimulationFailed as error:
+            failure, result = error, error.result
         print_result(result)
         if writes is not None:
             if not isinstance(failure, SimulationInterrupted):  # its tables are there, and pictures would take their time
@@ -203,13 +200,12 @@ def print_levels(result: Result) -> None:
     columns = [("stretch", [f"{level['stretch']:.10g}" for level in levels])]
     for key, quantity, unit in ((*lateral, "length"), ("nominal_stress", "stress", "stress")):
         values, references, errors = ([level.get(name) for level in levels] for name in (key, f"{key}_reference", f"{key}_error"))
-        greatest = _greatest(values)
         if all(value is None for value in values):
             continue
-        columns.append((units.label(quantity, unit), _figures(values, greatest)))
+        columns.append((units.label(quantity, unit), values))
         if compared:
-            columns.append(("exact" if homogeneous else "reference", _figures(references, greatest)))
-            columns.append(("error (%)", ["" if error is None else f"{100 * error:+.4f}" for error in errors]))
+            percent = ["" if error is None else f"{100 * error:+.4f}" for error in errors]
+            columns += [("exact" if homogeneous else "reference", references), ("error (%)", percent)]
     _print_columns(_title(result), columns)
     print_grip(result)
 
@@ -230,35 +226,33 @@ def _print_outputs(result: Result) -> None:
     columns = [("t", [f"{level['t']:g}" for level in levels])]
     times = [f"{level['time']:.4g}" if "time" in level else "" for level in levels]
     timed = [(units.label("time", "time"), times)] if any(times) else []
-    _print_columns(f"{_title(result)}: forces on the body", columns + timed + _alike(_force_columns(result)))
+    _print_columns(f"{_title(result)}: forces on the body", columns + timed + _force_columns(result))
     if "probes" in levels[0]:
-        moved = {
-            units.label(f"{name} x{component + 1}", "length"): [level["probes"][name]["displacement"][component] for level in levels]
-            for name, probe in levels[0]["probes"].items()
-            for component in range(len(probe["displacement"]))
-        }
-        _print_columns("displacements of the probes", columns + _alike(moved))
+        for name in levels[0]["probes"]:
+            moved = zip(*(level["probes"][name]["displacement"] for level in levels), strict=True)
+            columns += [(units.label(f"{name} x{component}", "length"), values) for component, values in enumerate(moved, 1)]
+        _print_columns("displacements of the probes", columns)
 
 
-def _force_columns(result: Result) -> dict[str, list[float]]:
-    """Return, by heading, the columns of forces and moments of each region at all outputs, without negligible components.
+def _force_columns(result: Result) -> list[Column]:
+    """Return the columns of forces and moments of each region at all outputs, without negligible components.
 
     In the plane a region has a column for the moment only if its forces are negligible.
     """
-    units, levels, columns = result.scene.units, result.levels, {}
+    units, levels, columns = result.scene.units, result.levels, []
     extent = float(np.ptp(result.body.points, axis=0).max())
-    zero = LEAST_SHOWN * min(1.0, _greatest([value for level in levels for force in level["forces"].values() for value in force]))
+    greatest = max((abs(value) for level in levels for force in level["forces"].values() for value in force), default=0.0)
+    zero = LEAST_SHOWN * min(1.0, greatest)
     for name in dict.fromkeys(name for level in levels for name in level["forces"]):
-        forces = np.array([level["forces"][name] for level in levels])
-        # In the plane about x3 only, in three dimensions about all three axes.
-        moments = np.array([np.atleast_1d(level["moments"][name]) for level in levels])
-        in_space, sizes = moments.shape[1] == 3, np.abs(moments).max(axis=0)
-        shown = np.flatnonzero(np.abs(forces).max(axis=0) >= max(zero, LEAST_SHARE * sizes.max() / extent))
-        for component in shown:
-            columns[units.label(f"{name} x{component + 1}", "force")] = forces[:, component].tolist()
-        for component in np.flatnonzero(sizes >= zero * min(1.0, extent)) if in_space else [0] * (not len(shown)):
-            heading = f"{name} moment{f' about x{component + 1}' if in_space else ''}"
-            columns[units.label(heading, "energy")] = moments[:, component].tolist()
+        # Moments are about x3 only in the plane, in three dimensions about all three axes.
+        forces, moments = (np.array([np.atleast_1d(level[kind][name]) for level in levels]).T for kind in ("forces", "moments"))
+        in_space, sizes = len(moments) == 3, np.abs(moments).max(axis=1)
+        pulled = np.flatnonzero(np.abs(forces).max(axis=1) >= max(zero, LEAST_SHARE * sizes.max() / extent))
+        turned = np.flatnonzero(sizes >= zero * min(1.0, extent)) if in_space else [0] * (not len(pulled))
+        columns += [(units.label(f"{name} x{axis + 1}", "force"), forces[axis].tolist()) for axis in pulled]
+        for axis in turned:
+            about = f" about x{axis + 1}" if in_space else ""
+            columns.append((units.label(f"{name} moment{about}", "energy"), moments[axis].tolist()))
     return columns
 
 
@@ -282,24 +276,20 @@ def _title(result: Result) -> str:
     return f"{result.summary['scene']}, force {result.summary['force']}, {result.summary['n_points']} points"
 
 
-def _print_columns(title: str, columns: Sequence[tuple[str, Sequence[str]]]) -> None:
+def _print_columns(title: str, columns: Sequence[Column]) -> None:
     """Print a table given by columns, each a heading with its cells."""
-    headings, cells = zip(*columns, strict=True)
-    print_table(title, headings, zip(*cells, strict=True), left=0)
+    print_table(title, [heading for heading, _ in columns], zip(*(_figures(cells) for _, cells in columns), strict=True), left=0)
 
 
-def _alike(columns: dict[str, list[float]]) -> list[tuple[str, list[str]]]:
-    """Return columns of numbers as headings with cells of text, all in the number format that the greatest value needs."""
-    greatest = _greatest([value for column in columns.values() for value in column])
-    return [(heading, _figures(column, greatest)) for heading, column in columns.items()]
-
-
-def _greatest(values: Sequence[float | None]) -> float:
-    return max((abs(value) for value in values if value is not None), default=0.0)
-
-
-def _figures(values: Sequence[float | None], greatest: float) -> list[str]:
-    """Return numbers as cells of text, empty for None, with five decimals, or in powers of ten if `greatest` is too small or too large."""
+def _figures(cells: Sequence[str | float | None]) -> list[str]:
+    """Return the cells of a column as text: numbers with five decimals, or in powers of ten if the greatest is too small or too large."""
+    greatest = max((abs(cell) for cell in cells if isinstance(cell, float)), default=0.0)
     form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
-    # Rounded first, so that no zero has a minus.
-    return ["" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form) for value in values]
+
+    def text(cell: str | float | None) -> str:
+        if cell is None or isinstance(cell, str):
+            return cell or ""
+        # Rounded first, so that no zero has a minus.
+        return format(round(cell, 5) + 0.0 if form == ".5f" else cell, form)
+
+    return [text(cell) for cell in cells]

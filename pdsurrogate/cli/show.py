@@ -7,9 +7,9 @@ from typing import Annotated
 from typer import Argument, Option
 
 from ..results import Result, figures, load_result
+from ..results.drawings import html_page
 from ..results.files import write_text
 from ..results.folder import RUNNING
-from ..results.page import html_page
 from ..results.tables import column_title
 from .command import check_folder
 from .terminal import WARNING, Bar, bad_input, complain, note, out, print_json, print_table, warn, writing

@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import typer
@@ -24,7 +24,7 @@ MOST_COLUMNS = 10_000
 """Width, in characters, that no line of a table in its narrowest form reaches."""
 
 SOONEST = 0.5
-"""Seconds after which `Rate` gives a rate: an earlier one would mostly measure the start."""
+"""Seconds after which `Bar.rate` gives a rate: an earlier one would mostly measure the start."""
 
 ERROR, WARNING = "[red]pdsurrogate:[/]", "[yellow]pdsurrogate:[/]"
 """Beginnings of lines on standard error."""
@@ -128,21 +128,6 @@ def show(table: Table) -> None:
     out.print(table, soft_wrap=False, crop=False)
 
 
-class Rate:
-    """Rate at which items are completed, such as evaluations, per second, or per minute if it is less than one per second."""
-
-    def __init__(self, items: str, count: float = 0.0) -> None:
-        self._items, self._began, self._first = items, time.monotonic(), count
-
-    def after(self, count: float) -> str:
-        """Return a text such as ", 12 steps/s" for the rate up to `count` completed items; empty if the rate is not known yet."""
-        elapsed, done = time.monotonic() - self._began, count - self._first
-        if elapsed < SOONEST or done <= 0:
-            return ""
-        rate = done / elapsed
-        return f", {rate:.3g} {self._items}/s" if rate >= 1 else f", {60 * rate:.3g} {self._items}/min"
-
-
 class Bar(Progress):
     """Progress bar of one task: title, share done, time elapsed and left; on a second line its ``state`` (counts, rate, residual, energy).
 
@@ -152,7 +137,7 @@ class Bar(Progress):
     def __init__(self, title: str = "") -> None:
         columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
         super().__init__(*columns, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
-        self._title, self._rate = "", None
+        self._title, self._since = "", None
         if title:
             self.show(0.0, title=title)
 
@@ -168,24 +153,24 @@ class Bar(Progress):
         if title not in ("", self._title) or not self.tasks:
             for task in self.task_ids:
                 self.remove_task(task)
-            self._title, self._rate = title, None
+            self._title, self._since = title, None
             self.add_task(escape(title), completed=share, total=1.0, state=state)
         self.update(self.task_ids[0], completed=share, state=state)
 
     def rate(self, items: str, count: float) -> str:
-        """Return the text of the rate of items (see `Rate.after`) since the first call with the present title of the bar."""
-        self._rate = self._rate or Rate(items, count)
-        return self._rate.after(count)
+        """Return a text such as ", 12 steps/s" for the rate since the first call with the bar's title; empty if it is not known yet."""
+        now = time.monotonic()
+        self._since = self._since or (now, count)
+        elapsed, done = now - self._since[0], count - self._since[1]
+        if elapsed < SOONEST or done <= 0:
+            return ""
+        rate = done / elapsed
+        return f", {rate:.3g} {items}/s" if rate >= 1 else f", {60 * rate:.3g} {items}/min"
 
     def count(self, items: str, done: float, total: int, state: str = "", title: str = "") -> None:
         """Show on the bar how many of `total` items are done, the rate, and a state in words."""
         self.show(done / total, state, title)
         self.show(done / total, f"{int(done)} of {total} {items}{self.rate(items, done)}{state and f', {state}'}")
-
-
-def status(text: str) -> AbstractContextManager:
-    """Return a context that shows a line on the work in progress; it shows nothing in quiet mode or if standard error is no terminal."""
-    return nullcontext() if settings.quiet or not err.is_terminal else err.status(escape(text))
 
 
 def share(ranks) -> None:

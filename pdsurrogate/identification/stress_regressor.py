@@ -16,7 +16,7 @@ from sklearn.utils import check_X_y
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from ..arguments import check_is, check_jobs, check_seed, check_whole_number, in_order
+from ..arguments import check_jobs, check_kind, check_seed, check_whole_number, in_order
 from ..materials import Law, homogeneous, plane_stress
 
 WELL_POSED = 1e14
@@ -205,7 +205,7 @@ def committee(
     >>> len(members)
     2
     """
-    check_is(regressor, StressRegressor, "regressor", "LawRegressor()")
+    check_kind(regressor, StressRegressor, "regressor", "a LawRegressor or an EnergyRegressor, as LawRegressor()")
     check_whole_number(n_members, "n_members", 2)
     check_seed(random_state)
     check_jobs(n_jobs)

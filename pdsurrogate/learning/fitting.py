@@ -12,7 +12,7 @@ from sklearn.base import clone
 from sklearn.model_selection import KFold
 from sklearn.utils.validation import check_is_fitted
 
-from ..arguments import check_called, check_estimator, check_is, check_jobs, check_seed, check_share, check_text, check_whole_number
+from ..arguments import check_estimator, check_jobs, check_kind, check_seed, check_share, check_whole_number
 from ..artifacts import load_surrogate
 from ..artifacts.card import MOST_STORED, NOTED
 from ..forces import AnalyticBondForce, Domain, ForceModel, ForceSurrogate, IsochoricNetwork, LearntBondForce, LearntEnergy
@@ -250,8 +250,8 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
     >>> pds.learning.surrogate_of(model.fit(samples.X, samples.y), law, samples)
     <IsochoricNetwork unsaved of neo-hookean>
     """
-    check_text(name, "name")
-    check_is(samples, Samples, "samples", "training_samples draws")
+    check_kind(name, str, "name", "text")
+    check_kind(samples, Samples, "samples", "Samples, such as training_samples draws")
     checked_law(law)
     return checked_surrogate(model, law, samples, name)[0]
 
@@ -374,10 +374,10 @@ def cross_validate(
     [True, True]
     """
     check_estimator(model)
-    check_is(samples, Samples, "samples", "training_samples draws")
+    check_kind(samples, Samples, "samples", "Samples, such as training_samples draws")
     check_whole_number(folds, "folds", 2, len(samples))
     check_seed(random_state)
-    check_called(progress, "progress")
+    check_kind(progress, Callable, "progress", "a function")
     check_jobs(n_jobs)
 
     def task(fold: int, train: np.ndarray, test: np.ndarray):

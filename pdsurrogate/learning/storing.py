@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from .. import __version__
-from ..arguments import check_is, check_path, check_tables, check_text, kind_of
+from ..arguments import check_kind, check_path, check_tables, kind_of
 from ..artifacts import new_artifact, next_version, own_folder, save_artifact
 from ..artifacts.card import check_plain
 from ..forces import LearntBondForce, LearntEnergy
@@ -58,11 +58,10 @@ class CardText:
     identification: dict | None = None
 
     def __post_init__(self) -> None:
-        check_text(self.description, "description")
+        check_kind(self.description, str, "description", "text")
         check_tables(self.cross_validation, "cross_validation")
         check_tables(self.search, "search")
-        if not isinstance(self.identification, dict | None):
-            raise TypeError(f"identification must be a dictionary, or None, not {kind_of(self.identification)}")
+        check_kind(self.identification, dict | None, "identification", "a dictionary, or None")
         check_plain({"cross_validation": self.cross_validation, "search": self.search, "identification": self.identification})
 
 
@@ -124,7 +123,7 @@ def store(
     >>> path.parts[-2:]
     ('my-rubber', '1')
     """
-    check_is(samples, Samples, "samples", "training_samples draws")
+    check_kind(samples, Samples, "samples", "Samples, such as training_samples draws")
     checked_law(law)
     folder = own_folder() if folder is None else folder
     check_path(folder, "folder")
@@ -181,14 +180,13 @@ def store(
 
 def _check_members(members: Sequence[tuple], target: Target) -> None:
     """Raise TypeError or ValueError unless committee members are tuples of a fitted model, samples of the target, and a law."""
-    if not isinstance(members, list | tuple):
-        raise TypeError(f"members must be a list of tuples, each a fitted model, its samples and its law, not {kind_of(members)}")
+    check_kind(members, list | tuple, "members", "a list of tuples, each a fitted model, its samples and its law")
     if members and not target.has_committees:
         raise ValueError(f"a surrogate of the target {target.name} has no committee; take bond-force or isochoric-energy")
     for number, member in enumerate(members, 1):
         if not isinstance(member, list | tuple) or len(member) != 3:
             raise TypeError(f"member {number} must be a tuple of a fitted model, its samples and its law, not {kind_of(member)}")
-        check_is(member[1], Samples, f"the samples of member {number}", "training_samples draws")
+        check_kind(member[1], Samples, f"the samples of member {number}", "Samples, such as training_samples draws")
         if member[1].target is not target:
             raise ValueError(f"the samples of member {number} are of the target {member[1].target.name}, not of {target.name}")
         checked_law(member[2])

@@ -1,17 +1,15 @@
 """Checkpoints: files of plain arrays with everything that an interrupted run needs to continue with unchanged results."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from ..array_files import read_arrays
-from .contents import Contents
+from .contents import contents_in, differences_between
 from .files import replacing
 
 FORMAT = 9
@@ -25,34 +23,37 @@ class CheckpointError(ValueError):
     """Error for a checkpoint from which a run cannot resume; the message gives the reason."""
 
 
-@dataclass(frozen=True)
-class Checkpoint:
+class Checkpoint(NamedTuple):
     """State of a run, from which the run can be resumed.
 
     Attributes
     ----------
-    identity : dict
-        Entries that must be equal in the run that resumes: scene and force models, as `Contents` describes them, and sizes.
     progress : dict
         State of the run as plain numbers, strings and lists.
     arrays : dict of ndarray
         State of the run as arrays of numbers.
     """
 
-    identity: dict
     progress: dict
     arrays: dict[str, np.ndarray]
 
-    def write(self, folder: Path) -> None:
-        """Write the checkpoint to a folder, whole or not at all."""
-        text = json.dumps({"format": FORMAT, "identity": self.identity, "progress": self.progress}, allow_nan=False)
+    def write(self, folder: Path, identity: dict) -> None:
+        """Write the checkpoint to a folder, whole or not at all.
+
+        Parameters
+        ----------
+        folder : Path
+        identity : dict
+            Entries that must be equal in the run that resumes: the contents of the run (`contents_of`), and sizes.
+        """
+        text = json.dumps({"format": FORMAT, "identity": identity, "progress": self.progress}, allow_nan=False)
         # First, so that the head of the file identifies it.
         arrays = {_DESCRIPTION: np.frombuffer(text.encode(), dtype=np.uint8), **self.arrays}
         with replacing(folder / NAME) as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)
 
     @classmethod
-    def read(cls, folder: Path, identity: dict, shapes: dict[str, tuple]) -> Checkpoint:
+    def read(cls, folder: Path, identity: dict, shapes: dict[str, tuple]) -> Self:
         """Return the checkpoint in a folder, after checking that it is undamaged and belongs to the run that resumes.
 
         Parameters
@@ -78,13 +79,13 @@ class Checkpoint:
             raise CheckpointError(f"{path} is damaged ({type(error).__name__}); {ANEW}") from None
         if found != FORMAT:
             raise CheckpointError(f"{path} has format {found!r}, this version reads {FORMAT}; {ANEW}")
-        there = Contents.read(written)
+        there = contents_in(written)
         if there is None:
             raise CheckpointError(f"{path} is damaged: it does not name its scene; {ANEW}")
-        if differences := there.differences(Contents.read(identity)):
+        if differences := differences_between(there, identity):
             raise CheckpointError(f"{path} belongs to another run: {differences}; {ANEW}, or resume with what is there")
-        for key in identity:
-            if written.get(key) != json.loads(json.dumps(identity[key])):
+        for key in identity.keys() - there.keys():
+            if written.get(key) != identity[key]:
                 raise CheckpointError(f"{path} belongs to another run: its {key} differs; {ANEW}")
         for key, (shape, dtype) in shapes.items():
             if key not in arrays or arrays[key].shape != shape or arrays[key].dtype != dtype:
@@ -92,11 +93,11 @@ class Checkpoint:
         for key, array in arrays.items():
             if array.dtype.kind not in "fiub" or not np.isfinite(array).all():
                 raise CheckpointError(f"{path} is damaged: {key} holds what is not a number; {ANEW}")
-        return cls(identity, progress, arrays)
+        return cls(progress, arrays)
 
 
 def identity_in(folder: Path) -> dict | None:
-    """Return the identity of the run that left a checkpoint in a folder, see `Checkpoint`; None if the checkpoint is missing or damaged."""
+    """Return the identity of the run that left a checkpoint in a folder, see `Checkpoint.write`; None if it is missing or damaged."""
     with suppress(*_DAMAGE):
         return _parts_of(Path(folder) / NAME, [_DESCRIPTION])[0]["identity"]
     return None

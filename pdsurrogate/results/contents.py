@@ -2,9 +2,8 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -18,63 +17,54 @@ MESH = "mesh"
 MOST_TOLD, MOST_CHARACTERS = 3, 60
 """Number of differences that a message lists, and characters of a value in it."""
 
+ABSENT = "not given"
+"""Text that stands in a message for the value of a missing entry."""
 
-@dataclass(frozen=True)
-class Contents:
-    """Inputs of a run that determine its results: the scene, the force models and the mesh file.
 
-    Attributes
-    ----------
-    scene : dict
-        The scene with all defaults, as plain values.
-    force : str
-        Name of the force model; with several materials, of the force model of the body outside the regions of ``materials``.
-    digests : dict of str
-        Digest of every force model by its name, and of the mesh file under `MESH`.
+def contents_of(scene: Scene, models: Sequence[ForceModel]) -> dict[str, Any]:
+    """Return the inputs of a run that determine its results, as entries for its summary and its checkpoints.
+
+    Raise SceneError if the file of the scene's mesh cannot be read.
+
+    Returns
+    -------
+    dict
+        ``scene_as_run``: the scene with all defaults, as plain values; ``force``: name of the force model, with several materials of that
+        outside the regions of ``materials``; ``digests``: digest of every force model by its name, and of the mesh file under `MESH`.
     """
+    digests = {model.name: digest_of_model(model) for model in models}
+    if isinstance(scene.body, Mesh):
+        digests[MESH] = digest_of_mesh(scene.body)
+    return {"force": models[0].name, "digests": digests, "scene_as_run": _dump(scene)}
 
-    scene: dict[str, Any]
-    force: str
-    digests: dict[str, str]
 
-    @classmethod
-    def of(cls, scene: Scene, models: Sequence[ForceModel]) -> Self:
-        """Return the contents of a new run from its scene and its force models; raise SceneError if its mesh file cannot be read."""
-        digests = {model.name: digest_of_model(model) for model in models}
-        if isinstance(scene.body, Mesh):
-            digests[MESH] = digest_of_mesh(scene.body)
-        return cls(_dump(scene), models[0].name, digests)
+def contents_in(entries: Any) -> dict[str, Any] | None:
+    """Return the contents of a run from its summary or a checkpoint's identity; None if they are missing, as in earlier versions."""
+    try:
+        scene = Scene.model_validate(entries["scene_as_run"])
+        return {"force": entries["force"], "digests": dict(entries["digests"]), "scene_as_run": _dump(scene)}
+    except (KeyError, TypeError, ValueError, ValidationError):
+        return None
 
-    @classmethod
-    def read(cls, description: Any) -> Self | None:
-        """Return the contents stored in a summary or in the identity of a checkpoint; None if they are missing, as in earlier versions."""
-        try:
-            scene = Scene.model_validate(description["scene_as_run"])
-            return cls(_dump(scene), description["force"], dict(description["digests"]))
-        except (KeyError, TypeError, ValueError, ValidationError):
-            return None
 
-    def describe(self) -> dict[str, Any]:
-        """Return the contents as entries for a summary or a checkpoint, from which `read` restores them."""
-        return {"force": self.force, "digests": self.digests, "scene_as_run": self.scene}
-
-    def differences(self, now: Self) -> str:
-        """Return a text that says how the contents of another run, `now`, differ from these; empty if they are equal."""
-        found = differences_of({**self.scene, "title": None}, {**now.scene, "title": None})
-        if self.force != now.force:
-            found.append(f"force is {self.force} there and {now.force} here")
-        changed = [name for name in self.digests if name in now.digests and self.digests[name] != now.digests[name]]
-        found += [f"the file of the {MESH} has changed" if name == MESH else f"{name} is another one by that name" for name in changed]
-        return told(found)
+def differences_between(there: dict[str, Any], now: dict[str, Any]) -> str:
+    """Return a text that says how the contents of two runs, one before and one `now`, differ; empty if they are equal."""
+    before, after = ({**contents["scene_as_run"], "title": None} for contents in (there, now))
+    found = differences_of(before, after)
+    if there["force"] != now["force"]:
+        found.append(f"force is {there['force']} there and {now['force']} here")
+    changed = [name for name, digest in there["digests"].items() if now["digests"].get(name, digest) != digest]
+    found += [f"the file of the {MESH} has changed" if name == MESH else f"{name} is another one by that name" for name in changed]
+    return told(found)
 
 
 def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
     """Return texts such as "spacing is 0.1 there and 0.2 here", one for each entry that differs between two nested dictionaries."""
-    before, now = _leaves(there), _leaves(here)
+    before, now = leaves_of(there), leaves_of(here)
     return [
-        f"{key} is {_value(before, key)} there and {_value(now, key)} here"
+        f"{key} is {_value(before.get(key, ABSENT))} there and {_value(now.get(key, ABSENT))} here"
         for key in dict.fromkeys([*before, *now])
-        if key not in before or key not in now or before[key] != now[key]
+        if before.get(key, ABSENT) != now.get(key, ABSENT)
     ]
 
 
@@ -96,7 +86,7 @@ def _dump(scene: Scene) -> dict[str, Any]:
     return scene.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def _leaves(value: Any, key: str = "") -> dict[str, Any]:
+def leaves_of(value: Any, key: str = "") -> dict[str, Any]:
     """Return the values in nested mappings and lists by dotted key; a list without mappings counts as one value."""
     if isinstance(value, list) and any(isinstance(item, dict) for item in value):
         value = dict(enumerate(value))
@@ -104,12 +94,10 @@ def _leaves(value: Any, key: str = "") -> dict[str, Any]:
         return {key: value}
     found: dict[str, Any] = {}
     for name, item in value.items():
-        found |= _leaves(item, f"{key}.{name}" if key else str(name))
+        found |= leaves_of(item, f"{key}.{name}" if key else str(name))
     return found
 
 
-def _value(leaves: dict[str, Any], key: str) -> str:
-    if key not in leaves:
-        return "not given"
-    text = str(leaves[key])
+def _value(value: Any) -> str:
+    text = str(value)
     return text if len(text) <= MOST_CHARACTERS else text[:MOST_CHARACTERS] + " ..."

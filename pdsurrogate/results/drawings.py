@@ -1,8 +1,14 @@
-"""Drawings of a result: its states, its curves, and an animation of its dynamics."""
+"""Drawings of a result: its states, its curves, an animation of its dynamics, and a page of HTML with all of it and no links."""
 
 from __future__ import annotations
 
+import base64
+import io
+import json
+from collections.abc import Callable, Iterator, Sequence
+from html import escape
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,10 +16,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from ..html_tables import html_facts
 from . import figures
 from .files import MARK, replacing
 from .measures import scalars_of
-from .tables import column_title, columns_of
+from .tables import column_title, columns_of, html_history
 
 if TYPE_CHECKING:
     from .result import Result
@@ -22,6 +29,18 @@ FRAMES_PER_SECOND = 8
 
 SHOWN_SHARE = 1e-3
 """Share of the greatest force above which a component of force is drawn: smaller components are residuals."""
+
+PAGE = Path(__file__).with_name("page.html")
+"""Template of the page."""
+
+MOST_OUTPUTS = 40
+"""Greatest number of states on a page; of a longer run they are spread evenly."""
+
+MOST_ROWS = 200
+"""Greatest number of rows of the history on a page."""
+
+USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
+"""Fields that a page shows by default, where the last state has them."""
 
 
 def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:
@@ -95,3 +114,74 @@ def _save_animation(result: Result, path: Path) -> None:
     with replacing(path) as temporary:
         series = {"save_all": True, "append_images": frames[1:], "duration": 1000 // FRAMES_PER_SECOND, "loop": 0}
         frames[0].save(temporary, format="GIF", comment=MARK, **series)
+
+
+def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[int, int], None] = lambda done, of: None) -> str:
+    """Return a page in HTML that shows a result: pictures of fields over the outputs, curves, tables and versions.
+
+    Parameters
+    ----------
+    result : Result
+    fields : sequence of str
+        Fields as for `Result.plot`; by default those of `USUAL`.
+    progress : callable
+        Function of the number of finished pictures and of their total number.
+
+    Raises
+    ------
+    ValueError
+        If the result has no such field.
+    """
+    count = len(result.states)
+    shown = np.unique(np.linspace(0, count - 1, min(MOST_OUTPUTS, count)).round().astype(int)).tolist()
+    chosen = list(fields) or ([name for name in USUAL if name in result.field_names()] if shown else [])
+    pictures = {field: [] for field in chosen}
+    for field, uris in pictures.items():
+        for uri in _pictures(result, field, shown):
+            uris.append(uri)
+            progress(sum(map(len, pictures.values())), len(chosen) * len(shown))
+    titles, labels = [result.title(number) for number in shown], {field: result.label(field) for field in chosen}
+    curves = {"loading curve": loading_figure(result) if result.history else None, "energies": energies_figure(result)}
+    history = result.history[:: max(1, -(-len(result.history) // MOST_ROWS))]
+    return Template(PAGE.read_text("utf-8")).substitute(
+        title=escape(f"{result.summary['scene']}, {result.summary['force']}"),
+        options="".join(f"<option>{escape(field)}</option>" for field in chosen),
+        last=max(len(shown) - 1, 0),
+        hidden="" if shown and chosen else "hidden",
+        left_out=f"<p>{len(shown)} of {count} outputs are shown.</p>" if len(shown) < count else "",
+        curves="".join(f'<img alt="{what}" src="{_uri(figure)}">' for what, figure in curves.items() if figure is not None),
+        summary=result.facts(),
+        history=html_history(history, result.scene.units),
+        scene=result.scene._repr_html_(),
+        versions=_versions(result),
+        data=json.dumps({"pictures": pictures, "titles": titles, "labels": labels}).replace("</", "<\\/"),
+    )
+
+
+def _pictures(result: Result, field: str, shown: list[int]) -> Iterator[str]:
+    """Yield pictures of states of given numbers, coloured by a field to one scale, as data URIs; empty for a state without the field."""
+    values = {}
+    for number in shown:
+        try:
+            values[number] = scalars_of(result.states[number][1], field)
+        except ValueError:
+            if number == shown[-1]:
+                raise
+    limits = figures.limits_of(np.concatenate(list(values.values()))) if values else None
+    for number in shown:
+        yield _uri(result.plot(field, number, limits)) if number in values else ""
+
+
+def _uri(figure) -> str:
+    """Return a figure as a data URI that holds a PNG picture."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png", dpi=110)
+    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
+
+
+def _versions(result: Result) -> str:
+    origin = dict(result.summary.get("provenance", {}))
+    machine, git = origin.pop("machine", {}), origin.pop("git", None)
+    origin |= {"commit": f"{git['commit']}{', changed since' if git['modified'] else ''}"} if git else {}
+    digests = {f"digest of {name}": digest for name, digest in result.summary.get("digests", {}).items()}
+    return html_facts("Where it comes from", {**origin, **machine, **digests})

@@ -11,7 +11,7 @@ from matplotlib.colors import LightSource, Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from ..body import CellMesh
+from ..body.cell_mesh import FACES, CellMesh
 from .files import MARK, replacing
 
 Moved = list[tuple[CellMesh, np.ndarray]]
@@ -49,12 +49,6 @@ ELEVATION, AZIMUTH = 22.0, -58.0
 _UP, _ROUND = np.radians([ELEVATION, AZIMUTH])
 EYE = np.array([np.cos(_UP) * np.cos(_ROUND), np.cos(_UP) * np.sin(_ROUND), np.sin(_UP)])
 """Direction from the body to the eye."""
-
-EDGES_OF_CELLS = {
-    4: ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)),
-    8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
-}
-"""Pairs of corners that an edge joins, by the number of corners of a cell."""
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -130,22 +124,19 @@ def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: l
 def _sheets(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scales: list[Limits]) -> Figure:
     """Return the figure of `contour_figure` for bodies in the plane."""
     bodies = [polygons_of(*pair) for pair in moved]
-    extents = np.array([np.ptp(corners, axis=(0, 1)) for corners in bodies])
-    width, height = extents.max(axis=0)
-    wide = width > height
-    heights = extents[:, 1] * (6.0 / width if wide else 7.2 / (extents[:, 0].sum() * 1.3))
-    shape = (len(bodies), 1) if wide else (1, len(bodies))
-    ratios = {"height_ratios": heights} if wide else {"width_ratios": extents[:, 0]}
-    figure = Figure(figsize=(7.2, (heights + 0.35).sum() if wide else heights.max() + 0.5), layout="constrained")
-    axes = figure.subplots(*shape, squeeze=False, gridspec_kw=ratios).flat
-    if len(label) * INCHES_OF_A_LETTER > (heights.min() if wide else heights.max()):
+    width, height = sides = np.max([np.ptp(corners, axis=(0, 1)) for corners in bodies], axis=0)
+    rows, columns = (len(bodies), 1) if width > height else (1, len(bodies))
+    inches = height * (6.0 / width if width > height else 5.5 / (columns * width))
+    figure = Figure(figsize=(7.2, rows * (inches + 0.4)), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).flat
+    if len(label) * INCHES_OF_A_LETTER > inches:
         titles, label = [f"{label}, {title}" for title in titles], ""
     for axis, corners, value, title, scale in zip(axes, bodies, values, titles, scales, strict=True):
         drawn = draw_cells(axis, corners, value, clim=scale)
         axis.set_title(title, pad=4)
-        # One scale of length for all: every axis shows as much as the largest body needs along its common side.
-        (x, y), half = corners.mean(axis=(0, 1)), 0.5 * max(width, height)
-        axis.set(**({"xlim": (x - half, x + half)} if wide else {"ylim": (y - half, y + half)}))
+        # One scale of length for all: every axis shows as much as the largest body needs.
+        (left, bottom), (right, top) = np.mean([axis.get_xlim(), axis.get_ylim()], axis=1) + np.outer([-0.5, 0.5], sides)
+        axis.set(xlim=(left, right), ylim=(bottom, top))
         figure.colorbar(drawn, ax=axis, label=label, fraction=0.05, pad=0.01)
     return figure
 
@@ -183,12 +174,11 @@ def cut_of(cells: CellMesh) -> tuple[int, float]:
 
 
 def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray, box: np.ndarray, zoom: float) -> None:
-    """Draw a solid from outside: the outer sides of the cells that face the viewer, far sides first.
+    """Draw a solid from outside: the outer sides of the cells that face the viewer.
 
     `nodes` are the deformed nodes, shape (k, 3), `of_cells` the colours of the cells, shape (n, 4), and `box` the corners of the view.
     """
-    (left, bottom, back), (right, top, front) = box
-    axes.set(xlim=(left, right), ylim=(bottom, top), zlim=(back, front))
+    axes.set(xlim=box[:, 0], ylim=box[:, 1], zlim=box[:, 2])
     axes.set_box_aspect(box[1] - box[0], zoom=zoom)
     axes.view_init(ELEVATION, AZIMUTH)
     axes.set_proj_type("ortho")
@@ -199,7 +189,6 @@ def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray,
     normals = np.cross(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1])  # of triangles as well, which repeat the last corner
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
     seen = np.flatnonzero(normals @ EYE > 0)
-    seen = seen[np.argsort(sides[seen].mean(axis=1) @ EYE)]
     brightness = 0.8 + 0.2 * np.clip(normals[seen] @ LightSource(AZIMUTH, 45).direction, 0, 1)
     colours = of_cells[owners[seen]].copy()
     colours[:, :3] *= brightness[:, None]
@@ -230,7 +219,8 @@ def section(cells: CellMesh, nodes: np.ndarray, axis: int, position: float) -> t
     above = cells.nodes[:, axis] > position
     polygons, owners, begin = [], [], 0
     for block in cells.blocks:
-        edges = np.array(EDGES_OF_CELLS[block.shape[1]])
+        faces = np.array(FACES[3, block.shape[1]])
+        edges = np.unique(np.sort(np.stack([faces, np.roll(faces, 1, axis=1)], axis=2).reshape(-1, 2)), axis=0)
         cut = np.flatnonzero(above[block].any(axis=1) & ~above[block].all(axis=1))
         for number in cut:
             ends = block[number][edges]

@@ -4,8 +4,8 @@ A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces ``NAME
 ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``, ``history.csv``, ``convergence.csv`` and
 ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A file with such a name belongs to a run if its first bytes
 show it, for example by `MARK`; any other file is never replaced, and raises `FolderTaken`.  A folder holds a run of a scene if its summary
-or, without one, its checkpoint names the scene, or if a PVD index lists states of that name.  Summary and checkpoint also hold the
-`Contents` of the run.
+or, without one, its checkpoint names the scene, or if a PVD index of that name carries the mark.  Summary and checkpoint also hold the
+contents of the run, see `contents_of`.
 """
 
 import json
@@ -16,11 +16,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from xml.etree import ElementTree
 
 from .checkpoint import NAME as CHECKPOINT
 from .checkpoint import identity_in
-from .contents import Contents, differences_of, told
+from .contents import contents_in, differences_between, differences_of, told
 from .files import MARK, head_of, made, remove_leftovers
 
 SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
@@ -109,14 +108,14 @@ _HEADS = {
 WAY_OUT = "give another folder, or --overwrite (overwrite=True in Python)"
 
 
-def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> None:
+def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
     """Check that a run may write its results to a folder; by default only finished results of an equal run may be replaced.
 
     Parameters
     ----------
     folder : Path
-    contents : Contents
-        Contents of the run.
+    contents : dict
+        Contents of the run, see `contents_of`.
     overwrite : bool
         Whether to replace other runs, and runs that did not reach their end.
 
@@ -125,17 +124,17 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
     FolderTaken
         If the folder holds results of another run, an interrupted run with equal contents, or a file named like a result that no run wrote.
     """
-    check_names(folder, contents.scene["name"])
-    names, name = _scenes_in(folder), contents.scene["name"]
+    names, name = _scenes_in(folder), contents["scene_as_run"]["name"]
+    check_names(folder, name)
     if overwrite or not names:
         return
     if others := sorted(names - {name}):
         raise FolderTaken(f"{folder} holds the results of another scene ({', '.join(others)}); {WAY_OUT}")
     summary = read_summary(folder)
-    found = Contents.read(summary or identity_in(folder))
+    found = contents_in(summary or identity_in(folder))
     if found is None:
         raise FolderTaken(f"{folder} holds results of {name} that do not name their scene; {WAY_OUT}")
-    if differences := found.differences(contents):
+    if differences := differences_between(found, contents):
         raise FolderTaken(f"{folder} holds the results of another run of {name}: {differences}; {WAY_OUT}")
     ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)
     if not ended and (folder / CHECKPOINT).exists():  # without a checkpoint nothing can be resumed
@@ -153,10 +152,10 @@ def check_names(folder: Path, name: str, resumed: bool = False) -> None:
             raise FolderTaken(f"{path} was not written by a run and would be replaced; give another folder")
 
 
-def make_room(folder: Path, contents: Contents, overwrite: bool = False) -> None:
+def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
     """Remove the files of earlier runs from a folder, and no other files, after `check_room` has permitted it."""
     check_room(folder, contents, overwrite)
-    name = contents.scene["name"]
+    name = contents["scene_as_run"]["name"]
     remove_leftovers(folder)
     for scene in _scenes_in(folder) | {name}:
         for path in filter(_is_ours, _files_of(folder, scene)):
@@ -219,20 +218,12 @@ def is_marked(path: Path) -> bool:
 
 def _scenes_in(folder: Path) -> set[str]:
     """Return the names of the scenes whose runs a folder holds."""
-    scenes = {path.stem for path in folder.glob("*.pvd") if _is_index(path)}
+    scenes = {path.stem for path in folder.glob("*.pvd") if is_marked(path)}
     if summary := read_summary(folder):
         scenes.add(summary["scene"])
-    elif begun := Contents.read(identity_in(folder)):
-        scenes.add(begun.scene["name"])
+    elif begun := contents_in(identity_in(folder)):
+        scenes.add(begun["scene_as_run"]["name"])
     return scenes
-
-
-def _is_index(path: Path) -> bool:
-    """Return whether a PVD file is the index of a run: written by this package, and listing only states named like the index."""
-    listed = []
-    with suppress(OSError, ElementTree.ParseError):
-        listed = [entry.get("file", "") for entry in ElementTree.parse(path).iter("DataSet")]
-    return bool(listed) and is_marked(path) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.p?vtu", file) for file in listed)
 
 
 def read_summary(folder: Path) -> dict | None:

@@ -41,17 +41,15 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
         Coordinate of each line along the other axis, and the displacement of its lower and upper end.
     """
     order, line = _lines_along(body, axis)
-    starts = np.flatnonzero(np.diff(line, prepend=-1) > 0)
-    stops = np.r_[starts[1:], len(order)]
-    full = stops - starts >= 2
-    starts, stops = starts[full], stops[full]
-    x, u = body.points[order, axis], displacements[order, axis]
+    lines = np.split(order, np.flatnonzero(np.diff(line)) + 1)
+    first, second, before, last = np.array([points[[0, 1, -2, -1]] for points in lines if len(points) > 1]).T
+    x, u = body.points[:, axis], displacements[:, axis]
     low, high = x.min() - body.cell[axis] / 2, x.max() + body.cell[axis] / 2
 
-    def continued(outer, inner, place):
+    def continued(outer: np.ndarray, inner: np.ndarray, place: float) -> np.ndarray:
         return u[outer] + (u[outer] - u[inner]) * (place - x[outer]) / (x[outer] - x[inner])
 
-    return body.points[order[starts], 1 - axis], continued(starts, starts + 1, low), continued(stops - 1, stops - 2, high)
+    return body.points[first, 1 - axis], continued(first, second, low), continued(last, before, high)
 
 
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
@@ -287,9 +285,7 @@ class Probes:
                 rows = fields_at(body, np.array([probe.at]), portion_of)
             except ValueError as error:
                 raise ValueError(f"probes.{number}.at: {error}") from None
-            # A row that serves several components is restricted once.
-            own = {id(row): self._share.own_columns(row) for of_kind in rows for row in of_kind}
-            self._rows.append([[own[id(row)] for row in of_kind] for of_kind in rows])
+            self._rows.append([[self._share.own_columns(row) for row in of_kind] for of_kind in rows])
 
     def __len__(self) -> int:
         return len(self._names)
@@ -325,10 +321,5 @@ class Probes:
 
 
 def _read(rows: Sequence[sparse.csr_array], values: np.ndarray) -> np.ndarray:
-    """Return the values at a place, shape (m,), from values at the points, shape (n, m), and rows of weights (1, n), one per component.
-
-    If all rows are one object, one product serves all components.
-    """
-    if all(row is rows[0] for row in rows):
-        return (rows[0] @ values)[0]
+    """Return the values at a place, shape (m,), from values at the points, shape (n, m), and rows of weights (1, n), one per component."""
     return np.array([(row @ values[:, component])[0] for component, row in enumerate(rows)])

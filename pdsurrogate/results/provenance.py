@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import numba
-import numpy as np
+import numpy
 import scipy
 
 from .. import __version__
@@ -23,9 +23,7 @@ def provenance() -> dict:
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": {"processor": processor(), "cores": os.cpu_count(), "system": platform.platform()},
         "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "numba": numba.__version__,
+        **{library.__name__: library.__version__ for library in (numpy, scipy, numba)},
     }
 
 

@@ -13,10 +13,10 @@ from ..arguments import check_path
 from ..body import Body, CellMesh
 from ..html_tables import html_facts
 from ..scenes import Scene
-from .contents import Contents
+from .contents import contents_in
 from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
 from .measures import unit_of, values_of
-from .states import States, StatesInFiles, StatesInMemory, deformed_cells
+from .states import States, StatesInFiles, deformed_cells
 from .tables import column_unit, html_history, read_table, write_tables
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class Result:
     body: Body | None
     summary: dict
     history: list[dict] = field(default_factory=list)
-    states: States = field(default_factory=StatesInMemory)
+    states: States = field(default_factory=States)
     convergence: list[dict] = field(default_factory=list)
 
     @property
@@ -103,7 +103,7 @@ class Result:
         with occupied(folder):
             streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
             if not streamed:
-                contents = Contents.read(self.summary)
+                contents = contents_in(self.summary)
                 if self.body is None or contents is None:
                     raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
                 make_room(folder, contents, overwrite)
@@ -131,11 +131,7 @@ class Result:
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of the body at a level, separated along open cracks, and the displacements of their nodes, shape (k, d)."""
-        if self.body is not None:
-            return deformed_cells(self.body, self.states[level][1])
-        if not isinstance(self.states, StatesInFiles):
-            raise ValueError("the result has neither a body nor files with states")
-        return self.states.cells(level)
+        return self.states.cells(level) if self.body is None else deformed_cells(self.body, self._fields(level))
 
     def field(self, name: str, level: int = -1) -> np.ndarray:
         """Return the values of a field on the points at a level.
@@ -256,13 +252,11 @@ class Result:
 
     def chosen_states(self, most: int = 4) -> list[int]:
         """Return the numbers of the states that `figure` shows: all levels, or at most `most` outputs, spread over the growth of cracks."""
-        moving, last, stretched = self.in_dynamics(), len(self.states) - 1, self.scene.stretched
-        if last < 0 or (stretched and self.scene.dynamics is None):
-            return list(range(last + 1))
-        if stretched and not moving:
-            return [last]
+        moving, count, stretched = self.in_dynamics(), len(self.states), self.scene.stretched
+        if stretched and self.scene.dynamics is None:
+            return list(range(count))
         cracks = bool(moving) and self.scene.fracture is not None
-        chosen = np.linspace(moving[0] if stretched or cracks else 0, last, most)
+        chosen = np.linspace(moving[0] if moving and (stretched or cracks) else 0, count - 1, min(most, count))
         if cracks:
             broken = np.array([entry["broken_bonds"] for entry in self.summary["crack"]["tips"]])
             if broken[-1] > 0:
@@ -329,8 +323,8 @@ def load_result(folder: str | Path) -> Result:
     name = summary["scene"]
     try:
         scene = Scene.model_validate(summary["scene_as_run"])
-        states = StatesInFiles.saved(folder, name, summary.get("states")) if (folder / f"{name}.pvd").exists() else StatesInMemory()
+        states = StatesInFiles.saved(folder, name, summary.get("states")) if (folder / f"{name}.pvd").exists() else States()
         history, convergence = (read_table(folder / table) for table in (HISTORY, CONVERGENCE))
-    except (ValueError, KeyError, OSError, ElementTree.ParseError) as error:
+    except (ValueError, KeyError, TypeError, OSError, ElementTree.ParseError) as error:
         raise ValueError(f"{folder}: the result cannot be read: {' '.join(str(error).split())}") from None
     return Result(scene, None, summary, history, states, convergence)

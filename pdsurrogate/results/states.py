@@ -32,42 +32,43 @@ class Moment:
     """
 
     run_time: float
-    stretch: float | None
-    time: float
+    stretch: float | None = None
+    time: float = 0.0
     t: float | None = None
 
 
 class States:
-    """Sequence of the states that a run records; this base class keeps only their moments, as ranks other than the first do."""
+    """Sequence of the states that a run records, with their fields in memory; ranks other than the first keep only their moments.
+
+    Parameters
+    ----------
+    moments : list of Moment, optional
+        Moments of the states that a resumed run has already recorded.
+    """
 
     def __init__(self, moments: list[Moment] | None = None) -> None:
         self.moments = list(moments or [])
+        self._kept: list[Fields | Path] = [{} for _ in self.moments]
 
-    def append(self, moment: Moment, fields: Fields) -> None:
-        """Record a state: its moment and its fields on the points."""
+    def append(self, moment: Moment, fields: Fields | Path) -> None:
+        """Record a state: its moment and its fields on the points, which are None on a rank that does not keep them, or their file."""
         self.moments.append(moment)
+        self._kept.append(fields)
 
     def __len__(self) -> int:
         return len(self.moments)
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        """Return the moment and the fields on the points of a state, by its number; in this base class raise RuntimeError."""
-        raise RuntimeError("the fields of a run on several ranks are on the first of them")
+        """Return the moment and the fields on the points of a state, by its number; raise RuntimeError on a rank that has no fields."""
+        moment, kept = self.moments[number], self._kept[number]
+        fields = vtk.read_state(kept)[2] if isinstance(kept, Path) else kept
+        if fields.get(vtk.DISPLACEMENT) is None:
+            raise RuntimeError("the fields of a run on several ranks are on the first of them")
+        return moment, fields
 
-
-class StatesInMemory(States):
-    """Sequence of the states of a run, with fields kept in memory."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._fields: list[Fields] = []
-
-    def append(self, moment: Moment, fields: Fields) -> None:
-        super().append(moment, fields)
-        self._fields.append(fields)
-
-    def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        return self.moments[number], self._fields[number]
+    def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
+        """Return the cells of the body in a state that was read from a file, and the displacements of their nodes, shape (k, d)."""
+        return vtk.read_state(self._kept[number])[:2]
 
 
 class StatesInFiles(States):
@@ -89,7 +90,7 @@ class StatesInFiles(States):
     def __init__(self, folder: Path, name: str, body: Body | None = None, moments: list[Moment] | None = None) -> None:
         super().__init__(moments)
         self.folder, self.name, self.body = folder, name, body
-        self.paths = [self._path(number) for number in range(len(self.moments))]
+        self._kept = [self._path(number) for number in range(len(self.moments))]
         if moments is not None and body.share.leads:
             self._write_index()
             for number, path in state_files(folder, name):
@@ -113,10 +114,9 @@ class StatesInFiles(States):
             If the index is not there or cannot be read.
         """
         states = cls(folder, name)
-        for run_time, path in vtk.read_index(folder / f"{name}.pvd")[:most]:
-            values = vtk.read_values(path)
-            states.moments.append(Moment(run_time, values.get("stretch"), values.get("time", 0.0), values.get("t")))
-            states.paths.append(path)
+        for path in vtk.read_index(folder / f"{name}.pvd")[:most]:
+            states.moments.append(Moment(**vtk.read_values(path)))
+            states._kept.append(path)
         return states
 
     @property
@@ -136,8 +136,7 @@ class StatesInFiles(States):
             fields = {name: field[share.own] for name, field in fields.items()} | {vtk.NUMBER: share.numbers[share.own]}
         with share.ranks.together():
             vtk.write_state(_piece(path, share.ranks.rank) if self.in_pieces else path, cells, nodes, fields, values)
-        super().append(moment, fields)
-        self.paths.append(path)
+        super().append(moment, path)
         with share.ranks.together():
             if self.in_pieces and share.leads:
                 pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]
@@ -146,20 +145,13 @@ class StatesInFiles(States):
                 self._write_index()
 
     def _write_index(self) -> None:
-        entries = [(moment.run_time, path.name) for moment, path in zip(self.moments, self.paths, strict=True)]
+        entries = [(moment.run_time, path.name) for moment, path in zip(self.moments, self._kept, strict=True)]
         vtk.write_index(self.folder / f"{self.name}.pvd", entries)
 
     def _path(self, number: int) -> Path:
         """Return the path of the file of a state: a VTU file, or the PVTU file of a state that was written in pieces."""
         path = self.folder / f"{self.name}-{number:03d}.pvtu"
         return path if path.exists() else path.with_suffix(".vtu")
-
-    def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        return self.moments[number], vtk.read_state(self.paths[number])[2]
-
-    def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
-        """Return the cells of the body in a state, and the displacements of their nodes, shape (k, d)."""
-        return vtk.read_state(self.paths[number])[:2]
 
 
 def _piece(path: Path, rank: int) -> Path:

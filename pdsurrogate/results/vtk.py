@@ -122,10 +122,9 @@ def read_state(path: Path) -> tuple[CellMesh, np.ndarray, dict[str, np.ndarray]]
     return CellMesh(nodes, tuple(blocks)), moved.astype(float), fields
 
 
-def read_index(path: Path) -> list[tuple[float, Path]]:
-    """Return the time and the file of every state that a PVD index file lists, in order."""
-    entries = ElementTree.parse(path).iter("DataSet")
-    return [(float(entry.get("timestep")), path.parent / entry.get("file")) for entry in entries]
+def read_index(path: Path) -> list[Path]:
+    """Return the file of every state that a PVD index file lists, in order."""
+    return [path.parent / entry.get("file") for entry in ElementTree.parse(path).iter("DataSet")]
 
 
 def read_values(path: Path) -> dict[str, float]:

@@ -107,7 +107,7 @@ class Checkpoints:
         """Return the entries by which a checkpoint is recognised as one of this run: scene, force and sizes of the body."""
         run = self.run
         sizes = {"n_points": self._share.size, "n_pairs": self._share.total(run.counted_pairs())}
-        return {**run.contents.describe(), **sizes}
+        return {**run.contents, **sizes}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
         """Write a checkpoint of the run, with the entries `progress` and the `arrays` of the present stage added."""
@@ -127,9 +127,9 @@ class Checkpoints:
         if run.earlier is not None:
             held["earlier"] = run.earlier[1]
         whole = {key: self._rows_of(key).gather(array) for key, array in held.items()}
-        kept = Checkpoint(self.identity, {**common, **progress}, whole)  # evaluated on all ranks, which compute its sums together
+        identity = self.identity  # evaluated on all ranks, which compute its sums together
         if run.ranks.rank == 0:
-            kept.write(run.folder)
+            Checkpoint({**common, **progress}, whole).write(run.folder, identity)
         ended = time.monotonic()
         self.resumable, self._due = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, CHECKPOINT_SHARE * (ended - began))
 
@@ -155,7 +155,7 @@ class Checkpoints:
         run.break_again()
         self.resumable = True
         run.force.evaluations, run.force.pairs_outside = progress["evaluations"], 0 if run.ranks.rank else progress["outside"]
-        return Checkpoint(identity, progress, arrays)
+        return Checkpoint(progress, arrays)
 
     def _held(self) -> dict[str, np.ndarray]:
         """Return the arrays, by name, that every checkpoint of the run contains: positions, state of the force, and damage."""

@@ -16,7 +16,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.linalg import null_space
 from scipy.spatial import cKDTree
 
-from ..arguments import check_is
+from ..arguments import check_kind
 from ..problem import Problem, compile_scene
 from ..problem.materials import scene_errors
 from ..results import figures
@@ -72,7 +72,7 @@ def preview(scene: Scene) -> Figure:
     >>> [text.get_text() for text in figure.legends[0].get_texts()]
     ['east: x2 = 0', 'west: x2 = 0', 'north: x1 = 0', 'south: x1 = 0', 'holes: pressure 1', 'probe']
     """
-    check_is(scene, Scene, "scene", "load_scene gives")
+    check_kind(scene, Scene, "scene", "Scene, such as load_scene gives")
     problem = compile_scene(scene)
     with scene_errors(scene):
         marks = _marks(problem)

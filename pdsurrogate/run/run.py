@@ -17,8 +17,8 @@ from ..problem import Problem, Stage, compile_scene
 from ..problem.materials import scene_errors
 from ..ranks import Communicator, communicator
 from ..results import measures
-from ..results.contents import Contents
-from ..results.states import Moment, States, StatesInFiles, StatesInMemory
+from ..results.contents import contents_of
+from ..results.states import Moment, States, StatesInFiles
 from ..scenes import Scene
 from .checkpoints import Checkpoints, Record, State
 from .damage import Damage
@@ -114,7 +114,7 @@ class Run:
         self.model, self.progress, self.folder = models[0], progress, folder
         self.interruption, self.ranks = Interruption(), communicator()
         self.problem = compile_scene(scene, models, self.ranks)
-        self.contents = Contents.of(scene, models)
+        self.contents = contents_of(scene, models)
         self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loading.loads
         self.stages: tuple[Stage, ...] = self.problem.stages
         paying = threads_for(len(self.body.bonds.first))
@@ -176,9 +176,9 @@ class Run:
     def states_of(self, moments: list[Moment] | None = None) -> States:
         """Return the storage for states of the run, in memory or in its folder; `moments` are those of states recorded already."""
         writer = self.body if self._in_pieces else self.whole
-        if writer is None:
+        if writer is None or self.folder is None:
             return States(moments)
-        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, writer, moments)
+        return StatesInFiles(self.folder, self.problem.name, writer, moments)
 
     @property
     def _in_pieces(self) -> bool:
@@ -203,7 +203,7 @@ class Run:
         if not self._in_pieces:
             fields = {name: self.body.share.gather(values) for name, values in fields.items()}
         equilibria, since = sum("time" not in level for level in self.state.levels), self.state.elapsed + time
-        moment = Moment(**{"run_time": equilibria + since, "time": since, "stretch": None, self.loading.parameter: self.state.parameter})
+        moment = Moment(**{"run_time": equilibria + since, "time": since, self.loading.parameter: self.state.parameter})
         self._count_beyond_data(moment)
         self.states.append(moment, fields)
         self.tables.keep_if_due(0.0 if len(self.states) > 1 else -np.inf)

@@ -13,14 +13,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .. import artifacts
-from ..arguments import check_is, check_path, check_seconds, check_whole_number
+from ..arguments import check_kind, check_path, check_seconds, check_whole_number
 from ..engine.compile import compilation_clock
 from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
 from ..problem.materials import checked_models, scene_errors
 from ..ranks import Communicator, communicator
 from ..results import Result
-from ..results.contents import Contents
+from ..results.contents import contents_of
 from ..results.files import remove_leftovers
 from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
 from ..results.provenance import provenance
@@ -179,12 +179,11 @@ def simulate(
     began = time.perf_counter()
     if isinstance(scene, str | Path):
         scene = load_scene(scene)
-    elif not isinstance(scene, Scene):
-        raise TypeError(f"scene must be a Scene, or the name or file of one, not {scene!r}")
+    check_kind(scene, Scene, "scene", "a Scene, or the name or file of one")
     scene, model = _model_of(force, scene)
     _check_arguments(threads, progress, folder, max_time)
     if resume and folder is None:
-        raise ValueError("resume: give the folder of the run to resume as folder")
+        raise ValueError("resume: give the folder with the checkpoint as folder (--out)")
     if resume and overwrite:
         raise ValueError("give resume or overwrite, not both")
     ranks = communicator()
@@ -200,7 +199,7 @@ def simulate(
             check_names(own, scene.name, resumed=True)
             remove_leftovers(own)
         elif own:
-            check_room(own, Contents.of(scene, models), overwrite)
+            check_room(own, contents_of(scene, models), overwrite)
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
     with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
@@ -257,7 +256,7 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
     directed = total(run.directed_bonds())
     summary = {
         **run.problem.describe(),
-        "force": run.contents.force,
+        "force": run.contents["force"],
         "plane": force.plane,
         "thickness": 1.0,
         "n_points": run.body.share.size,
@@ -285,7 +284,7 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         **({"beyond_data": state.beyond_data} if state.beyond_data else {}),
         "unsupported_points": run.unsupported_points(),
         "levels": state.levels,
-        **run.contents.describe(),
+        **run.contents,
         "provenance": provenance(),
     }
     if any(stage.inertia is not None for stage in run.stages):
@@ -319,11 +318,11 @@ def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, fold
 def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) -> None:
     """Check the arguments of `simulate`, and raise an error for wrong types and values."""
     if progress is not None:
-        check_is(progress, Progress, "progress", "an object with the methods of pdsurrogate.run.simulate.Progress")
+        check_kind(progress, Progress, "progress", "Progress, such as an object with the methods of pdsurrogate.run.simulate.Progress")
     if folder is not None:
         check_path(folder, "folder")
         if not str(folder):
-            raise ValueError("a folder is needed for the results, and its name is empty")
+            raise ValueError("a folder is needed for the results (--out), and its name is empty")
     if max_time is not None:
         check_seconds(max_time, "max_time")
     if threads is not None:

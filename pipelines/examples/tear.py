@@ -7,7 +7,7 @@ A notebook as a script: cells begin with ``# %%``.  The built-in scene ``tear`` 
 from pathlib import Path
 
 import pdsurrogate as pds
-from pdsurrogate.results.page import html_page
+from pdsurrogate.results.drawings import html_page
 
 changes = {"spacing": 0.25, "stretches": [1.1, 1.2], "fracture.critical_stretch": 2.0}
 changes |= {"dynamics.stretch": 1.5, "dynamics.stretch_rate": 20.0, "dynamics.viscosity": 5e-5, "dynamics.outputs": 6}

@@ -155,7 +155,7 @@ def test_progress_is_drawn_on_terminals_alone(monkeypatch, drawn):
     file = io.StringIO()
     monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=drawn, width=100))
     monkeypatch.setattr(terminal.settings, "quiet", False)
-    with terminal.Bar("drawing") as bar, terminal.status("busy"):
+    with terminal.Bar("drawing") as bar:
         bar.show(0.5, "residual 1e-3")
     assert ("drawing" in file.getvalue()) == drawn
     assert drawn or file.getvalue() == ""
@@ -177,14 +177,15 @@ def test_a_narrow_terminal_cuts_nothing_of_progress(monkeypatch):
 def test_rates_are_by_the_second_or_by_the_minute(monkeypatch):
     now = [10.0]
     monkeypatch.setattr(terminal.time, "monotonic", lambda: now[0])
-    rate = terminal.Rate("runs")
-    assert rate.after(0) == ""
+    bar = terminal.Bar("one study")
+    assert bar.rate("runs", 0) == ""
     now[0] = 20.0
-    assert rate.after(5) == ", 30 runs/min"
-    assert rate.after(50) == ", 5 runs/s"
-    rate = terminal.Rate("runs", 50)
+    assert bar.rate("runs", 5) == ", 30 runs/min"
+    assert bar.rate("runs", 50) == ", 5 runs/s"
+    bar.show(0.0, title="another study")
+    assert bar.rate("runs", 50) == ""
     now[0] = 21.0
-    assert rate.after(52) == ", 2 runs/s"
+    assert bar.rate("runs", 52) == ", 2 runs/s"
 
 
 def test_laws_of_the_users_own(own_law):

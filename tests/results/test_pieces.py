@@ -9,7 +9,7 @@ import pdsurrogate as pds
 from pdsurrogate.body import Body
 from pdsurrogate.ranks import Communicator
 from pdsurrogate.results import vtk
-from pdsurrogate.results.contents import Contents
+from pdsurrogate.results.contents import contents_in
 from pdsurrogate.results.folder import make_room
 from pdsurrogate.results.states import Moment, StatesInFiles, deformed_cells
 
@@ -98,7 +98,7 @@ def test_a_rank_that_cannot_write_leaves_the_states_before(result, written, monk
 
 
 def test_a_new_run_takes_the_place_of_pieces(result, written):
-    make_room(written / "pieces", Contents.read(result.summary), overwrite=True)  # they have no summary
+    make_room(written / "pieces", contents_in(result.summary), overwrite=True)  # they have no summary
     assert not list((written / "pieces").iterdir())
 
 

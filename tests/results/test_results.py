@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.results import figures, files, measures
-from pdsurrogate.results.contents import MESH, Contents, digest_of_mesh
+from pdsurrogate.results.contents import MESH, contents_of, differences_between, digest_of_mesh
 from pdsurrogate.results.folder import LOCK, FolderTaken, is_marked, occupied
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 
@@ -186,18 +186,18 @@ def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
 def test_differences_of_scenes_in_words(tmp_path):
     first, other = uniaxial(1.1), pds.load_scene("ring-pressure", {"name": "uniaxial"})
     model = pds.load_surrogate("analytic")
-    told = Contents.of(first, [model]).differences(Contents.of(other, [model]))
+    told = differences_between(contents_of(first, [model]), contents_of(other, [model]))
     assert re.fullmatch(r"(\S+ is .+ there and .+ here; ){2}\S+ is .+ there and .+ here, and \d+ more", told)
     assert "title" not in told  # which changes no result
-    assert Contents.of(first, [model]).differences(Contents.of(first, [model])) == ""
+    assert differences_between(contents_of(first, [model]), contents_of(first, [model])) == ""
     # A mesh is told by what its file holds.
     mesh = pds.shapes.Mesh(file=str(tmp_path / "sheet.vtk"))
     digests = []
     for text in ("one", "other"):
         (tmp_path / "sheet.vtk").write_text(text)
         digests.append({MESH: digest_of_mesh(mesh)})
-    one, another = (Contents({}, "analytic", digest) for digest in digests)
-    assert one.differences(another) == "the file of the mesh has changed"
+    one, another = ({"scene_as_run": {}, "force": "analytic", "digests": digest} for digest in digests)
+    assert differences_between(one, another) == "the file of the mesh has changed"
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.cli.show import MARK, MARK_WITHIN
-from pdsurrogate.results.page import html_page
+from pdsurrogate.results.drawings import html_page
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 
