@@ -24,7 +24,6 @@ from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.kernels.network import ACTIVATIONS
 from pdsurrogate.learning import surrogate_of
-from pdsurrogate.learning.bond_force import BOND_FORCE
 from pdsurrogate.learning.pipeline import feature_transformer, outputs_of_force
 from pdsurrogate.learning.sampling import force_factor
 from pdsurrogate.learning.target import relative_errors
