@@ -15,7 +15,7 @@ from ..body.body import sums_at_points
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
-from .multigrid import Multigrid, Operator, conjugate_gradient_steps, conjugate_gradients, factor_of
+from .multigrid import Multigrid, Operator, conjugate_gradient_steps, factor_of
 
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a grid, and similar ones off a grid.
@@ -43,20 +43,13 @@ middle two need a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
 """
 
 
-SOLVED, EXACTLY = 0.05, 1e-6
-"""Residual over the given forces at which inner conjugate gradients end: in general, and where they replace a factorisation.
-
-Restricted Schwarz alone, which exchanges less, was tried for few parts: a ring under pressure then needs 173 evaluations on two
-ranks and 273 on three, while one rank needs 76, and two with conjugate gradients 78."""
-
-MOST_STEPS_IN_PARTS = 200
-
 LEFT_BY_CHEBYSHEV = 0.2
 """Fraction of any component of an error that Chebyshev's method may leave. A multigrid cycle, which replaces a factorisation of large
 bodies on one rank, leaves as much."""
 
-LANCZOS_STEPS = 20
-"""Number of Lanczos steps that determine the ends of a spectrum accurately enough for Chebyshev's method."""
+LANCZOS_STEPS, LANCZOS_LEFT = 20, 1e-6
+"""Greatest number of Lanczos steps for the ends of a spectrum, as accurately as Chebyshev's method needs them, and the residual, over the
+first, at which they end earlier."""
 
 MARGIN = 1.1
 """Safety factor on the greatest Ritz value, since Chebyshev's method magnifies components beyond the end of its interval."""
@@ -149,15 +142,18 @@ class NearestBonds:
         matrix = sparse.coo_array((values.ravel(), places), shape=(d * len(self.body),) * 2).tocsc()
         return (matrix + matrix.T) / 2
 
-    def matrices(self) -> list[tuple[list[int], sparse.csr_array]]:
-        """Return pairs of component numbers and their common stiffness matrix (n, n), for springs as stiff across as along bonds.
+    def systems(self, free: np.ndarray) -> list[tuple[list[int], sparse.sparray]]:
+        """Return pairs of component numbers and their stiffness matrix: one `matrix` of all components, or several of shape (n, n).
 
-        Components do not couple then; those that ghosts continue with equal signs have a matrix in common.
+        Springs as stiff across as along bonds do not couple components: those that ghosts continue with equal signs, and that are held
+        alike, where `free` (n, d) is 0, have a matrix in common.
         """
-        found, shape = [], (len(self.body),) * 2
-        for components in alike(self.body.ghosts.parity, range(self.body.dimension)):
+        every, found = range(self.body.dimension), []
+        if self._excess.any():
+            return [(list(every), self.matrix())]
+        for components in alike(np.vstack([self.body.ghosts.parity, free]), every):
             rows, columns, values = self._entries(self._across, self._parity()[:, components[0]])
-            matrix = sparse.csr_array((values, (rows, columns)), shape=shape)
+            matrix = sparse.csr_array((values, (rows, columns)), shape=(len(self.body),) * 2)
             found.append((components, (matrix + matrix.T) / 2))
         return found
 
@@ -201,11 +197,11 @@ def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
     return keep @ matrix @ keep + sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
 
 
-def by_components(operators: list[tuple[list[int], Operator]], values: np.ndarray) -> np.ndarray:
-    """Return the result (n, d) of applying operators to the columns of values (n, d); each operator comes with its column numbers."""
+def by_systems(systems: list[tuple[list[int], int, Operator]], values: np.ndarray) -> np.ndarray:
+    """Return the result (n, d) of applying operators to values (n, d); each comes with its component numbers and its number of rows."""
     found = np.empty_like(values)
-    for components, operator in operators:
-        found[:, components] = operator(values[:, components])
+    for components, rows, operator in systems:
+        found[:, components] = operator(values[:, components].reshape(rows, -1)).reshape(len(values), -1)
     return found
 
 
@@ -225,70 +221,62 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
     return balanced
 
 
-def _factorised_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return a function that solves for the displacements (n, d) of the network `springs_of` under forces, by factorisation in one process.
+def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
+    """Return the inverse of the stiffness of a network in one process: a factorisation or, for a large Laplacian, a multigrid cycle.
 
     The low modes of the network agree with those of the true tangent up to a ratio that does not grow with the number of points. The
     factorisation takes seconds for 10^5 points.
     """
-    balanced, column = drift_remover(body, free), free.ravel()
-    factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), column))
-    return lambda forces: balanced(factor.solve(forces.ravel() * column).reshape(forces.shape))
-
-
-def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return the inverse of `laplacian_of` for a body in one process, by factorisation or, for a large body, by a multigrid cycle."""
-    balanced, inverses = drift_remover(body, free), []
-    for components, matrix in laplacian_of(body, shear_moduli).matrices():
-        for own in alike(free, components):
-            column = free[:, own[0]]
-            system = held_matrix(matrix, column)
-            if len(body) > MOST_FACTORISED[body.dimension]:
-                inverses.append((own, Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(own)).cycle))
-            else:
-                inverses.append((own, factor_of(system).solve))
-    return lambda forces: balanced(by_components(inverses, forces * free)) * free
+    body, inverses = network.body, []
+    balanced = drift_remover(body, free)
+    for components, matrix in network.systems(free):
+        count = matrix.shape[0]
+        column = free[:, components].reshape(count, -1)[:, 0]
+        system = held_matrix(matrix, column)
+        if count == len(body) > MOST_FACTORISED[body.dimension]:
+            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components)).cycle
+        else:
+            inverse = factor_of(system).solve
+        inverses.append((components, count, inverse))
+    return lambda forces: balanced(by_systems(inverses, forces * free)) * free
 
 
 class TwoLevels:
-    """Two-level Schwarz preconditioner for a body divided among ranks: overlapping parts, and affine motions of each part.
+    """Approximate inverse of the stiffness of a network divided among ranks: two-level Schwarz, accelerated by Chebyshev's method.
 
     The part of a rank inverts the stiffness of its own points and of those halo points that have all their nearest bonds on this rank;
-    other points are held. The solutions of all parts are added, and with them the best combination of motions affine in every part.
+    other points are held. The solutions of all parts are added, and with them the best combination of motions affine in every part. The
+    number of steps of Chebyshev's method is fixed: unlike conjugate gradients they are one symmetric positive definite operator for all
+    forces, and need no sums over all ranks.
 
     Parameters
     ----------
-    bonds : NearestBonds
+    network : NearestBonds
         Springs of this rank's part.
-    multiply : callable
-        Product of the stiffness and displacements (n, d); with valid displacements on all local points it is valid on the owned points.
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held and on the halo.
 
-    Attributes
-    ----------
-    inside : ndarray, shape (n, d)
-        1 for the components whose stiffness this part inverts.
-    invert : callable
-        Inverse of the stiffness of these components, set by the caller.
-
     References
     ----------
-    Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3.
+    Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3; Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm
+    12.1.
     """
 
-    invert: Operator
-
-    def __init__(self, bonds: NearestBonds, multiply: Operator, free: np.ndarray) -> None:
-        body, share = bonds.body, bonds.body.share
-        self._share, self._multiply, self._free, self._body = share, multiply, free, body
+    def __init__(self, network: NearestBonds, free: np.ndarray) -> None:
+        body = network.body
+        self._share, self._free, self._body = body.share, free, body
         self._around = free.copy()
-        share.fill(self._around)
-        degrees = sums_at_points(len(body), bonds.first, bonds.second, np.ones(len(bonds.first)), 1)
+        body.share.fill(self._around)
+        self._products = [(own, matrix.shape[0], matrix.__matmul__) for own, matrix in network.systems(self._around)]
+        degrees = sums_at_points(len(body), network.first, network.second, np.ones(len(network.first)), 1)
         of_owners = degrees.copy()
-        share.fill(of_owners)
-        self.inside = self._around * (degrees == of_owners)[:, None]
-        self._without_drift = drift_remover(body, self._around)
+        body.share.fill(of_owners)
+        self._inside = self._around * (degrees == of_owners)[:, None]
+        self._invert, self._without_drift = _inverse_here(network, self._inside), drift_remover(body, self._around)
+        least, greatest = self._spectrum()
+        self._middle, self._half = (MARGIN * greatest + least) / 2, (MARGIN * greatest - least) / 2
+        # So many steps reduce errors between the ends of the spectrum to `LEFT_BY_CHEBYSHEV`.
+        self._steps = int(np.ceil(np.arccosh(1 / LEFT_BY_CHEBYSHEV) / np.arccosh(self._middle / self._half)))
 
     def balanced(self, values: np.ndarray) -> np.ndarray:
         """Subtract in place the mean of values (n, d) along axes in which the body is not held, zero the halo, and return the values.
@@ -301,13 +289,13 @@ class TwoLevels:
     def applied(self, displacements: np.ndarray) -> np.ndarray:
         """Fill the halo of displacements (n, d) in place, and return the product of the stiffness with them on free components."""
         self._share.fill(displacements)
-        return self._multiply(displacements) * self._free
+        return by_systems(self._products, displacements) * self._free
 
     def both(self, forces: np.ndarray) -> np.ndarray:
         """Apply the preconditioner: return the sum of the displacements of both levels under forces (n, d) that are zero on the halo."""
         around = forces.copy()
         self._share.fill(around)
-        found = self.invert(around * self.inside) * self.inside
+        found = self._invert(around)
         self._share.fold(found)
         modes, inverse = self._affine
         pulls = np.concatenate(self._share.everywhere(modes.T @ forces.ravel()))
@@ -332,92 +320,45 @@ class TwoLevels:
         for rank in np.unique(share.owners):
             theirs = (share.owners == rank)[:, None]
             for number, motion in enumerate(motions):
-                rows[:, k * rank + number] = own.T @ self._multiply(motion * theirs).ravel()
+                rows[:, k * rank + number] = own.T @ by_systems(self._products, motion * theirs).ravel()
         stiffness = np.concatenate(share.everywhere(rows))
         return own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
 
-    def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
-        """Return the displacements under forces (n, d) by preconditioned conjugate gradients, to a residual of `left` times the forces."""
-        rest = self.balanced(forces * self._free)
-        return self.balanced(conjugate_gradients(rest, self.both, self.applied, self._share.dot, left, MOST_STEPS_IN_PARTS))
-
-    def spectrum(self) -> tuple[float, float]:
+    def _spectrum(self) -> tuple[float, float]:
         """Return the least and greatest Ritz value of the preconditioned stiffness, by conjugate gradients on random forces."""
         rest = self.balanced(random_vector(self._share, self._free))
-        steps = conjugate_gradient_steps(rest, self.both, self.applied, self._share.dot, EXACTLY, LANCZOS_STEPS)
+        steps = conjugate_gradient_steps(rest, self.both, self.applied, self._share.dot, LANCZOS_LEFT, LANCZOS_STEPS)
         shares, sizes = np.array([(1 / length, size) for length, _, size in steps]).T
         growths, diagonal = sizes[1:] / sizes[:-1], shares.copy()
         diagonal[1:] += growths * shares[:-1]
         values = eigh_tridiagonal(diagonal, np.sqrt(growths) * shares[:-1], eigvals_only=True)
         return float(values[0]), float(values[-1])
 
-
-def _springs_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, left: float) -> Operator:
-    """Return the inverse of `springs_of` for a body divided among ranks, by conjugate gradients to a residual `left` over the forces."""
-    springs = springs_of(body, shear_moduli)
-    matrix = springs.matrix()
-    levels = TwoLevels(springs, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free)
-    factor = factor_of(held_matrix(matrix, levels.inside.ravel()))
-    levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
-    return lambda forces: levels.iterated(forces, left)
-
-
-def _laplacian_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return an approximate inverse of `laplacian_of` for a body divided among ranks, by a fixed number of steps of Chebyshev's method.
-
-    Unlike conjugate gradients these steps are one symmetric positive definite operator for all forces, and need no sums over all ranks.
-
-    References
-    ----------
-    Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1.
-    """
-    laplacian = laplacian_of(body, shear_moduli)
-    products = [(components, matrix.__matmul__) for components, matrix in laplacian.matrices()]
-    levels = TwoLevels(laplacian, lambda moved: by_components(products, moved), free)
-    levels.invert = _inverted_laplacian(body, shear_moduli, levels.inside)
-    least, greatest = levels.spectrum()
-    middle, half = (MARGIN * greatest + least) / 2, (MARGIN * greatest - least) / 2
-    # So many steps reduce errors between the ends of the spectrum to `LEFT_BY_CHEBYSHEV`.
-    steps = int(np.ceil(np.arccosh(1 / LEFT_BY_CHEBYSHEV) / np.arccosh(middle / half)))
-
-    def solve(forces: np.ndarray) -> np.ndarray:
-        rest = levels.balanced(forces * free)
-        step = levels.both(rest) / middle
+    def solve(self, forces: np.ndarray) -> np.ndarray:
+        """Return the displacements (n, d) on owned points under forces (n, d)."""
+        middle, half = self._middle, self._half
+        rest = self.balanced(forces * self._free)
+        step = self.both(rest) / middle
         found, ratio = step.copy(), half / middle
-        for _ in range(steps - 1):
-            rest -= levels.applied(step)
+        for _ in range(self._steps - 1):
+            rest -= self.applied(step)
             following = 1 / (2 * middle / half - ratio)
-            step = following * ratio * step + 2 * following / half * levels.both(rest)
+            step = following * ratio * step + 2 * following / half * self.both(rest)
             found += step
             ratio = following
-        return levels.balanced(found)
-
-    return solve
+        return self.balanced(found)
 
 
-def inverse_of_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, left: float = SOLVED) -> Preconditioner:
-    """Return the preconditioner that inverts the stiffness of the network `springs_of` a body; on several ranks, for owned points.
+def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
+    """Return the inverse of the stiffness of a network of springs, approximate for a large Laplacian or a body divided among ranks.
 
     Parameters
     ----------
-    body : Body
-    shear_moduli : float or ndarray, shape (n,)
-        Shear modulus: one for all points, or one for each.
+    network : NearestBonds
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held and on the halo.
-    left : float
-        Residual over the forces, for a body divided among ranks; in one process the inverse is exact.
     """
-    system = body, shear_moduli, free
-    return Preconditioner(_springs_in_parts(*system, left) if body.share.divided else _factorised_springs(*system))
-
-
-def inverse_of_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Preconditioner:
-    """Return the preconditioner that inverts `laplacian_of` a body, approximately if it is large or divided among ranks.
-
-    The arguments are those of `inverse_of_springs`.
-    """
-    return Preconditioner((_laplacian_in_parts if body.share.divided else _inverted_laplacian)(body, shear_moduli, free))
+    return TwoLevels(network, free).solve if network.body.share.divided else _inverse_here(network, free)
 
 
 def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
