@@ -4,18 +4,16 @@ For a body divided among ranks the inverse is approximate: it combines overlappi
 """
 
 from collections.abc import Callable, Iterable
-from functools import cached_property
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
 from ..body.body import sums_at_points
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
-from .multigrid import Multigrid, Operator, conjugate_gradient_steps, factor_of
+from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
 
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a grid, and similar ones off a grid.
@@ -43,17 +41,14 @@ middle two need a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
 """
 
 
-LEFT_BY_CHEBYSHEV = 0.2
-"""Fraction of any component of an error that Chebyshev's method may leave. A multigrid cycle, which replaces a factorisation of large
-bodies on one rank, leaves as much."""
+ADDED = 0.6
+"""Factor on the sum of the solutions of overlapping parts and of affine motions, of which points have more than one.
 
-LANCZOS_STEPS, LANCZOS_LEFT = 20, 1e-6
-"""Greatest number of Lanczos steps for the ends of a spectrum, as accurately as Chebyshev's method needs them, and the residual, over the
-first, at which they end earlier."""
+With 1 nearly incompressible bodies need half as many evaluations more on two ranks; 0.5 and 0.65 need as many as 0.6. Steps of Chebyshev's
+method with this operator save no evaluations and take twice the time."""
 
-MARGIN = 1.1
-"""Safety factor on the greatest Ritz value, since Chebyshev's method magnifies components beyond the end of its interval."""
-
+MOST_STEPS = 200
+"""Maximum number of conjugate-gradient steps for the displacements of a network; some tens are usual."""
 
 UNDEFORMED = 1000
 """Greatest bond strain, over the strain that rounding of positions causes, at which a body counts as not deformed."""
@@ -89,6 +84,8 @@ class NearestBonds:
     ----------
     first, second : ndarray of int, shape (k,)
         Ends of the bonds; `second` may be a ghost.
+    coupled : bool
+        Whether the displacements of a component cause forces on others.
     body
     """
 
@@ -109,6 +106,7 @@ class NearestBonds:
         of_all = moment * share.own[bonds.first]
         stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
+        self.coupled = along != across
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
         # The point at the second end of every bond, or the point of which that end is an image.
         self.body, self._sources = body, np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[self.second]
@@ -123,7 +121,7 @@ class NearestBonds:
         moved = np.vstack([moved, moved[ghosts.source] * ghosts.parity + of_images])
         changes = moved[self.second] - moved[self.first]
         forces = self._across[:, None] * changes
-        if self._excess.any():
+        if self.coupled:
             forces += (self._excess * np.einsum("bi,bi->b", self._along, changes))[:, None] * self._along
         return sums_at_points(len(self.body), self.first, self.second, forces, -1)
 
@@ -149,7 +147,7 @@ class NearestBonds:
         alike, where `free` (n, d) is 0, have a matrix in common.
         """
         every, found = range(self.body.dimension), []
-        if self._excess.any():
+        if self.coupled:
             return [(list(every), self.matrix())]
         for components in alike(np.vstack([self.body.ghosts.parity, free]), every):
             rows, columns, values = self._entries(self._across, self._parity()[:, components[0]])
@@ -241,124 +239,89 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
     return lambda forces: balanced(by_systems(inverses, forces * free)) * free
 
 
-class TwoLevels:
-    """Approximate inverse of the stiffness of a network divided among ranks: two-level Schwarz, accelerated by Chebyshev's method.
+def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
+    """Return an approximate inverse of the stiffness of a network divided among ranks: an additive two-level Schwarz method.
 
     The part of a rank inverts the stiffness of its own points and of those halo points that have all their nearest bonds on this rank;
-    other points are held. The solutions of all parts are added, and with them the best combination of motions affine in every part. The
-    number of steps of Chebyshev's method is fixed: unlike conjugate gradients they are one symmetric positive definite operator for all
-    forces, and need no sums over all ranks.
-
-    Parameters
-    ----------
-    network : NearestBonds
-        Springs of this rank's part.
-    free : ndarray, shape (n, d)
-        1 where a component may move, 0 where it is held and on the halo.
+    other points are held. The solutions of all parts are added, and with them the best combination of motions affine in every part.
 
     References
     ----------
-    Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3; Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm
-    12.1.
+    Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3.
     """
+    body, share, around = network.body, network.body.share, free.copy()
+    share.fill(around)
+    degrees = sums_at_points(len(body), network.first, network.second, np.ones(len(network.first)), 1)
+    of_owners = degrees.copy()
+    share.fill(of_owners)
+    invert = _inverse_here(network, around * (degrees == of_owners)[:, None])
+    balanced, (modes, coarse) = drift_remover(body, around), _affine_motions(network, around)
+    k = modes.shape[1]
+    own = slice(k * share.ranks.rank, k * (share.ranks.rank + 1))
 
-    def __init__(self, network: NearestBonds, free: np.ndarray) -> None:
-        body = network.body
-        self._share, self._free, self._body = body.share, free, body
-        self._around = free.copy()
-        body.share.fill(self._around)
-        self._products = [(own, matrix.shape[0], matrix.__matmul__) for own, matrix in network.systems(self._around)]
-        degrees = sums_at_points(len(body), network.first, network.second, np.ones(len(network.first)), 1)
-        of_owners = degrees.copy()
-        body.share.fill(of_owners)
-        self._inside = self._around * (degrees == of_owners)[:, None]
-        self._invert, self._without_drift = _inverse_here(network, self._inside), drift_remover(body, self._around)
-        least, greatest = self._spectrum()
-        self._middle, self._half = (MARGIN * greatest + least) / 2, (MARGIN * greatest - least) / 2
-        # So many steps reduce errors between the ends of the spectrum to `LEFT_BY_CHEBYSHEV`.
-        self._steps = int(np.ceil(np.arccosh(1 / LEFT_BY_CHEBYSHEV) / np.arccosh(self._middle / self._half)))
+    def solve(forces: np.ndarray) -> np.ndarray:
+        rest = balanced(forces * free)
+        share.fill(rest)
+        found = invert(rest)
+        share.fold(found)
+        pulls = np.concatenate(share.everywhere(modes.T @ rest.ravel()))
+        found += (modes @ (coarse @ pulls)[own]).reshape(forces.shape)
+        return balanced(found * (ADDED * free)) * free
 
-    def balanced(self, values: np.ndarray) -> np.ndarray:
-        """Subtract in place the mean of values (n, d) along axes in which the body is not held, zero the halo, and return the values.
+    return solve
 
-        For a body that can drift only balanced forces have a solution; with other forces conjugate gradients would not end.
-        """
-        self._share.clear(self._without_drift(values))
-        return values
 
-    def applied(self, displacements: np.ndarray) -> np.ndarray:
-        """Fill the halo of displacements (n, d) in place, and return the product of the stiffness with them on free components."""
-        self._share.fill(displacements)
-        return by_systems(self._products, displacements) * self._free
+def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the affine motions of this rank's part, shape (d n, k), and the inverse of the stiffness of all parts' motions.
 
-    def both(self, forces: np.ndarray) -> np.ndarray:
-        """Apply the preconditioner: return the sum of the displacements of both levels under forces (n, d) that are zero on the halo."""
-        around = forces.copy()
-        self._share.fill(around)
-        found = self._invert(around)
-        self._share.fold(found)
-        modes, inverse = self._affine
-        pulls = np.concatenate(self._share.everywhere(modes.T @ forces.ravel()))
-        k = modes.shape[1]
-        found += (modes @ (inverse @ pulls)[k * self._share.ranks.rank : k * (self._share.ranks.rank + 1)]).reshape(forces.shape)
-        return found * self._free
-
-    @cached_property
-    def _affine(self) -> tuple[np.ndarray, np.ndarray]:
-        """Affine motions of this part's own free components, shape (d n, k), and the inverse of the stiffness of all parts' motions."""
-        points, share, (n, d) = self._body.points, self._share, self._free.shape
-        middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
-        # All ranks use the same unit, since each forms the motions of its neighbours as well.
-        functions = np.column_stack([np.ones(n), (points - middle) / self._body.extent])
-        motions = np.zeros((d, d + 1, n, d))
-        for axis in range(d):
-            motions[axis, :, :, axis] = functions.T * self._around[:, axis]
-        motions = motions.reshape(-1, n, d)
-        k, count = len(motions), share.ranks.size
-        own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
-        rows = np.zeros((k, k * count))
-        for rank in np.unique(share.owners):
-            theirs = (share.owners == rank)[:, None]
-            for number, motion in enumerate(motions):
-                rows[:, k * rank + number] = own.T @ by_systems(self._products, motion * theirs).ravel()
-        stiffness = np.concatenate(share.everywhere(rows))
-        return own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
-
-    def _spectrum(self) -> tuple[float, float]:
-        """Return the least and greatest Ritz value of the preconditioned stiffness, by conjugate gradients on random forces."""
-        rest = self.balanced(random_vector(self._share, self._free))
-        steps = conjugate_gradient_steps(rest, self.both, self.applied, self._share.dot, LANCZOS_LEFT, LANCZOS_STEPS)
-        shares, sizes = np.array([(1 / length, size) for length, _, size in steps]).T
-        growths, diagonal = sizes[1:] / sizes[:-1], shares.copy()
-        diagonal[1:] += growths * shares[:-1]
-        values = eigh_tridiagonal(diagonal, np.sqrt(growths) * shares[:-1], eigvals_only=True)
-        return float(values[0]), float(values[-1])
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements (n, d) on owned points under forces (n, d)."""
-        middle, half = self._middle, self._half
-        rest = self.balanced(forces * self._free)
-        step = self.both(rest) / middle
-        found, ratio = step.copy(), half / middle
-        for _ in range(self._steps - 1):
-            rest -= self.applied(step)
-            following = 1 / (2 * middle / half - ratio)
-            step = following * ratio * step + 2 * following / half * self.both(rest)
-            found += step
-            ratio = following
-        return self.balanced(found)
+    The motions are those of the part's own points in components that are free, where `around` (n, d) is 1.
+    """
+    body, share, (n, d) = network.body, network.body.share, around.shape
+    middle = np.stack(share.everywhere(body.points[share.own].mean(axis=0)))[share.owners]
+    # All ranks use the same unit, since each forms the motions of its neighbours as well.
+    functions = np.column_stack([np.ones(n), (body.points - middle) / body.extent])
+    motions = np.zeros((d, d + 1, n, d))
+    for axis in range(d):
+        motions[axis, :, :, axis] = functions.T * around[:, axis]
+    motions = motions.reshape(-1, n, d)
+    k, count = len(motions), share.ranks.size
+    own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
+    products, rows = [(part, matrix.shape[0], matrix.__matmul__) for part, matrix in network.systems(around)], np.zeros((k, k * count))
+    for rank in np.unique(share.owners):
+        theirs = (share.owners == rank)[:, None]
+        for number, motion in enumerate(motions):
+            rows[:, k * rank + number] = own.T @ by_systems(products, motion * theirs).ravel()
+    stiffness = np.concatenate(share.everywhere(rows))
+    return own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
 
 
 def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
     """Return the inverse of the stiffness of a network of springs, approximate for a large Laplacian or a body divided among ranks.
 
+    It is one symmetric positive definite operator for all forces (n, d).
+
     Parameters
     ----------
     network : NearestBonds
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held and on the halo.
     """
-    return TwoLevels(network, free).solve if network.body.share.divided else _inverse_here(network, free)
+    return (_inverse_in_parts if network.body.share.divided else _inverse_here)(network, free)
+
+
+def solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:
+    """Return a function that solves for the displacements of a network under forces (n, d).
+
+    Where `inverse_of` is approximate, conjugate gradients correct it, to a residual of `left` times the forces in the energy norm.
+    """
+    inverse, share = inverse_of(network, free), network.body.share
+    if network.coupled and not share.divided:
+        return inverse
+
+    def solve(forces: np.ndarray) -> np.ndarray:
+        return conjugate_gradients(forces * free, inverse, lambda moved: -network.forces(moved) * free, share.dot, left, MOST_STEPS)
+
+    return solve
 
 
 def random_vector(share: Share, free: np.ndarray) -> np.ndarray:

@@ -8,18 +8,22 @@ from ..body import Body
 from ..forces import InternalForce
 from ..ranks import Share
 from .held import Support
-from .multigrid import Operator, conjugate_gradient_steps, conjugate_gradients
-from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, springs_of
+from .multigrid import Operator, conjugate_gradient_steps
+from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, solver_of, springs_of
 from .rigid import inverse_with_regions
 
-EXTENDED = 3e-4
-"""Permitted residual of a first guess where the inverse is approximate, over the forces due to held components, in the energy norm."""
+EXTENDED, SOLVED = 3e-4, 0.05
+"""Permitted residual over the given forces, in the energy norm, where conjugate gradients solve for the displacements of springs: for
+first guesses, and for preconditioners.
+
+An approximate inverse alone was tried for the second: rings and sheets with holes then need half as many to twice as many evaluations
+more on two ranks."""
 
 NEARLY_SOLVED = 0.1
 """Permitted residual of the change of volume, over mu/K: the energy of this change is then small compared with that of the shear."""
 
 MOST_STEPS = 100
-"""Maximum number of conjugate-gradient steps for the pressures or a first guess; some tens are usual."""
+"""Maximum number of conjugate-gradient steps for the pressures; some tens are usual."""
 
 EXPONENT_ERROR = 0.5
 """Greatest relative error of the polynomial that preconditions the system of the pressures."""
@@ -33,7 +37,7 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     elif force.nearly_incompressible:
         found = incompressible_inverse(force, inverse_of(laplacian_of(body, moduli), free))
     else:
-        found = Preconditioner(inverse_of(springs_of(body, moduli), free))
+        found = Preconditioner(solver_of(springs_of(body, moduli), free, SOLVED))
     supports = getattr(force, "supports", ())
     return supported(found, supports, body.share) if supports else found
 
@@ -42,7 +46,6 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
     """Return a function that extends displacements of held components to the whole body, as through a network of springs.
 
     In three dimensions the network is `laplacian_of` the body, since a factorisation of all components would need too much memory.
-    Conjugate gradients correct an inverse that is not exact.
 
     Parameters
     ----------
@@ -59,13 +62,7 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
         `pdsurrogate.body.Ghosts.shifts`, or None.
     """
     network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
-    inverse = inverse_of(network, free)
-
-    def solve(forces: np.ndarray) -> np.ndarray:
-        if body.dimension == 2 and not body.share.divided:
-            return inverse(forces)
-        settings = inverse, lambda moved: -network.forces(moved) * free, body.share.dot, EXTENDED, MOST_STEPS
-        return conjugate_gradients(forces * free, *settings)
+    solve = solver_of(network, free, EXTENDED)
 
     def response(held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         held = held.copy()
