@@ -53,7 +53,9 @@ class Inertia:
 
     def motion(self, begin: float, end: float) -> Motion:
         """Return the loading parameter as a function of time, from the value `begin` to the value `end`."""
-        return Motion.at_rate(begin, end, self.rate) if self.duration is None else Motion.lasting(begin, end, self.duration)
+        if self.duration is None:
+            return Motion(begin, end, self.rate, (end - begin) / self.rate)
+        return Motion(begin, end, (end - begin) / self.duration, self.duration)
 
 
 @dataclass(frozen=True)
