@@ -208,19 +208,19 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
     units = scene.units
     unit = f" {units.length}/{units.time}" if units.length and units.time else ""
     for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
-        inertia = stage.inertia
-        if inertia is None:
+        if stage.inertia is None:
             continue
-        speed, wave = _greatest_speed(loading, inertia.motion(begin, stage.to)), math.sqrt(modulus / inertia.density)
+        motion, wave = stage.motion(begin), math.sqrt(modulus / stage.inertia.density)
+        speed = _greatest_speed(loading, motion)
         if speed <= wave:
             continue
-        if inertia.duration is None:
-            what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
+        if stage.pace == "stretch_rate":
+            what, slowest = "the grips", f"the greatest rate is {motion.rate * wave / speed:.4g}"
         else:
-            what, least = "parts that are held", units.amount(inertia.duration * speed / wave, "time", ".4g")
+            what, least = "parts that are held", units.amount(motion.duration * speed / wave, "time", ".4g")
             slowest = f"the least duration is {least}"
         apart = f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}"
-        raise ValueError(f"{inertia.key}.{inertia.pace}: {apart}; {slowest}")
+        raise ValueError(f"{stage.key}.{stage.pace}: {apart}; {slowest}")
 
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:

@@ -4,7 +4,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numba
 import numpy as np
@@ -50,8 +50,13 @@ class Progress(Protocol):
         """Report the number of steps and the energies when a stage in dynamics adds a row to the history."""
 
 
-class Silent(Progress):
+class Silent:
     """Receiver of progress that ignores all reports."""
+
+    def compiling(self, *_: Any, **__: Any) -> None:
+        """Ignore the report."""
+
+    level = residual = dynamics = account = compiling
 
 
 class Oversubscribed(RuntimeWarning):
