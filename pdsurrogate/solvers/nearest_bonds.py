@@ -3,7 +3,7 @@
 For a body divided among ranks the inverse is approximate: it combines overlapping parts of the body and affine motions of each part.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 from scipy import sparse
@@ -146,10 +146,12 @@ class NearestBonds:
         Springs as stiff across as along bonds do not couple components: those that ghosts continue with equal signs, and that are held
         alike, where `free` (n, d) is 0, have a matrix in common.
         """
-        every, found = range(self.body.dimension), []
+        found = []
         if self.coupled:
-            return [(list(every), self.matrix())]
-        for components in alike(np.vstack([self.body.ghosts.parity, free]), every):
+            return [(list(range(self.body.dimension)), self.matrix())]
+        _, kinds = np.unique(np.vstack([self.body.ghosts.parity, free]), axis=1, return_inverse=True)
+        for kind in range(kinds.max() + 1):
+            components = np.flatnonzero(kinds == kind).tolist()
             rows, columns, values = self._entries(self._across, self._parity()[:, components[0]])
             matrix = sparse.csr_array((values, (rows, columns)), shape=(len(self.body),) * 2)
             found.append((components, (matrix + matrix.T) / 2))
@@ -179,14 +181,6 @@ def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     the sum of w V l^2 is d kappa.
     """
     return NearestBonds(body, shear_moduli, RAISED, RAISED)
-
-
-def alike(values: np.ndarray, components: Iterable[int]) -> list[list[int]]:
-    """Group given columns of an array (n, d): return lists of the numbers of columns that are equal."""
-    groups: dict[bytes, list[int]] = {}
-    for component in components:
-        groups.setdefault(values[:, component].tobytes(), []).append(component)
-    return list(groups.values())
 
 
 def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
@@ -330,16 +324,17 @@ def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
     return whole[share.numbers] * free
 
 
+def bond_stretches(body: Body, positions: np.ndarray) -> np.ndarray:
+    """Return the stretches of all bonds between local points of a body at positions (n, d): length over length at rest."""
+    within = body.bonds.second < len(body)
+    first, second = body.bonds.first[within], body.bonds.second[within]
+    deformed, at_rest = (np.linalg.norm(places[second] - places[first], axis=1) for places in (positions, body.points))
+    return deformed / at_rest
+
+
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
     """Return the greatest change of length of a local bond between positions `before` and `after`, over the bond's length at rest."""
-    bonds, n = body.bonds, len(body)
-    within = bonds.second < n
-    first, second = bonds.first[within], bonds.second[within]
-
-    def lengths(positions: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(positions[second] - positions[first], axis=1)
-
-    return float((np.abs(lengths(after) - lengths(before)) / lengths(body.points)).max())
+    return float(np.abs(bond_stretches(body, after) - bond_stretches(body, before)).max())
 
 
 def strain_of_step(body: Body, step: np.ndarray) -> float:
