@@ -303,7 +303,7 @@ def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
     return (_inverse_in_parts if network.body.share.divided else _inverse_here)(network, free)
 
 
-def solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:
+def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:
     """Return a function that solves for the displacements of a network under forces (n, d).
 
     Where `inverse_of` is approximate, conjugate gradients correct it, to a residual of `left` times the forces in the energy norm.

@@ -9,7 +9,7 @@ from ..forces import InternalForce
 from ..ranks import Share
 from .held import Support
 from .multigrid import Operator, conjugate_gradient_steps
-from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, solver_of, springs_of
+from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_of
 from .rigid import inverse_with_regions
 
 EXTENDED, SOLVED = 3e-4, 0.05
@@ -37,7 +37,7 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     elif force.nearly_incompressible:
         found = incompressible_inverse(force, inverse_of(laplacian_of(body, moduli), free))
     else:
-        found = Preconditioner(solver_of(springs_of(body, moduli), free, SOLVED))
+        found = Preconditioner(spring_solver_of(springs_of(body, moduli), free, SOLVED))
     supports = getattr(force, "supports", ())
     return supported(found, supports, body.share) if supports else found
 
@@ -62,7 +62,7 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
         `pdsurrogate.body.Ghosts.shifts`, or None.
     """
     network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
-    solve = solver_of(network, free, EXTENDED)
+    solve = spring_solver_of(network, free, EXTENDED)
 
     def response(held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         held = held.copy()
