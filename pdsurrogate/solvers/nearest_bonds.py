@@ -45,7 +45,7 @@ ADDED = 0.6
 """Factor on the sum of the solutions of overlapping parts and of affine motions, of which points have more than one.
 
 With 1 nearly incompressible bodies need half as many evaluations more on two ranks; 0.5 and 0.65 need as many as 0.6. Steps of Chebyshev's
-method with this operator save no evaluations and take twice the time."""
+method with this operator save a fifth of the evaluations at most, in general none, and take twice the time."""
 
 MOST_STEPS = 200
 """Maximum number of conjugate-gradient steps for the displacements of a network; some tens are usual."""
