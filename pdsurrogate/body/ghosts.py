@@ -183,7 +183,7 @@ class Ghosts:
             of_rows, of_columns, of_plane = _continuation(plane, self.share_along)
             along = np.arange(len(of_rows)) != plane.axis
             shifts[images] = of_rows[:, None] * shifts[images] * of_columns + of_plane[:, None] * turns[number] * along
-        return shifts.transpose(0, 2, 1).reshape(len(self), -1)
+        return shifts.transpose(0, 2, 1).reshape(len(self), turns.shape[1] ** 2)  # a rank may have no images
 
     def levers_on_planes(self, positions: np.ndarray, gradients: np.ndarray, forces: np.ndarray, moments: np.ndarray) -> np.ndarray:
         """Return the first moments of the forces of every plane on the body, sums of f (x) y, shape (planes, d, d).

@@ -34,7 +34,7 @@ ON_A_PLANE = 1e-6
 
 
 def conditions_of(
-    scene: Scene, prescriptions: list[Prescription], regions: BodyRegions, loads: Loads | None, stages: tuple[Stage, ...], rigid: np.ndarray
+    scene: Scene, prescriptions: list[Prescription], regions: BodyRegions, loads: Loads, stages: tuple[Stage, ...], rigid: np.ndarray
 ) -> Loading:
     """Return the boundary conditions and loads of a body, with the paths of its held parts, and check them.
 
@@ -43,7 +43,7 @@ def conditions_of(
     scene : Scene
     prescriptions : list of Prescription
     regions : BodyRegions
-    loads : Loads or None
+    loads : Loads
     stages : tuple of Stage
     rigid : ndarray of int
         Points of all rigid regions; those next to a reflection plane are held like the plane.
@@ -141,7 +141,7 @@ def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
     The later part would otherwise override the earlier one without notice.
     """
     samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
-    every, error = Loading(body, "t", 0.0, (), [], held, None), 1e-9 * body.spacing
+    every, error = Loading(body, "t", 0.0, (), [], held, Loads(body, [])), 1e-9 * body.spacing
     try:
         moves, at_rest = np.array([every.moves(sample) for sample in samples]), np.abs(every.moves(ends[0])) > error
     except InvalidState as invalid:
@@ -208,19 +208,19 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
     units = scene.units
     unit = f" {units.length}/{units.time}" if units.length and units.time else ""
     for begin, stage in zip([loading.rest, *(stage.to for stage in stages)], stages, strict=False):
-        inertia = stage.inertia
-        if inertia is None:
+        if stage.inertia is None:
             continue
-        speed, wave = _greatest_speed(loading, inertia.motion(begin, stage.to)), math.sqrt(modulus / inertia.density)
+        motion, wave = stage.motion(begin), math.sqrt(modulus / stage.inertia.density)
+        speed = _greatest_speed(loading, motion)
         if speed <= wave:
             continue
-        if inertia.duration is None:
-            what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
+        if stage.pace == "stretch_rate":
+            what, slowest = "the grips", f"the greatest rate is {motion.rate * wave / speed:.4g}"
         else:
-            what, least = "parts that are held", units.amount(inertia.duration * speed / wave, "time", ".4g")
+            what, least = "parts that are held", units.amount(motion.duration * speed / wave, "time", ".4g")
             slowest = f"the least duration is {least}"
         apart = f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}"
-        raise ValueError(f"{inertia.key}.{inertia.pace}: {apart}; {slowest}")
+        raise ValueError(f"{stage.key}.{stage.pace}: {apart}; {slowest}")
 
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:
@@ -235,8 +235,8 @@ def _greatest_speed(loading: Loading, motion: Motion) -> float:
     return fastest
 
 
-def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads | None:
-    """Return the loads of a scene; None where it has none.
+def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads:
+    """Return the loads of a scene.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads | None:
             found.append(Pressure(*named, regions.surface(), facets, load.pressure, deformed))
         else:
             found.append(DeadLoad(*named, *_dead_forces(key, load, body, regions)))
-    return Loads(body, found) if found else None
+    return Loads(body, found)
 
 
 def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:

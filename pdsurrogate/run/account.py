@@ -169,7 +169,7 @@ class Bookkeeping:
         run, account, integrator = self._run, self.account, self._integrator
         elapsed, held = account.time - account.rate_time, self._power_of_holders(reactions)
         power = held
-        if run.loads is not None:
+        if run.loads:
             thickness, around = run.loaded.thickness(), integrator.velocities_around()
             loads = (run.body.share.total(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
             power = held.plus(Power(*loads))

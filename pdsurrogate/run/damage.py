@@ -10,6 +10,7 @@ from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..kernels.damage import find_overstretched
 from ..ranks import Rows
+from ..solvers.nearest_bonds import bond_stretches
 
 
 class Damage:
@@ -139,8 +140,4 @@ def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
     positions = np.asarray(positions, dtype=float)
     if positions.shape != body.points.shape:
         raise ValueError(f"positions must be those of the body's points, of shape {body.points.shape}, not {positions.shape}")
-    bonds, n = body.bonds, len(body)
-    within = bonds.second < n
-    first, second = bonds.first[within], bonds.second[within]
-    deformed = np.linalg.norm(positions[second] - positions[first], axis=1)
-    return float((deformed / _lengths(body, first, second)).max())
+    return float(bond_stretches(body, positions).max())

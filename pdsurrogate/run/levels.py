@@ -256,7 +256,7 @@ class Equilibria:
             self._keep_or_stop(increments)
             if evaluations > patience:
                 raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
-            moved = 0.0 if run.loads is None else run.body.share.greatest(np.abs(run.positions - guess))
+            moved = run.body.share.greatest(np.abs(run.positions - guess)) if run.loads else 0.0
             if moved > self._farthest:
                 weak = note_of_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
@@ -329,5 +329,4 @@ def _is_driven(run: Run, parameter: float) -> bool:
     """Return whether the body is strained at a value of the parameter: neither at rest nor, without loads, moved rigidly."""
     if run.loading.at_rest(parameter):
         return False
-    loads = run.loaded.applied()
-    return (loads is not None and run.body.share.any(bool((loads * run.loading.free).any()))) or not is_rigid(run.loaded)
+    return run.body.share.any(bool((run.loaded.applied() * run.loading.free).any())) or not is_rigid(run.loaded)

@@ -10,7 +10,7 @@ from .run import Run
 
 def forces_by_name(run: Run, reactions: Reactions) -> dict[str, np.ndarray]:
     """Return, by name, the force (d,) of every support and load in the state last evaluated, in the plane per unit thickness."""
-    return _with_loads(run.loading.names, reactions.forces, {} if run.loads is None else run.loads.by_name(*_state(run)))
+    return _with_loads(run.loading.names, reactions.forces, run.loads.by_name(run.positions, run.loaded.thickness()))
 
 
 def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
@@ -18,8 +18,7 @@ def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
 
     The moment is one number, counter-clockwise, in the plane, and a list of three numbers in three dimensions.
     """
-    positions, thickness = _state(run)
-    loads = {} if run.loads is None else run.loads.moments(positions, np.zeros(run.body.dimension), thickness)
+    loads = run.loads.moments(run.positions, np.zeros(run.body.dimension), run.loaded.thickness())
     found = _with_loads(run.loading.names, run.loading.moments(run.loaded, reactions), loads)
     return {name: moment.tolist() for name, moment in found.items()}
 
@@ -27,12 +26,7 @@ def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
 def displacements_by_name(run: Run) -> dict[str, np.ndarray]:
     """Return, by name, the mean displacement (d,) of the points that every support or load acts on, at the present positions."""
     found = dict(zip(run.loading.names, run.loading.displacements(run.state.parameter, run.positions), strict=True))
-    return found if run.loads is None else run.loads.displacements(run.positions) | found
-
-
-def _state(run: Run) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the present positions (n, d), and the stretch of the thickness (n,) if a load needs it, else None."""
-    return run.positions, None if run.loads is None else run.loaded.thickness()
+    return run.loads.displacements(run.positions) | found
 
 
 def _with_loads(names: tuple[str, ...], values: np.ndarray, loads: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -138,9 +132,8 @@ def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float 
     total = reactions.on_planes.sum(axis=0)
     if reactions.at_points is not None:
         total = total + [run.body.share.sum(column) for column in reactions.at_points.T]
-    if run.loads is not None:
-        total = total + sum(run.loads.by_name(*_state(run)).values())
-    return float(np.linalg.norm(total) / drive)
+    loads = run.loads.by_name(run.positions, run.loaded.thickness())
+    return float(np.linalg.norm(total + sum(loads.values())) / drive)
 
 
 def _lateral(body: Body, displacements: np.ndarray, axis: int) -> dict[str, float]:

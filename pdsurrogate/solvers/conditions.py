@@ -60,7 +60,7 @@ class Loading:
         Names of the reflection planes in messages, in the order of `Body.planes`.
     held : sequence of Held
         Held parts. The force on a point in two of them counts for the later one; no two hold the same component of a plane.
-    loads : Loads or None
+    loads : Loads
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Loading:
     """
 
     def __init__(
-        self, body: Body, parameter: str, rest: float, names: tuple[str, ...], planes: list[str], held: list[Held], loads: Loads | None
+        self, body: Body, parameter: str, rest: float, names: tuple[str, ...], planes: list[str], held: list[Held], loads: Loads
     ) -> None:
         self.body, self.parameter, self.rest, self.names, self.loads, self._share = body, parameter, rest, names, loads, body.share
         self.planes, self.held = planes, held
@@ -144,13 +144,12 @@ class Loading:
     def at_rest(self, parameter: float) -> bool:
         """Return whether all held parts are in their places at rest and all loads are zero, at a value of the loading parameter."""
         moved = self._share.greatest(np.abs(self.moves(parameter))) > AT_REST * self.body.extent
-        return not moved and (self.loads is None or self.loads.vanish(parameter))
+        return not moved and self.loads.vanish(parameter)
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move held points (in `positions`) and planes (in `force`) to their places at a value of the parameter, and set the loads."""
         self.hold(parameter, force, positions)
-        if self.loads is not None:
-            self.loads.set(parameter)
+        self.loads.set(parameter)
 
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move held points, in `positions`, and reflection planes, in `force`, to their places at a value of the loading parameter."""
@@ -281,8 +280,8 @@ class Loading:
     def _on_points(self, force: InternalForce) -> np.ndarray:
         """Return internal force plus loads on every point in the state last evaluated, shape (n, d), redistributed in rigid regions."""
         total = self.internal_forces(force)
-        if self.loads is not None:
-            self.loads.forces(force.positions[: len(self.body)], force.thickness(), total)
+        if self.loads:
+            total += force.applied()
         for region in getattr(force, "rigid", ()):
             region.carry(force.positions, total)
         return total

@@ -105,8 +105,8 @@ class ExplicitDynamics:
     ) -> None:
         self.force, self._hold, self.positions, self.velocities = force, hold, positions, velocities
         self._free, self._mass, self._damping, self._viscosity, self._safety = free, mass, damping, viscosity, safety
-        self._loaded = force if loads is None else LoadedForce(force, loads)
-        self._loads, self._applied = loads, None if loads is None else np.empty_like(positions)
+        self._loaded = LoadedForce(force, loads) if loads else force
+        self._loads, self._applied = loads, np.empty_like(positions) if loads else None
         self._share = force.body.share
         self._ahead, self.elastic = np.empty_like(positions), np.zeros_like(positions)
         self.frequency = FrequencyEstimate(mass, free, self._share)
@@ -164,7 +164,7 @@ class ExplicitDynamics:
 
     def _add_loads(self) -> None:
         """Add the loads at their present size and at the present positions to `forces`."""
-        if self._loads is not None:
+        if self._loads:
             self._applied.fill(0.0)
             self._loads.forces(self.positions, self._loaded.thickness(), self._applied)
             self.forces += self._applied
@@ -248,7 +248,7 @@ class ExplicitDynamics:
 
     def elastic_with_loads(self) -> np.ndarray:
         """Return the elastic forces plus the loads on every point at the present positions, without viscous part, shape (n, d)."""
-        return self.elastic if self._loads is None else self.elastic + self._applied
+        return self.elastic + self._applied if self._loads else self.elastic
 
     def damped_power(self) -> Power:
         """Return the power that damping and viscosity dissipate at the present time, using `elastic` for the viscous part."""

@@ -100,16 +100,6 @@ class Motion:
     rate: float
     duration: float
 
-    @classmethod
-    def lasting(cls, begin: float, end: float, duration: float) -> "Motion":
-        """Return the motion of the parameter from one value to another in a given time; the values may be equal."""
-        return cls(begin, end, (end - begin) / duration, duration)
-
-    @classmethod
-    def at_rate(cls, begin: float, end: float, rate: float) -> "Motion":
-        """Return the motion of the parameter from one value to a greater one at a given rate."""
-        return cls(begin, end, rate, (end - begin) / rate)
-
     def at(self, time: float) -> float:
         """Return the parameter at a time; it stays constant after its end value is reached."""
         value = self.begin + self.rate * time

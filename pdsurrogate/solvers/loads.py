@@ -194,10 +194,8 @@ class Loads:
         self.no_potential_because = next(filter(None, (load.no_potential_because for load in self._pressures)), None)
         self.set(0.0)
 
-    @property
-    def conservative(self) -> bool:
-        """Return whether the loads are minus the derivative of their `potential`."""
-        return self.no_potential_because is None
+    def __len__(self) -> int:
+        return len(self._loads)
 
     def set(self, t: float) -> None:
         """Set all loads to their size at a value of the loading parameter.
@@ -245,15 +243,7 @@ class Loads:
             load.add(positions, thickness, out)
 
     def potential(self, positions: np.ndarray) -> float:
-        """Return the potential energy of `conservative` loads at their present size, zero at rest (theory (46)).
-
-        Raises
-        ------
-        TypeError
-            If the loads have no potential.
-        """
-        if not self.conservative:
-            raise TypeError(f"these loads have no potential: {self.no_potential_because}")
+        """Return the potential energy of the loads at their present size, zero at rest (theory (46)), if they have one."""
         potential = sum(load.potential(positions) for load in self._pressures)
         if self._present is not None:
             potential -= float(np.einsum("nc,nc->", self._present, positions - self.body.points))
@@ -304,7 +294,7 @@ class LoadedForce:
     Parameters
     ----------
     internal : InternalForce
-    loads : Loads or None
+    loads : Loads
     supports : sequence of Support
     rigid : sequence of RigidRegion
 
@@ -317,11 +307,9 @@ class LoadedForce:
     internal, loads, supports, rigid
     """
 
-    def __init__(
-        self, internal: InternalForce, loads: Loads | None, supports: Sequence[Support] = (), rigid: Sequence[RigidRegion] = ()
-    ) -> None:
+    def __init__(self, internal: InternalForce, loads: Loads, supports: Sequence[Support] = (), rigid: Sequence[RigidRegion] = ()) -> None:
         self.internal, self.loads, self.supports, self.rigid = internal, loads, supports, rigid
-        self.no_energy_because = None if loads is None else loads.no_potential_because
+        self.no_energy_because = loads.no_potential_because
         self.has_energy = internal.has_energy and self.no_energy_because is None
 
     def __getattr__(self, name: str):
@@ -344,17 +332,14 @@ class LoadedForce:
         for support in self.supports:
             support.place(positions)
         self.internal(positions, out)
-        if self.loads is not None:
-            self.loads.forces(positions, self.thickness(), out)
+        self.loads.forces(positions, self.thickness(), out)
         for support in self.supports:
             support.fold(out)
         for region in self.rigid:
             region.carry(positions, out)
 
-    def applied(self) -> np.ndarray | None:
-        """Return the forces of the loads on the points in the state last evaluated, shape (n, d); None without loads."""
-        if self.loads is None:
-            return self.internal.applied()
+    def applied(self) -> np.ndarray:
+        """Return the forces of the loads on the points in the state last evaluated, shape (n, d)."""
         found = np.zeros_like(self.body.points)
         self.loads.forces(self.positions[: len(self.body)], self.thickness(), found)
         return found
@@ -367,12 +352,11 @@ class LoadedForce:
         InvalidState
             If the stretch of the thickness has no value.
         """
-        if self.loads is None or not self.loads.needs_thickness:
+        if not self.loads.needs_thickness:
             return None
         F = self.internal.deformation_gradients()
         return self.internal.volume_ratios() / (F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0])
 
     def energy(self) -> float:
         """Return the sum of stored energy and potential of the loads, per unit thickness in the plane, in the state last evaluated."""
-        energy = self.internal.energy()
-        return energy if self.loads is None else energy + self.loads.potential(self.internal.positions[: len(self.body)])
+        return self.internal.energy() + self.loads.potential(self.internal.positions[: len(self.body)])

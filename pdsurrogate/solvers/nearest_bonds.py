@@ -3,19 +3,17 @@
 For a body divided among ranks the inverse is approximate: it combines overlapping parts of the body and affine motions of each part.
 """
 
-from collections.abc import Callable, Iterable
-from functools import cached_property
+from collections.abc import Callable
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
 from ..body.body import sums_at_points
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
-from .multigrid import Multigrid, Operator, conjugate_gradient_steps, conjugate_gradients, factor_of
+from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
 
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a grid, and similar ones off a grid.
@@ -43,24 +41,14 @@ middle two need a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
 """
 
 
-SOLVED, EXACTLY = 0.05, 1e-6
-"""Residual over the given forces at which inner conjugate gradients end: in general, and where they replace a factorisation.
+ADDED = 0.6
+"""Factor on the sum of the solutions of overlapping parts and of affine motions, of which points have more than one.
 
-Restricted Schwarz alone, which exchanges less, was tried for few parts: a ring under pressure then needs 173 evaluations on two
-ranks and 273 on three, while one rank needs 76, and two with conjugate gradients 78."""
+With 1 nearly incompressible bodies need half as many evaluations more on two ranks; 0.5 and 0.65 need as many as 0.6. Steps of Chebyshev's
+method with this operator save a fifth of the evaluations at most, in general none, and take twice the time."""
 
-MOST_STEPS_IN_PARTS = 200
-
-LEFT_BY_CHEBYSHEV = 0.2
-"""Fraction of any component of an error that Chebyshev's method may leave. A multigrid cycle, which replaces a factorisation of large
-bodies on one rank, leaves as much."""
-
-LANCZOS_STEPS = 20
-"""Number of Lanczos steps that determine the ends of a spectrum accurately enough for Chebyshev's method."""
-
-MARGIN = 1.1
-"""Safety factor on the greatest Ritz value, since Chebyshev's method magnifies components beyond the end of its interval."""
-
+MOST_STEPS = 200
+"""Maximum number of conjugate-gradient steps for the displacements of a network; some tens are usual."""
 
 UNDEFORMED = 1000
 """Greatest bond strain, over the strain that rounding of positions causes, at which a body counts as not deformed."""
@@ -96,6 +84,8 @@ class NearestBonds:
     ----------
     first, second : ndarray of int, shape (k,)
         Ends of the bonds; `second` may be a ghost.
+    coupled : bool
+        Whether the displacements of a component cause forces on others.
     body
     """
 
@@ -116,6 +106,7 @@ class NearestBonds:
         of_all = moment * share.own[bonds.first]
         stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
+        self.coupled = along != across
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
         # The point at the second end of every bond, or the point of which that end is an image.
         self.body, self._sources = body, np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[self.second]
@@ -130,7 +121,7 @@ class NearestBonds:
         moved = np.vstack([moved, moved[ghosts.source] * ghosts.parity + of_images])
         changes = moved[self.second] - moved[self.first]
         forces = self._across[:, None] * changes
-        if self._excess.any():
+        if self.coupled:
             forces += (self._excess * np.einsum("bi,bi->b", self._along, changes))[:, None] * self._along
         return sums_at_points(len(self.body), self.first, self.second, forces, -1)
 
@@ -149,15 +140,20 @@ class NearestBonds:
         matrix = sparse.coo_array((values.ravel(), places), shape=(d * len(self.body),) * 2).tocsc()
         return (matrix + matrix.T) / 2
 
-    def matrices(self) -> list[tuple[list[int], sparse.csr_array]]:
-        """Return pairs of component numbers and their common stiffness matrix (n, n), for springs as stiff across as along bonds.
+    def systems(self, free: np.ndarray) -> list[tuple[list[int], sparse.sparray]]:
+        """Return pairs of component numbers and their stiffness matrix: one `matrix` of all components, or several of shape (n, n).
 
-        Components do not couple then; those that ghosts continue with equal signs have a matrix in common.
+        Springs as stiff across as along bonds do not couple components: those that ghosts continue with equal signs, and that are held
+        alike, where `free` (n, d) is 0, have a matrix in common.
         """
-        found, shape = [], (len(self.body),) * 2
-        for components in alike(self.body.ghosts.parity, range(self.body.dimension)):
+        found = []
+        if self.coupled:
+            return [(list(range(self.body.dimension)), self.matrix())]
+        _, kinds = np.unique(np.vstack([self.body.ghosts.parity, free]), axis=1, return_inverse=True)
+        for kind in range(kinds.max() + 1):
+            components = np.flatnonzero(kinds == kind).tolist()
             rows, columns, values = self._entries(self._across, self._parity()[:, components[0]])
-            matrix = sparse.csr_array((values, (rows, columns)), shape=shape)
+            matrix = sparse.csr_array((values, (rows, columns)), shape=(len(self.body),) * 2)
             found.append((components, (matrix + matrix.T) / 2))
         return found
 
@@ -187,25 +183,17 @@ def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     return NearestBonds(body, shear_moduli, RAISED, RAISED)
 
 
-def alike(values: np.ndarray, components: Iterable[int]) -> list[list[int]]:
-    """Group given columns of an array (n, d): return lists of the numbers of columns that are equal."""
-    groups: dict[bytes, list[int]] = {}
-    for component in components:
-        groups.setdefault(values[:, component].tobytes(), []).append(component)
-    return list(groups.values())
-
-
 def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
     """Return a stiffness matrix with held components, where `free` is 0, decoupled, and with `SHIFT` added to the diagonal."""
     keep, mean = sparse.diags_array(free), matrix.diagonal().mean()
     return keep @ matrix @ keep + sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
 
 
-def by_components(operators: list[tuple[list[int], Operator]], values: np.ndarray) -> np.ndarray:
-    """Return the result (n, d) of applying operators to the columns of values (n, d); each operator comes with its column numbers."""
+def by_systems(systems: list[tuple[list[int], int, Operator]], values: np.ndarray) -> np.ndarray:
+    """Return the result (n, d) of applying operators to values (n, d); each comes with its component numbers and its number of rows."""
     found = np.empty_like(values)
-    for components, operator in operators:
-        found[:, components] = operator(values[:, components])
+    for components, rows, operator in systems:
+        found[:, components] = operator(values[:, components].reshape(rows, -1)).reshape(len(values), -1)
     return found
 
 
@@ -225,199 +213,109 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
     return balanced
 
 
-def _factorised_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return a function that solves for the displacements (n, d) of the network `springs_of` under forces, by factorisation in one process.
+def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
+    """Return the inverse of the stiffness of a network in one process: a factorisation or, for a large Laplacian, a multigrid cycle.
 
     The low modes of the network agree with those of the true tangent up to a ratio that does not grow with the number of points. The
     factorisation takes seconds for 10^5 points.
     """
-    balanced, column = drift_remover(body, free), free.ravel()
-    factor = factor_of(held_matrix(springs_of(body, shear_moduli).matrix(), column))
-    return lambda forces: balanced(factor.solve(forces.ravel() * column).reshape(forces.shape))
+    body, inverses = network.body, []
+    balanced = drift_remover(body, free)
+    for components, matrix in network.systems(free):
+        count = matrix.shape[0]
+        column = free[:, components].reshape(count, -1)[:, 0]
+        system = held_matrix(matrix, column)
+        if count == len(body) > MOST_FACTORISED[body.dimension]:
+            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components)).cycle
+        else:
+            inverse = factor_of(system).solve
+        inverses.append((components, count, inverse))
+    return lambda forces: balanced(by_systems(inverses, forces * free)) * free
 
 
-def _inverted_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return the inverse of `laplacian_of` for a body in one process, by factorisation or, for a large body, by a multigrid cycle."""
-    balanced, inverses = drift_remover(body, free), []
-    for components, matrix in laplacian_of(body, shear_moduli).matrices():
-        for own in alike(free, components):
-            column = free[:, own[0]]
-            system = held_matrix(matrix, column)
-            if len(body) > MOST_FACTORISED[body.dimension]:
-                inverses.append((own, Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(own)).cycle))
-            else:
-                inverses.append((own, factor_of(system).solve))
-    return lambda forces: balanced(by_components(inverses, forces * free)) * free
-
-
-class TwoLevels:
-    """Two-level Schwarz preconditioner for a body divided among ranks: overlapping parts, and affine motions of each part.
+def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
+    """Return an approximate inverse of the stiffness of a network divided among ranks: an additive two-level Schwarz method.
 
     The part of a rank inverts the stiffness of its own points and of those halo points that have all their nearest bonds on this rank;
     other points are held. The solutions of all parts are added, and with them the best combination of motions affine in every part.
-
-    Parameters
-    ----------
-    bonds : NearestBonds
-        Springs of this rank's part.
-    multiply : callable
-        Product of the stiffness and displacements (n, d); with valid displacements on all local points it is valid on the owned points.
-    free : ndarray, shape (n, d)
-        1 where a component may move, 0 where it is held and on the halo.
-
-    Attributes
-    ----------
-    inside : ndarray, shape (n, d)
-        1 for the components whose stiffness this part inverts.
-    invert : callable
-        Inverse of the stiffness of these components, set by the caller.
 
     References
     ----------
     Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3.
     """
-
-    invert: Operator
-
-    def __init__(self, bonds: NearestBonds, multiply: Operator, free: np.ndarray) -> None:
-        body, share = bonds.body, bonds.body.share
-        self._share, self._multiply, self._free, self._body = share, multiply, free, body
-        self._around = free.copy()
-        share.fill(self._around)
-        degrees = sums_at_points(len(body), bonds.first, bonds.second, np.ones(len(bonds.first)), 1)
-        of_owners = degrees.copy()
-        share.fill(of_owners)
-        self.inside = self._around * (degrees == of_owners)[:, None]
-        self._without_drift = drift_remover(body, self._around)
-
-    def balanced(self, values: np.ndarray) -> np.ndarray:
-        """Subtract in place the mean of values (n, d) along axes in which the body is not held, zero the halo, and return the values.
-
-        For a body that can drift only balanced forces have a solution; with other forces conjugate gradients would not end.
-        """
-        self._share.clear(self._without_drift(values))
-        return values
-
-    def applied(self, displacements: np.ndarray) -> np.ndarray:
-        """Fill the halo of displacements (n, d) in place, and return the product of the stiffness with them on free components."""
-        self._share.fill(displacements)
-        return self._multiply(displacements) * self._free
-
-    def both(self, forces: np.ndarray) -> np.ndarray:
-        """Apply the preconditioner: return the sum of the displacements of both levels under forces (n, d) that are zero on the halo."""
-        around = forces.copy()
-        self._share.fill(around)
-        found = self.invert(around * self.inside) * self.inside
-        self._share.fold(found)
-        modes, inverse = self._affine
-        pulls = np.concatenate(self._share.everywhere(modes.T @ forces.ravel()))
-        k = modes.shape[1]
-        found += (modes @ (inverse @ pulls)[k * self._share.ranks.rank : k * (self._share.ranks.rank + 1)]).reshape(forces.shape)
-        return found * self._free
-
-    @cached_property
-    def _affine(self) -> tuple[np.ndarray, np.ndarray]:
-        """Affine motions of this part's own free components, shape (d n, k), and the inverse of the stiffness of all parts' motions."""
-        points, share, (n, d) = self._body.points, self._share, self._free.shape
-        middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
-        # All ranks use the same unit, since each forms the motions of its neighbours as well.
-        functions = np.column_stack([np.ones(n), (points - middle) / self._body.extent])
-        motions = np.zeros((d, d + 1, n, d))
-        for axis in range(d):
-            motions[axis, :, :, axis] = functions.T * self._around[:, axis]
-        motions = motions.reshape(-1, n, d)
-        k, count = len(motions), share.ranks.size
-        own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
-        rows = np.zeros((k, k * count))
-        for rank in np.unique(share.owners):
-            theirs = (share.owners == rank)[:, None]
-            for number, motion in enumerate(motions):
-                rows[:, k * rank + number] = own.T @ self._multiply(motion * theirs).ravel()
-        stiffness = np.concatenate(share.everywhere(rows))
-        return own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
-
-    def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
-        """Return the displacements under forces (n, d) by preconditioned conjugate gradients, to a residual of `left` times the forces."""
-        rest = self.balanced(forces * self._free)
-        return self.balanced(conjugate_gradients(rest, self.both, self.applied, self._share.dot, left, MOST_STEPS_IN_PARTS))
-
-    def spectrum(self) -> tuple[float, float]:
-        """Return the least and greatest Ritz value of the preconditioned stiffness, by conjugate gradients on random forces."""
-        rest = self.balanced(random_vector(self._share, self._free))
-        steps = conjugate_gradient_steps(rest, self.both, self.applied, self._share.dot, EXACTLY, LANCZOS_STEPS)
-        shares, sizes = np.array([(1 / length, size) for length, _, size in steps]).T
-        growths, diagonal = sizes[1:] / sizes[:-1], shares.copy()
-        diagonal[1:] += growths * shares[:-1]
-        values = eigh_tridiagonal(diagonal, np.sqrt(growths) * shares[:-1], eigvals_only=True)
-        return float(values[0]), float(values[-1])
-
-
-def _springs_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, left: float) -> Operator:
-    """Return the inverse of `springs_of` for a body divided among ranks, by conjugate gradients to a residual `left` over the forces."""
-    springs = springs_of(body, shear_moduli)
-    matrix = springs.matrix()
-    levels = TwoLevels(springs, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free)
-    factor = factor_of(held_matrix(matrix, levels.inside.ravel()))
-    levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
-    return lambda forces: levels.iterated(forces, left)
-
-
-def _laplacian_in_parts(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Operator:
-    """Return an approximate inverse of `laplacian_of` for a body divided among ranks, by a fixed number of steps of Chebyshev's method.
-
-    Unlike conjugate gradients these steps are one symmetric positive definite operator for all forces, and need no sums over all ranks.
-
-    References
-    ----------
-    Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1.
-    """
-    laplacian = laplacian_of(body, shear_moduli)
-    products = [(components, matrix.__matmul__) for components, matrix in laplacian.matrices()]
-    levels = TwoLevels(laplacian, lambda moved: by_components(products, moved), free)
-    levels.invert = _inverted_laplacian(body, shear_moduli, levels.inside)
-    least, greatest = levels.spectrum()
-    middle, half = (MARGIN * greatest + least) / 2, (MARGIN * greatest - least) / 2
-    # So many steps reduce errors between the ends of the spectrum to `LEFT_BY_CHEBYSHEV`.
-    steps = int(np.ceil(np.arccosh(1 / LEFT_BY_CHEBYSHEV) / np.arccosh(middle / half)))
+    body, share, around = network.body, network.body.share, free.copy()
+    share.fill(around)
+    degrees = sums_at_points(len(body), network.first, network.second, np.ones(len(network.first)), 1)
+    of_owners = degrees.copy()
+    share.fill(of_owners)
+    invert = _inverse_here(network, around * (degrees == of_owners)[:, None])
+    balanced, (modes, coarse) = drift_remover(body, around), _affine_motions(network, around)
+    k = modes.shape[1]
+    own = slice(k * share.ranks.rank, k * (share.ranks.rank + 1))
 
     def solve(forces: np.ndarray) -> np.ndarray:
-        rest = levels.balanced(forces * free)
-        step = levels.both(rest) / middle
-        found, ratio = step.copy(), half / middle
-        for _ in range(steps - 1):
-            rest -= levels.applied(step)
-            following = 1 / (2 * middle / half - ratio)
-            step = following * ratio * step + 2 * following / half * levels.both(rest)
-            found += step
-            ratio = following
-        return levels.balanced(found)
+        rest = balanced(forces * free)
+        share.fill(rest)
+        found = invert(rest)
+        share.fold(found)
+        pulls = np.concatenate(share.everywhere(modes.T @ rest.ravel()))
+        found += (modes @ (coarse @ pulls)[own]).reshape(forces.shape)
+        return balanced(found * (ADDED * free)) * free
 
     return solve
 
 
-def inverse_of_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, left: float = SOLVED) -> Preconditioner:
-    """Return the preconditioner that inverts the stiffness of the network `springs_of` a body; on several ranks, for owned points.
+def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the affine motions of this rank's part, shape (d n, k), and the inverse of the stiffness of all parts' motions.
+
+    The motions are those of the part's own points in components that are free, where `around` (n, d) is 1.
+    """
+    body, share, (n, d) = network.body, network.body.share, around.shape
+    middle = np.stack(share.everywhere(body.points[share.own].mean(axis=0)))[share.owners]
+    # All ranks use the same unit, since each forms the motions of its neighbours as well.
+    functions = np.column_stack([np.ones(n), (body.points - middle) / body.extent])
+    motions = np.zeros((d, d + 1, n, d))
+    for axis in range(d):
+        motions[axis, :, :, axis] = functions.T * around[:, axis]
+    motions = motions.reshape(-1, n, d)
+    k, count = len(motions), share.ranks.size
+    own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
+    products, rows = [(part, matrix.shape[0], matrix.__matmul__) for part, matrix in network.systems(around)], np.zeros((k, k * count))
+    for rank in np.unique(share.owners):
+        theirs = (share.owners == rank)[:, None]
+        for number, motion in enumerate(motions):
+            rows[:, k * rank + number] = own.T @ by_systems(products, motion * theirs).ravel()
+    stiffness = np.concatenate(share.everywhere(rows))
+    return own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
+
+
+def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
+    """Return the inverse of the stiffness of a network of springs, approximate for a large Laplacian or a body divided among ranks.
+
+    It is one symmetric positive definite operator for all forces (n, d).
 
     Parameters
     ----------
-    body : Body
-    shear_moduli : float or ndarray, shape (n,)
-        Shear modulus: one for all points, or one for each.
+    network : NearestBonds
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held and on the halo.
-    left : float
-        Residual over the forces, for a body divided among ranks; in one process the inverse is exact.
     """
-    system = body, shear_moduli, free
-    return Preconditioner(_springs_in_parts(*system, left) if body.share.divided else _factorised_springs(*system))
+    return (_inverse_in_parts if network.body.share.divided else _inverse_here)(network, free)
 
 
-def inverse_of_laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Preconditioner:
-    """Return the preconditioner that inverts `laplacian_of` a body, approximately if it is large or divided among ranks.
+def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:
+    """Return a function that solves for the displacements of a network under forces (n, d).
 
-    The arguments are those of `inverse_of_springs`.
+    Where `inverse_of` is approximate, conjugate gradients correct it, to a residual of `left` times the forces in the energy norm.
     """
-    return Preconditioner((_laplacian_in_parts if body.share.divided else _inverted_laplacian)(body, shear_moduli, free))
+    inverse, share = inverse_of(network, free), network.body.share
+    if network.coupled and not share.divided:
+        return inverse
+
+    def solve(forces: np.ndarray) -> np.ndarray:
+        return conjugate_gradients(forces * free, inverse, lambda moved: -network.forces(moved) * free, share.dot, left, MOST_STEPS)
+
+    return solve
 
 
 def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
@@ -426,16 +324,17 @@ def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
     return whole[share.numbers] * free
 
 
+def bond_stretches(body: Body, positions: np.ndarray) -> np.ndarray:
+    """Return the stretches of all bonds between local points of a body at positions (n, d): length over length at rest."""
+    within = body.bonds.second < len(body)
+    first, second = body.bonds.first[within], body.bonds.second[within]
+    deformed, at_rest = (np.linalg.norm(places[second] - places[first], axis=1) for places in (positions, body.points))
+    return deformed / at_rest
+
+
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
     """Return the greatest change of length of a local bond between positions `before` and `after`, over the bond's length at rest."""
-    bonds, n = body.bonds, len(body)
-    within = bonds.second < n
-    first, second = bonds.first[within], bonds.second[within]
-
-    def lengths(positions: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(positions[second] - positions[first], axis=1)
-
-    return float((np.abs(lengths(after) - lengths(before)) / lengths(body.points)).max())
+    return float(np.abs(bond_stretches(body, after) - bond_stretches(body, before)).max())
 
 
 def strain_of_step(body: Body, step: np.ndarray) -> float:

@@ -8,18 +8,22 @@ from ..body import Body
 from ..forces import InternalForce
 from ..ranks import Share
 from .held import Support
-from .multigrid import conjugate_gradient_steps, conjugate_gradients
-from .nearest_bonds import EXACTLY, Preconditioner, inverse_of_laplacian, inverse_of_springs, laplacian_of, springs_of
+from .multigrid import Operator, conjugate_gradient_steps
+from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_of
 from .rigid import inverse_with_regions
 
-EXTENDED = 3e-4
-"""Permitted residual of a first guess in three dimensions, over the forces due to held components, in the energy norm."""
+EXTENDED, SOLVED = 3e-4, 0.05
+"""Permitted residual over the given forces, in the energy norm, where conjugate gradients solve for the displacements of springs: for
+first guesses, and for preconditioners.
+
+An approximate inverse alone was tried for the second: rings and sheets with holes then need half as many to twice as many evaluations
+more on two ranks."""
 
 NEARLY_SOLVED = 0.1
 """Permitted residual of the change of volume, over mu/K: the energy of this change is then small compared with that of the shear."""
 
 MOST_STEPS = 100
-"""Maximum number of conjugate-gradient steps for the pressures or a first guess; some tens are usual."""
+"""Maximum number of conjugate-gradient steps for the pressures; some tens are usual."""
 
 EXPONENT_ERROR = 0.5
 """Greatest relative error of the polynomial that preconditions the system of the pressures."""
@@ -31,9 +35,9 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     if regions := getattr(force, "rigid", ()):
         found = inverse_with_regions(body, moduli, free, regions)
     elif force.nearly_incompressible:
-        found = incompressible_inverse(force, inverse_of_laplacian(body, moduli, free))
+        found = incompressible_inverse(force, inverse_of(laplacian_of(body, moduli), free))
     else:
-        found = inverse_of_springs(body, moduli, free)
+        found = Preconditioner(spring_solver_of(springs_of(body, moduli), free, SOLVED))
     supports = getattr(force, "supports", ())
     return supported(found, supports, body.share) if supports else found
 
@@ -41,8 +45,7 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
 def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Callable[..., np.ndarray]:
     """Return a function that extends displacements of held components to the whole body, as through a network of springs.
 
-    In three dimensions the network is `laplacian_of` the body, and conjugate gradients solve for its displacements, since a factorisation
-    of all components would need too much memory.
+    In three dimensions the network is `laplacian_of` the body, since a factorisation of all components would need too much memory.
 
     Parameters
     ----------
@@ -58,14 +61,8 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
         displaced: by `held` (n, d), 0 in free components, by `planes` (planes, d), and by `turns` (planes, d, d), rotations as in
         `pdsurrogate.body.Ghosts.shifts`, or None.
     """
-    if body.dimension == 2:
-        network, solve = springs_of(body, shear_moduli), inverse_of_springs(body, shear_moduli, free, EXACTLY).solve
-    else:
-        network, precondition = laplacian_of(body, shear_moduli), inverse_of_laplacian(body, shear_moduli, free).solve
-
-        def solve(forces: np.ndarray) -> np.ndarray:
-            settings = precondition, lambda moved: -network.forces(moved) * free, body.share.dot, EXTENDED, MOST_STEPS
-            return conjugate_gradients(forces * free, *settings)
+    network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
+    solve = spring_solver_of(network, free, EXTENDED)
 
     def response(held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         held = held.copy()
@@ -76,7 +73,7 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
     return response
 
 
-def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> Preconditioner:
+def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Preconditioner:
     """Return the preconditioner of a nearly incompressible body: the inverse of A + D^T C D (theory (58), (59)).
 
     A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C the stiffness against
@@ -88,7 +85,7 @@ def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> P
     ----------
     force : InternalForce
         Force with a linearised dilatation.
-    laplacian : Preconditioner
+    laplacian : callable
         Exact or approximate inverse of A: a fixed operator, symmetric and positive definite.
     """
     share, dilatation = force.body.share, force.linearised_dilatation()
@@ -103,11 +100,11 @@ def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> P
         return share.dot(one[:, None], other[:, None])
 
     def solve(forces: np.ndarray) -> np.ndarray:
-        displacements = moved = laplacian.solve(forces)
+        displacements = moved = laplacian(forces)
 
         def image_of(pressures: np.ndarray) -> np.ndarray:
             nonlocal moved
-            moved = laplacian.solve(dilatation.forces(pressures))
+            moved = laplacian(dilatation.forces(pressures))
             return pressures / dilatation.stiffness + dilatation.changes(moved)
 
         settings = precondition, image_of, dot, NEARLY_SOLVED * compliance, MOST_STEPS

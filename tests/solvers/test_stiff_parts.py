@@ -11,6 +11,7 @@ from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.scenes import Scene, SceneError
 from pdsurrogate.solvers.conditions import Loading
+from pdsurrogate.solvers.loads import Loads
 from pdsurrogate.stress_test.deformations import wavy
 
 RIGID = "rigid"
@@ -180,7 +181,7 @@ def test_forces_beside_much_stiffer_material_are_those_of_its_energy(plane, rand
     force = bind_portions(body, portions, ForceSettings(precision="float64", plane=plane))
     y, out = body.points + 0.03 * (wavy(body.points) - body.points), np.empty_like(body.points)
     force(y, out)
-    loading = Loading(body, "t", 0.0, (), [], [], None)
+    loading = Loading(body, "t", 0.0, (), [], [], Loads(body, []))
     np.testing.assert_allclose(loading.internal_forces(force), out, atol=1e-12 * np.abs(out).max())
     step = 2e-5
     for direction in random.standard_normal((3, *y.shape)):
