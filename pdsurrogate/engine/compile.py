@@ -26,12 +26,13 @@ from pathlib import Path
 import numba
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import carray, types
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, is_jitted, register_jitable
 
+from .block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
 from .intrinsics import data_of
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
@@ -169,8 +170,11 @@ def parallel_kernel(function: Callable) -> Callable:
     return _enable_cache(numba.njit(parallel=True, **OPTIONS)(function), function, parallel=True)
 
 
-_real = types.CPointer(types.float64)
+_real, _sizes = types.CPointer(types.float64), types.CPointer(types.int64)
 
+
+MOST_VALUES = 1 << 40
+"""Nominal length of the arrays over constants and working memory of a model, whose length is known to the model alone."""
 
 STRESS_RESPONSE = types.void(_real, _real, _real)
 """Signature ``response(states, parameters, result)`` of the responses of laws, over the rows of a block in double precision.
@@ -185,18 +189,7 @@ def isochoric_energy_signature(dtype):
     States and results are in `dtype`, weights in double precision; ``response`` and ``parameters`` are those of the exact energy.
     """
     real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
-    return types.void(real, types.CPointer(types.int64), _real, types.int64, _real, real)
-
-
-def bond_force_signature(dtype):
-    """Return the signature ``bond_force(states, sizes, weights, response, parameters, work, scratch, traction)`` of compiled bond forces.
-
-    ``states``, ``weights``, ``work`` and ``traction`` are in `dtype`, the precision of the model. ``sizes`` and ``weights`` are the
-    constants of the model; ``response`` and ``parameters`` belong to the material law, for models computed from it; ``work`` and
-    ``scratch`` are rows for intermediate values, in the precision of the model and in double precision. See `pdsurrogate.forces.protocol`.
-    """
-    real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
-    return types.void(real, types.CPointer(types.int64), real, types.int64, _real, real, _real, real)
+    return types.void(real, _sizes, _real, types.int64, _real, real)
 
 
 @intrinsic
@@ -259,6 +252,27 @@ def compile_block_function(function: Callable, signature, digest: str | None = N
     _enable_cache(compiled, function, digest)
     compiled.compile()
     return compiled
+
+
+def compile_bond_force(function: Callable, dtype, state_rows: int = STATE_ROWS, result_rows: int = TRACTION_ROWS) -> CFunc:
+    """Compile ``function(states, sizes, weights, response, parameters, work, scratch, traction)`` for blocks of bonds.
+
+    ``states``, ``weights``, ``work`` and ``traction`` are in `dtype`, the precision of the model. ``sizes`` and ``weights`` are the
+    constants of the model; ``response`` and ``parameters`` belong to the material law, for models computed from it; ``work`` and
+    ``scratch`` are rows for intermediate values, in the precision of the model and in double precision. The compiled function takes
+    pointers (see `call_block`), and `function` arrays over them; only the model knows how much of ``sizes``, ``weights`` and ``work`` it
+    reads. See `pdsurrogate.forces.protocol`.
+    """
+    body = expanded(function)
+
+    def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
+        widest_vectors()
+        states, traction = carray(states, (state_rows, BLOCK)), carray(traction, (result_rows, BLOCK))
+        sizes, weights, work = carray(sizes, (MOST_VALUES,)), carray(weights, (MOST_VALUES,)), carray(work, (MOST_VALUES, BLOCK))
+        body(states, sizes, weights, response, parameters, work, carray(scratch, (SCRATCH_ROWS, BLOCK)), traction)
+
+    real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
+    return compile_block_function(bond_force, types.void(real, _sizes, real, types.int64, _real, real, _real, real))
 
 
 def block_function_of(build: Callable, signature, *parts) -> CFunc:

@@ -1,4 +1,4 @@
-"""Instructions for compiled code that numba lacks: bit patterns of reals, and a quotient without infinities.
+"""A quotient without infinities for compiled code, and the arguments of intrinsics in the form in which they are used.
 
 `data_of` reads the arguments of intrinsics: arrays, tuples and scalars.
 """
@@ -15,30 +15,6 @@ def data_of(context, builder, kind, value):
     if isinstance(kind, types.BaseTuple):
         return [data_of(context, builder, item, builder.extract_value(value, n)) for n, item in enumerate(kind.types)]
     return context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
-
-
-INT_OF = {types.float32: types.int32, types.float64: types.int64}
-REAL_OF = {types.int32: types.float32, types.int64: types.float64}
-
-
-@intrinsic
-def bits_of(typingctx, value):
-    """Return the bit pattern of a real as an integer with as many bits."""
-
-    def codegen(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
-
-    return INT_OF[value](value), codegen
-
-
-@intrinsic
-def real_of(typingctx, bits):
-    """Return the real with the given bit pattern."""
-
-    def codegen(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
-
-    return REAL_OF[bits](bits), codegen
 
 
 @intrinsic

@@ -79,7 +79,7 @@ def put_parts(pair, moment, k, reference, P, half):
 
 
 @Pass
-def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
+def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
     """Compute the energy of every pair of points of a sheet, its force, and its moment S; all are dimensionless, times volume.
 
     S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point. `pairs` are the numbers of the
@@ -96,14 +96,13 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
     buffers, sums, work, scratch = memory
     counts, energies, forces, moments = results
     widest_vectors()
-    first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-    buffer = buffers[thread]
+    buffer = buffers[chunk.thread]
     states = block_rows(buffer[:RESULT])
     result = block_rows(buffer[RESULT:EXACT_RESULT])
     exact_result = block_rows(buffer[EXACT_RESULT:BOND])
     bond = block_rows(buffer[BOND:COLUMNS])
     columns = block_rows(buffer[COLUMNS:BUFFER_ROWS])
-    means = block_rows(sums[thread])
+    means = block_rows(sums[chunk.thread])
     real = buffer.dtype.type
     half = real(0.5)
     zero = real(0.0)
@@ -115,7 +114,7 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
     count = 0
     small = 0
     bad = 0
-    for block in range(first_block, last_block):
+    for block in share_of(geometry.shape[0], chunk):
         at = block * BLOCK
         reference = block_rows(geometry[block])
         for k in range(0, BLOCK, 4):
@@ -134,7 +133,7 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
             small += int(few)
             for k in range(BLOCK):
                 bad += 0 if states[1, k] > zero else 1
-        call_block(energy_density, states, constants, work[thread], scratch[thread], result)
+        call_block(energy_density, states, constants, work[chunk.thread], scratch[chunk.thread], result)
         if guard != UNGUARDED:
             found = zero
             near = zero
@@ -147,7 +146,7 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
             if found > zero:
                 count += int(found)
             if guard == FALL_BACK and near > zero:
-                call_block(exact, states, constants, work[thread], scratch[thread], exact_result)
+                call_block(exact, states, constants, work[chunk.thread], scratch[chunk.thread], exact_result)
                 for k in range(BLOCK):
                     share, by_trace, by_J, _, _, _ = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
                     if share >= 1.0:
@@ -167,14 +166,14 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
             put_parts(pair, moment, k, reference, P, half)
             total += np.float64(reference[counted, k] * result[0, k])
         energies[block] = total
-    counts[chunk, 0] = count
-    counts[chunk, 1] = small
-    counts[chunk, 2] = bad
+    counts[chunk.number, 0] = count
+    counts[chunk.number, 1] = small
+    counts[chunk.number, 2] = bad
     return 0
 
 
 @Pass
-def pair_tangents(thread, chunk, chunks, positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
+def pair_tangents(chunk, positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
     """Compute, to first order, the changes of the forces and moments that `pair_energies` computes, under a displacement.
 
     `positions` and `gradients` hold the displacements of the points and the changes of their deformation gradients; `linearised` (n_blocks,
@@ -182,10 +181,9 @@ def pair_tangents(thread, chunk, chunks, positions, gradients, first, second, ge
     V_b. c and e are the columns of F_ij along and across the bond.
     """
     widest_vectors()
-    first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-    bond = block_rows(buffers[thread, BOND:COLUMNS])
-    means = block_rows(sums[thread])
-    for block in range(first_block, last_block):
+    bond = block_rows(buffers[chunk.thread, BOND:COLUMNS])
+    means = block_rows(sums[chunk.thread])
+    for block in share_of(geometry.shape[0], chunk):
         at = block * BLOCK
         reference = block_rows(geometry[block])
         state = block_rows(linearised[block])
