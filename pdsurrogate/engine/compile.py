@@ -30,10 +30,10 @@ from numba import carray, types
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
-from numba.extending import intrinsic, is_jitted, register_jitable
+from numba.extending import is_jitted, register_jitable
 
 from .block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
-from .intrinsics import data_of
+from .intrinsics import writes
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
 
@@ -192,42 +192,30 @@ def isochoric_energy_signature(dtype):
     return types.void(real, _sizes, _real, types.int64, _real, real)
 
 
-@intrinsic
-def call_block(typingctx, address, *arguments):
+@writes
+def call_block(builder, address, *arguments):
     """Call the compiled block function at an address; pass arrays as pointers to their data, and tuples as their items.
 
     numba's first-class functions would work, but need some 40 microseconds of unpacking at every call of a kernel. The arguments are not
     checked: they must fit the signature that the function was compiled for.
     """
-    arguments = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], types.BaseTuple) else arguments
-    signature = types.void(address, types.StarArgTuple(arguments))
-
-    def codegen(context, builder, signature, values):
-        passed = []
-        for argument in data_of(context, builder, signature.args[1], values[1]):
-            passed += argument if isinstance(argument, list) else [argument]
-        function = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
-        builder.call(builder.inttoptr(values[0], function.as_pointer()), passed)
-        return context.get_dummy_value()
-
-    return signature, codegen
+    passed = []
+    for argument in arguments:
+        passed += argument if isinstance(argument, list) else [argument]
+    function = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
+    builder.call(builder.inttoptr(address, function.as_pointer()), passed)
 
 
-@intrinsic
-def widest_vectors(typingctx):
+@writes
+def widest_vectors(builder):
     """Let LLVM use the processor's widest vectors in the calling function, and align spilled registers.
 
     LLVM limits itself to 256 bits on processors with AVX-512, because in most code a few wide instructions would lower the clock of all the
     rest; here they are most of the work. On other processors nothing changes.
     """
-
-    def codegen(context, builder, signature, arguments):
-        # llvmlite does not support attributes with a value; added without its check they are written out verbatim.  An inlined function
-        # would lose them.
-        set.update(builder.function.attributes, {'"prefer-vector-width"="512"', '"stackrealign"', "noinline"})
-        return context.get_dummy_value()
-
-    return types.void(), codegen
+    # llvmlite does not support attributes with a value; added without its check they are written out verbatim.  An inlined function
+    # would lose them.
+    set.update(builder.function.attributes, {'"prefer-vector-width"="512"', '"stackrealign"', "noinline"})
 
 
 _BLOCK_FUNCTIONS: dict[object, CFunc] = {}

@@ -17,6 +17,25 @@ def data_of(context, builder, kind, value):
     return context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
 
 
+def writes(write):
+    """Return the intrinsic that generates its code by ``write(builder, *arguments)`` and returns nothing to its caller.
+
+    `write` receives arrays as addresses of their data, and tuples as lists.
+    """
+
+    @intrinsic
+    def called(typingctx, *arguments):
+        arguments = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], types.BaseTuple) else arguments
+
+        def codegen(context, builder, signature, values):
+            write(builder, *data_of(context, builder, signature.args[0], values[0]))
+            return context.get_dummy_value()
+
+        return types.void(types.StarArgTuple(arguments)), codegen
+
+    return called
+
+
 @intrinsic
 def finite_quotient(typingctx, x, y):
     """Return x/y, compiled on the promise that no operand or result is infinite.

@@ -82,17 +82,16 @@ def put_parts(pair, moment, k, reference, P, half):
 def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
     """Compute the energy of every pair of points of a sheet, its force, and its moment S; all are dimensionless, times volume.
 
-    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point. `pairs` are the numbers of the
-    first and second points and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has several materials or ranks,
-    the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions compiled for blocks of pairs, and
+    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point. `pairs` are their ends,
+    the numbers of their first and second points, and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has
+    several materials or ranks, the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions compiled for blocks of pairs, and
     `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` holds the limits of
     `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of both points, and the rows `work` and
     `scratch` of an energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the domain, of pairs with det
     F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs, 2), V_b P n/l
     on the first point; `moments` (pairs, 4), S by columns.
     """
-    first, second, geometry = pairs
-    ends = first, second
+    ends, geometry = pairs
     buffers, sums, work, scratch = memory
     counts, energies, forces, moments = results
     widest_vectors()
@@ -173,13 +172,14 @@ def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, con
 
 
 @Pass
-def pair_tangents(chunk, positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
+def pair_tangents(chunk, positions, gradients, pairs, linearised, buffers, sums, forces, moments):
     """Compute, to first order, the changes of the forces and moments that `pair_energies` computes, under a displacement.
 
     `positions` and `gradients` hold the displacements of the points and the changes of their deformation gradients; `linearised` (n_blocks,
     9, BLOCK) holds c, e, psi_I, psi_J, psi_II, psi_IJ, psi_JJ of every pair at the state where the tangent is taken, the last five times
     V_b. c and e are the columns of F_ij along and across the bond.
     """
+    ends, geometry = pairs
     widest_vectors()
     bond = block_rows(buffers[chunk.thread, BOND:COLUMNS])
     means = block_rows(sums[chunk.thread])
@@ -188,7 +188,7 @@ def pair_tangents(chunk, positions, gradients, first, second, geometry, linearis
         reference = block_rows(geometry[block])
         state = block_rows(linearised[block])
         for k in range(0, BLOCK, 4):
-            plane.gather_pairs(gradients, positions, (first, second), at + k, means, bond, k)
+            plane.gather_pairs(gradients, positions, ends, at + k, means, bond, k)
         pair = pair_records(forces[at : at + BLOCK])
         moment = quad_records(moments[at : at + BLOCK])
         for k in range(BLOCK):

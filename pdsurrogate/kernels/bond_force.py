@@ -13,8 +13,7 @@ from ..engine.compile import call_block, compile_bond_force, inlined, widest_vec
 from ..engine.passes import Pass, share_of
 from .algebra import algebra_of, entries
 from .domain import N_LIMITS, is_outside, share_inside
-from .elementary import inverse_square_root, quotient
-from .feature_sets import like
+from .elementary import inverse_square_root, like, quotient
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
 """Guards for bonds outside the domain of a force model. UNGUARDED: the model has no domain. TURNED: they are counted, and those turned so
@@ -123,14 +122,13 @@ def pair_forces(chunk, positions, records, pairs, bond_force, exact, constants, 
     count.
 
     `records` (n, 4) holds the state (cos, sin, J, C33) of every point: its rotation, volume ratio in the plane and squared thickness
-    stretch. `pairs` are the numbers of the first and second points and the geometry (n_blocks, 4 to 6, BLOCK) from
+    stretch. `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, 4 to 6, BLOCK) from
     `reference_state.pair_rows`, with `COUNTED_ROW`. `bond_force` and `exact` are addresses of functions compiled for blocks of bonds, a
     model's and the exact one, and `constants` the sizes, weights, response and parameters that both take. `domain` (2, 7) holds the limits
     of the domain and of its interior, see `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer and the rows `work` in the
     model's precision, and the rows `scratch` in double precision.
     """
-    first, second, geometry = pairs
-    ends = first, second
+    ends, geometry = pairs
     buffers, work, scratch = memory
     widest_vectors()
     buffer = buffers[chunk.thread]

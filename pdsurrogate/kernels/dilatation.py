@@ -33,8 +33,7 @@ def volume_derivatives(algebra):
         A row of `derivatives` holds cof F_ij n/l, the derivative by the bond vector, and cof F_ij (I - n (x) n)/2, the derivative by F_i +
         F_j, by columns. The other arguments are those of `selective_energy.pair_volumes`.
         """
-        first, second, geometry = pairs
-        ends = first, second
+        ends, geometry = pairs
         widest_vectors()
         sums = block_rows(buffers[chunk.thread, 0:matrix])
         bonds = block_rows(buffers[chunk.thread, matrix : matrix + dimension])

@@ -27,6 +27,18 @@ def _select(condition, value, otherwise):
     return lambda condition, value, otherwise: value if condition else otherwise
 
 
+def like(x, value):
+    """Return `value`; in compiled code, convert it to single precision if `x` is in single precision."""
+    return value
+
+
+@overload(like, jit_options=INLINE_OPTIONS)
+def _like(x, value):
+    if x == types.float32:
+        return lambda x, value: np.float32(value)
+    return lambda x, value: value
+
+
 def quotient(x, y):
     """Return x/y for finite x and y other than 0. Relative error below 3e-7 (float32) and 2.3e-16 (float64)."""
     return x / y

@@ -17,8 +17,8 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, block_rows, put_column, tuple_of
 from ..engine.compile import compile_bond_force, expanded, inlined, kernel, widest_vectors
 from .algebra import entries, total
-from .elementary import exponential, inverse_square_root, select
-from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, like, write_tractions
+from .elementary import exponential, inverse_square_root, like, select
+from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
 GROUP = 4
 """Units that are evaluated together: a state is loaded, and an accumulator written, once for all of them."""
@@ -278,6 +278,6 @@ def network_block(features: FeatureSet, activation, dtype):
             else:
                 _pre_activations(rows, width, w, z)
                 add_from_units(z, w, v, traction)
-        put_tractions(states, kept, shared, weights[last + 2 :], traction)
+        put_tractions(states, kept, weights[last + 2 :], traction)
 
     return compile_bond_force(network, dtype)

@@ -8,7 +8,7 @@ from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
 from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
 from .algebra import ByDimension
-from .feature_sets import like
+from .elementary import like
 
 STATE_ROWS, RESULT_ROWS = 3, 4
 """Rows of the states and of the result of an isochoric response; the last row of the result is the energy."""
@@ -68,11 +68,10 @@ def pair_volumes(algebra):
     def pair_volumes(chunk, positions, gradients, pairs, buffers, volumes):
         """Compute det F_ij of every pair of points; return the number of pairs where it is not positive or NaN.
 
-        `pairs` are the numbers of the first and second points and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l, the volume of the
-        pair and, where a body has several materials or ranks, the part of this volume counted here.
+        `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l, the
+        volume of the pair and, where a body has several materials or ranks, the part of this volume counted here.
         """
-        first, second, geometry = pairs
-        ends = first, second
+        ends, geometry = pairs
         widest_vectors()
         sums = block_rows(buffers[chunk.thread])
         bonds = rows_from(sums, matrix)
@@ -176,8 +175,8 @@ def pair_energies(algebra):
         `forces`, P n/l on the first point; `moments`, S = P (I - n (x) n)/2 by columns, the derivative of the energy by the deformation
         gradient of either point.
         """
-        first, second, geometry = pairs
-        ends = first, second
+        ends, geometry = pairs
+        first, second = ends
         energies, forces, moments = results
         widest_vectors()
         sums = block_rows(buffers[chunk.thread])

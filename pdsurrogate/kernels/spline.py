@@ -12,7 +12,8 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, block_rows, put_column
 from ..engine.compile import compile_bond_force, inlined
 from ..engine.vector_loads import sums_of_rows
-from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, like, write_tractions
+from .elementary import like
+from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
 FEATURES = (2, 3)
 """Numbers of features that a spline may have."""
@@ -116,6 +117,6 @@ def spline_block(features: FeatureSet, dtype):
                     first, second = first + more * ahead[n, k], second + other * ahead[n, k]
             traction[0, k] = first
             traction[1, k] = second
-        put_tractions(states, kept, shared, weights[sizes[N_WEIGHTS] - N_OUTPUTS :], traction)
+        put_tractions(states, kept, weights[sizes[N_WEIGHTS] - N_OUTPUTS :], traction)
 
     return compile_bond_force(spline, dtype)
