@@ -192,6 +192,17 @@ def isochoric_energy_signature(dtype):
     return types.void(real, _sizes, _real, types.int64, _real, real)
 
 
+def bond_force_signature(dtype):
+    """Return the signature ``bond_force(states, sizes, weights, response, parameters, work, scratch, traction)`` of compiled bond forces.
+
+    ``states``, ``weights``, ``work`` and ``traction`` are in `dtype`, the precision of the model. ``sizes`` and ``weights`` are the
+    constants of the model; ``response`` and ``parameters`` belong to the material law, for models computed from it; ``work`` and
+    ``scratch`` are rows for intermediate values, in the precision of the model and in double precision. See `pdsurrogate.forces.protocol`.
+    """
+    real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
+    return types.void(real, _sizes, real, types.int64, _real, real, _real, real)
+
+
 @writes
 def call_block(builder, address, *arguments):
     """Call the compiled block function at an address; pass arrays as pointers to their data, and tuples as their items.
@@ -243,13 +254,9 @@ def compile_block_function(function: Callable, signature, digest: str | None = N
 
 
 def compile_bond_force(function: Callable, dtype, state_rows: int = STATE_ROWS, result_rows: int = TRACTION_ROWS) -> CFunc:
-    """Compile ``function(states, sizes, weights, response, parameters, work, scratch, traction)`` for blocks of bonds.
+    """Compile a function of blocks of bonds for the arguments of `bond_force_signature`, which it receives as arrays, not as pointers.
 
-    ``states``, ``weights``, ``work`` and ``traction`` are in `dtype`, the precision of the model. ``sizes`` and ``weights`` are the
-    constants of the model; ``response`` and ``parameters`` belong to the material law, for models computed from it; ``work`` and
-    ``scratch`` are rows for intermediate values, in the precision of the model and in double precision. The compiled function takes
-    pointers (see `call_block`), and `function` arrays over them; only the model knows how much of ``sizes``, ``weights`` and ``work`` it
-    reads. See `pdsurrogate.forces.protocol`.
+    The arrays of ``sizes``, ``weights`` and ``work`` have the nominal length `MOST_VALUES`.
     """
     body = expanded(function)
 
@@ -259,8 +266,7 @@ def compile_bond_force(function: Callable, dtype, state_rows: int = STATE_ROWS, 
         sizes, weights, work = carray(sizes, (MOST_VALUES,)), carray(weights, (MOST_VALUES,)), carray(work, (MOST_VALUES, BLOCK))
         body(states, sizes, weights, response, parameters, work, carray(scratch, (SCRATCH_ROWS, BLOCK)), traction)
 
-    real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
-    return compile_block_function(bond_force, types.void(real, _sizes, real, types.int64, _real, real, _real, real))
+    return compile_block_function(bond_force, bond_force_signature(dtype))
 
 
 def block_function_of(build: Callable, signature, *parts) -> CFunc:

@@ -18,7 +18,7 @@ from .protocol import CompiledBondForce
 from .settings import ForceSettings
 
 _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
-"""Signature of a function compiled for blocks of bonds (`pdsurrogate.engine.compile.compile_bond_force`), in double precision."""
+"""Signature of a function compiled for blocks of bonds (`pdsurrogate.engine.compile.bond_force_signature`), in double precision."""
 
 TRIAL = ([1.0, 1.3, 0.8, 1.1], [0.0, 0.2, -0.1, 0.05], [1.0, 0.5, 0.7, 0.2], [1.0, 0.7, 1.4, 0.9], [1.0, 1.2, 0.85, 1.05])
 """Stretches, rotations, lengths, C33 and J of four bonds at which a user's own force is checked before a run."""

@@ -123,7 +123,7 @@ class CompiledBondForce:
     Attributes
     ----------
     address : int
-        Address of the function (`pdsurrogate.engine.compile.compile_bond_force`).
+        Address of the function (`pdsurrogate.engine.compile.bond_force_signature`).
     sizes : ndarray of int64
         Integer constants.
     weights : ndarray, in the precision of the bond pass

@@ -82,14 +82,14 @@ def put_parts(pair, moment, k, reference, P, half):
 def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
     """Compute the energy of every pair of points of a sheet, its force, and its moment S; all are dimensionless, times volume.
 
-    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point. `pairs` are their ends,
-    the numbers of their first and second points, and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has
-    several materials or ranks, the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions compiled for blocks of pairs, and
-    `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` holds the limits of
-    `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of both points, and the rows `work` and
-    `scratch` of an energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the domain, of pairs with det
-    F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs, 2), V_b P n/l
-    on the first point; `moments` (pairs, 4), S by columns.
+    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point. `pairs` are their ends, the
+    numbers of their first and second points, and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has several
+    materials or ranks, the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions compiled for
+    blocks of pairs, and `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain`
+    holds the limits of `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of both points, and the
+    rows `work` and `scratch` of an energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the domain, of
+    pairs with det F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs,
+    2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
     """
     ends, geometry = pairs
     buffers, sums, work, scratch = memory

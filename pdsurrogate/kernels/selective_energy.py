@@ -68,8 +68,8 @@ def pair_volumes(algebra):
     def pair_volumes(chunk, positions, gradients, pairs, buffers, volumes):
         """Compute det F_ij of every pair of points; return the number of pairs where it is not positive or NaN.
 
-        `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l, the
-        volume of the pair and, where a body has several materials or ranks, the part of this volume counted here.
+        `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l,
+        the volume of the pair and, where a body has several materials or ranks, the part of this volume counted here.
         """
         ends, geometry = pairs
         widest_vectors()
