@@ -114,16 +114,6 @@ def rows_from(typingctx, rows, start):
     return signature, codegen
 
 
-def _values(context, builder, kinds, arguments, place):
-    """Return the addresses of the entries of an array that belong to the values of a tuple: entry ``place(number, q)`` for value q.
-
-    `kinds` and `arguments` are the numba types and the LLVM values of (array, number, tuple).
-    """
-    array = context.make_array(kinds[0])(context, builder, arguments[0])
-    numbers = [ir.Constant(context.get_value_type(types.intp), q) for q in range(len(kinds[2]))]
-    return [cgutils.get_item_pointer(context, builder, kinds[0], array, place(arguments[1], q)) for q in numbers]
-
-
 def _put(place):
     """Return an intrinsic that writes a tuple into an array, value q to entry ``place(number, q)``, converted to the type of the array."""
 
@@ -132,8 +122,9 @@ def _put(place):
         signature = types.void(array, types.intp, values)
 
         def codegen(context, builder, signature, arguments):
-            places = _values(context, builder, signature.args, arguments, place)
-            for value, kind, at in zip(cgutils.unpack_tuple(builder, arguments[2]), values, places, strict=True):
+            into = context.make_array(array)(context, builder, arguments[0])
+            for q, (value, kind) in enumerate(zip(cgutils.unpack_tuple(builder, arguments[2]), values, strict=True)):
+                at = cgutils.get_item_pointer(context, builder, array, into, place(arguments[1], ir.Constant(arguments[1].type, q)))
                 builder.store(context.cast(builder, value, kind, array.dtype), at)
             return context.get_dummy_value()
 
@@ -150,17 +141,6 @@ A loop over q would make LLVM split the first columns off the enclosing loop, wh
 
 put_row = _put(lambda row, q: [row, q])
 """Intrinsic ``put_row(records, row, values)``: ``records[row, q] = values[q]`` for every value of a tuple."""
-
-
-@intrinsic
-def column_like(typingctx, rows, column, values):
-    """Return the column that `put_column` wrote into `rows`, as a tuple with the length and types of the tuple `values`."""
-
-    def codegen(context, builder, signature, arguments):
-        places = _values(context, builder, signature.args, arguments, lambda column, q: [q, column])
-        return context.make_tuple(builder, signature.return_type, [builder.load(at) for at in places])
-
-    return values(rows, types.intp, values), codegen
 
 
 @intrinsic

@@ -26,13 +26,14 @@ from pathlib import Path
 import numba
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import carray, types
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
-from numba.extending import intrinsic, is_jitted, register_jitable
+from numba.extending import is_jitted, register_jitable
 
-from .intrinsics import data_of
+from .block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from .intrinsics import writes
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
 
@@ -169,8 +170,11 @@ def parallel_kernel(function: Callable) -> Callable:
     return _enable_cache(numba.njit(parallel=True, **OPTIONS)(function), function, parallel=True)
 
 
-_real = types.CPointer(types.float64)
+_real, _sizes = types.CPointer(types.float64), types.CPointer(types.int64)
 
+
+MOST_VALUES = 1 << 40
+"""Nominal length of the arrays over constants and working memory of a model, whose length is known to the model alone."""
 
 STRESS_RESPONSE = types.void(_real, _real, _real)
 """Signature ``response(states, parameters, result)`` of the responses of laws, over the rows of a block in double precision.
@@ -185,7 +189,7 @@ def isochoric_energy_signature(dtype):
     States and results are in `dtype`, weights in double precision; ``response`` and ``parameters`` are those of the exact energy.
     """
     real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
-    return types.void(real, types.CPointer(types.int64), _real, types.int64, _real, real)
+    return types.void(real, _sizes, _real, types.int64, _real, real)
 
 
 def bond_force_signature(dtype):
@@ -196,45 +200,33 @@ def bond_force_signature(dtype):
     ``scratch`` are rows for intermediate values, in the precision of the model and in double precision. See `pdsurrogate.forces.protocol`.
     """
     real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
-    return types.void(real, types.CPointer(types.int64), real, types.int64, _real, real, _real, real)
+    return types.void(real, _sizes, real, types.int64, _real, real, _real, real)
 
 
-@intrinsic
-def call_block(typingctx, address, *arguments):
+@writes
+def call_block(builder, address, *arguments):
     """Call the compiled block function at an address; pass arrays as pointers to their data, and tuples as their items.
 
     numba's first-class functions would work, but need some 40 microseconds of unpacking at every call of a kernel. The arguments are not
     checked: they must fit the signature that the function was compiled for.
     """
-    arguments = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], types.BaseTuple) else arguments
-    signature = types.void(address, types.StarArgTuple(arguments))
-
-    def codegen(context, builder, signature, values):
-        passed = []
-        for argument in data_of(context, builder, signature.args[1], values[1]):
-            passed += argument if isinstance(argument, list) else [argument]
-        function = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
-        builder.call(builder.inttoptr(values[0], function.as_pointer()), passed)
-        return context.get_dummy_value()
-
-    return signature, codegen
+    passed = []
+    for argument in arguments:
+        passed += argument if isinstance(argument, list) else [argument]
+    function = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
+    builder.call(builder.inttoptr(address, function.as_pointer()), passed)
 
 
-@intrinsic
-def widest_vectors(typingctx):
+@writes
+def widest_vectors(builder):
     """Let LLVM use the processor's widest vectors in the calling function, and align spilled registers.
 
     LLVM limits itself to 256 bits on processors with AVX-512, because in most code a few wide instructions would lower the clock of all the
     rest; here they are most of the work. On other processors nothing changes.
     """
-
-    def codegen(context, builder, signature, arguments):
-        # llvmlite does not support attributes with a value; added without its check they are written out verbatim.  An inlined function
-        # would lose them.
-        set.update(builder.function.attributes, {'"prefer-vector-width"="512"', '"stackrealign"', "noinline"})
-        return context.get_dummy_value()
-
-    return types.void(), codegen
+    # llvmlite does not support attributes with a value; added without its check they are written out verbatim.  An inlined function
+    # would lose them.
+    set.update(builder.function.attributes, {'"prefer-vector-width"="512"', '"stackrealign"', "noinline"})
 
 
 _BLOCK_FUNCTIONS: dict[object, CFunc] = {}
@@ -259,6 +251,22 @@ def compile_block_function(function: Callable, signature, digest: str | None = N
     _enable_cache(compiled, function, digest)
     compiled.compile()
     return compiled
+
+
+def compile_bond_force(function: Callable, dtype, state_rows: int = STATE_ROWS, result_rows: int = TRACTION_ROWS) -> CFunc:
+    """Compile a function of blocks of bonds for the arguments of `bond_force_signature`, which it receives as arrays, not as pointers.
+
+    The arrays of ``sizes``, ``weights`` and ``work`` have the nominal length `MOST_VALUES`.
+    """
+    body = expanded(function)
+
+    def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
+        widest_vectors()
+        states, traction = carray(states, (state_rows, BLOCK)), carray(traction, (result_rows, BLOCK))
+        sizes, weights, work = carray(sizes, (MOST_VALUES,)), carray(weights, (MOST_VALUES,)), carray(work, (MOST_VALUES, BLOCK))
+        body(states, sizes, weights, response, parameters, work, carray(scratch, (SCRATCH_ROWS, BLOCK)), traction)
+
+    return compile_block_function(bond_force, bond_force_signature(dtype))
 
 
 def block_function_of(build: Callable, signature, *parts) -> CFunc:

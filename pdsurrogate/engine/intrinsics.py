@@ -1,4 +1,4 @@
-"""Instructions for compiled code that numba lacks: bit patterns of reals, and a quotient without infinities.
+"""A quotient without infinities for compiled code, and the arguments of intrinsics in the form in which they are used.
 
 `data_of` reads the arguments of intrinsics: arrays, tuples and scalars.
 """
@@ -17,28 +17,23 @@ def data_of(context, builder, kind, value):
     return context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
 
 
-INT_OF = {types.float32: types.int32, types.float64: types.int64}
-REAL_OF = {types.int32: types.float32, types.int64: types.float64}
+def writes(write):
+    """Return the intrinsic that generates its code by ``write(builder, *arguments)`` and returns nothing to its caller.
 
+    `write` receives arrays as addresses of their data, and tuples as lists.
+    """
 
-@intrinsic
-def bits_of(typingctx, value):
-    """Return the bit pattern of a real as an integer with as many bits."""
+    @intrinsic
+    def called(typingctx, *arguments):
+        arguments = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], types.BaseTuple) else arguments
 
-    def codegen(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
+        def codegen(context, builder, signature, values):
+            write(builder, *data_of(context, builder, signature.args[0], values[0]))
+            return context.get_dummy_value()
 
-    return INT_OF[value](value), codegen
+        return types.void(types.StarArgTuple(arguments)), codegen
 
-
-@intrinsic
-def real_of(typingctx, bits):
-    """Return the real with the given bit pattern."""
-
-    def codegen(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
-
-    return REAL_OF[bits](bits), codegen
+    return called
 
 
 @intrinsic

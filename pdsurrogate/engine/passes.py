@@ -10,16 +10,17 @@ from __future__ import annotations
 import inspect
 import itertools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numba
 import numpy as np
 from llvmlite import ir
 from numba import prange, types
 from numba.core.ccallback import CFunc
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
 from .block_arrays import CACHE_LINE, add_to, aligned_rows, array_over
-from .compile import INLINE_OPTIONS, compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
+from .compile import compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
 from .threads import Chunks, chunks_of, threads_are_lost
 
 WORDS_PER_LINE = CACHE_LINE // 8
@@ -87,18 +88,6 @@ def _run_here(calls, found):
             found[number] += _call_chunk(calls[number, 0], calls[number, 1], 0, chunk, calls[number, 2])
 
 
-def _count(found):
-    """Return the count that a pass has returned for a chunk; in compiled code 0 if the pass returns nothing."""
-    return found
-
-
-@overload(_count, jit_options=INLINE_OPTIONS)
-def _count_of(found):
-    if isinstance(found, types.NoneType):
-        return lambda found: 0
-    return lambda found: found
-
-
 def _unpacker(kinds: tuple):
     """Return an intrinsic that reads the arguments of a pass, of the numba types `kinds`, from a vector of 64-bit words.
 
@@ -147,24 +136,29 @@ def _described(name: str, value) -> tuple[types.Type, list[int]]:
     return types.int64, [int(value)]
 
 
+class Chunk(NamedTuple):
+    """Chunk of a body that a pass works on: its number, the number of all chunks, and the number of the thread that runs the pass."""
+
+    number: int
+    of: int
+    thread: int
+
+
 class Pass:
     """Function that works on one chunk of a body, compiled for the types of the arrays that it is bound to; used as a decorator.
 
-    ``function(chunk, chunks, ...)`` works on chunk number `chunk` out of `chunks` and returns a count, or nothing. ``function(thread,
-    chunk, chunks, ...)`` can also use working memory of its thread.
+    ``function(chunk, ...)`` works on a `Chunk` and returns a count, or nothing. It can use working memory of the chunk's thread.
     """
 
     def __init__(self, function: Callable) -> None:
         self.function = function
         self.__doc__, self.__name__ = function.__doc__, function.__name__
-        names = tuple(inspect.signature(function).parameters)
-        self._asks_thread = names[0] == "thread"
-        self.names = names[3:] if self._asks_thread else names[2:]
+        self.names = tuple(inspect.signature(function).parameters)[1:]
         self._code: dict[tuple, CFunc] = {}
         self._compiled = plain_function(function)
 
     def bind(self, *arguments, chunks: Chunks | None = None) -> BoundPass:
-        """Return the pass bound to its arguments, the parameters after `chunk` and `chunks`; by default it has one chunk for each thread.
+        """Return the pass bound to its arguments, the parameters after `chunk`; by default it has one chunk for each thread.
 
         An argument is an array in C order, a number, or a tuple of these.
         """
@@ -178,16 +172,11 @@ class Pass:
         """Return the address of the code of the pass for arguments of the given numba types; compile it if it is new."""
         if kinds not in self._code:
             function, unpack = self._compiled, _unpacker(kinds)
-            digest = compiled_digest(self.function, unpack, _count, [str(kind) for kind in kinds])
-            if self._asks_thread:
+            digest = compiled_digest(self.function, unpack, [str(kind) for kind in kinds])
 
-                def entry(arguments, thread, chunk, chunks):
-                    return _count(function(thread, chunk, chunks, *unpack(arguments)))
-
-            else:
-
-                def entry(arguments, thread, chunk, chunks):
-                    return _count(function(chunk, chunks, *unpack(arguments)))
+            def entry(arguments, thread, number, of):
+                found = function(Chunk(number, of, thread), *unpack(arguments))
+                return 0 if found is None else found
 
             entry.__qualname__ = self.function.__qualname__
             self._code[kinds] = compile_block_function(entry, CHUNK_FUNCTION, digest)
@@ -195,9 +184,9 @@ class Pass:
 
 
 @inlined
-def share_of(size, chunk, chunks):
-    """Return the first index, and the index after the last, of the items of chunk number `chunk`, of `size` items in `chunks` chunks."""
-    return chunk * size // chunks, (chunk + 1) * size // chunks
+def share_of(size, chunk):
+    """Return the range of the items that belong to a chunk, where all chunks share `size` items."""
+    return range(chunk.number * size // chunk.of, (chunk.number + 1) * size // chunk.of)
 
 
 class BoundPass:

@@ -15,32 +15,13 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .block_arrays import BLOCK
-from .intrinsics import data_of
+from .intrinsics import data_of, writes
 
 _INDEX = ir.IntType(64)
 _DOUBLE = ir.DoubleType()
 
 _CONTRACT = ("contract",)
 """A product and a sum may become one instruction."""
-
-
-def _writes(write):
-    """Return the intrinsic that generates its code by ``write(builder, *arguments)`` and returns nothing to its caller.
-
-    `write` receives arrays as addresses of their data, and tuples as lists.
-    """
-
-    @intrinsic
-    def called(typingctx, *arguments):
-        arguments = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], types.BaseTuple) else arguments
-
-        def codegen(context, builder, signature, values):
-            write(builder, *data_of(context, builder, signature.args[0], values[0]))
-            return context.get_dummy_value()
-
-        return types.void(types.StarArgTuple(arguments)), codegen
-
-    return called
 
 
 def _constant(value):
@@ -227,7 +208,7 @@ def gather_pairs(dimension):
     component. A plain loop takes 3.5 (float32) or 2.4 (float64) times as long in the plane, 2.1 or 1.9 times in three dimensions.
     """
 
-    @_writes
+    @writes
     def gather(builder, matrices, positions, ends, at, sums, differences, column):
         pairs = _ends_of(builder, ends, at)
         _put_combined(builder, matrices, pairs, dimension**2, builder.fadd, sums, column)
@@ -244,7 +225,7 @@ def subtract_positions(dimension):
     plain loop takes 2.0 times as long.
     """
 
-    @_writes
+    @writes
     def subtract(builder, positions, ends, at, out, column):
         pairs = _ends_of(builder, ends, at)
         _put_combined(builder, positions, pairs, dimension, lambda first, second: builder.fsub(second, first), out, column)
@@ -252,7 +233,7 @@ def subtract_positions(dimension):
     return subtract
 
 
-@_writes
+@writes
 def sum_outer_products(builder, positions, neighbours, weights, bonds, point, out):
     """Write ``out[point] = sum over b in bonds of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns.
 
@@ -273,7 +254,7 @@ def sum_outer_products(builder, positions, neighbours, weights, bonds, point, ou
     _put_record(builder, [builder.fadd(*halves)], out, point, 4)
 
 
-@_writes
+@writes
 def outer_products(builder, positions, neighbours, weights, bonds, point, out):
     """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in bonds, by columns, in the plane.
 
@@ -297,7 +278,7 @@ def sum_matrix_products(dimension):
     (float64) times as long in the plane, 1.9 or 2.1 times in three dimensions.
     """
 
-    @_writes
+    @writes
     def add_up(builder, matrices, neighbours, vectors, bonds, point, out):
         def columns(number):
             """Load matrix `number`: return a 2 x 2 matrix as one vector, and a 3 x 3 matrix as its columns.
@@ -364,7 +345,7 @@ def sum_records(length, sign):
     (float64) times as long for records of two reals, 1.8 times for three, 3.9 or 2.6 times for four, 3.2 or 2.4 times for nine.
     """
 
-    @_writes
+    @writes
     def add_up(builder, records, own, indices, others, factor, point, out):
         combine = builder.fadd if sign > 0 else builder.fsub
         sums = zip(_sum_of(builder, records, length, own), _sum_of(builder, records, length, others, indices), strict=True)
@@ -374,7 +355,7 @@ def sum_records(length, sign):
     return add_up
 
 
-@_writes
+@writes
 def sum_listed_records(builder, records, listed, bonds, out, at):
     """Write ``out[at] = sum of records[listed[b]] for b in bonds``, where records have four doubles and `bonds` are start and stop.
 
@@ -394,7 +375,7 @@ def multiply_pairs(dimension):
     length = dimension + dimension**2
     signs = [-1.0] * dimension + [1.0] * dimension**2
 
-    @_writes
+    @writes
     def multiply(builder, records, points, first, second, bonds, out):
         start, stop = bonds
         own = [
@@ -427,7 +408,7 @@ def sum_scaled_records(dimension):
     """
     length = dimension + dimension**2
 
-    @_writes
+    @writes
     def add_up(builder, records, factors, own, indices, others, point, outputs):
         def components(sums):
             return [builder.extract_element(part, _lane(n)) for part in sums for n in range(part.type.count)]
@@ -451,7 +432,7 @@ def sum_weighted_rows(width):
     times for two or three, and 1.3 times for one.
     """
 
-    @_writes
+    @writes
     def add_up(builder, weights, columns, entries, rows, point, out):
         def add(accumulators, e):
             row = _load(builder, _element(builder, rows, _listed(builder, columns, e), width), width)

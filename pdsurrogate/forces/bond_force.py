@@ -108,7 +108,7 @@ class PairForces:
         within = domain.interior if binding.outside == "fallback" else domain
         limits = np.stack([domain.limits(precision), within.limits(precision)])
         self.forces = aligned_rows((len(points.first), 2), precision)
-        arrays = points.positions, points.records, (points.first, points.second, self.geometry)
+        arrays = points.positions, points.records, ((points.first, points.second), self.geometry)
         force = compiled.address, bond_force.analytic_bond_force(precision).address, compiled.constants(points), guard, limits
         buffers = aligned_rows((threads, bond_force.BUFFER_ROWS, BLOCK), precision)
         memory = buffers, compiled.memory(threads, precision), kinematics.scratch

@@ -251,8 +251,8 @@ class PairEnergy(Term):
         to_points = self.shares.sums_of(forces, moments, np.zeros_like(self._stresses), self._unit)
         memory = aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK)), aligned_rows((chunks.threads, 4, BLOCK))
         # The data are copied, since bonds that break later must remain in this tangent.
-        pairs = part.points.first, part.points.second, part.geometry.copy(), linearised
-        find = bond_energy.pair_tangents.bind(changes, gradients, *pairs, *memory, forces, moments, chunks=chunks)
+        pairs = part.pairs[0], part.geometry.copy()
+        find = bond_energy.pair_tangents.bind(changes, gradients, pairs, linearised, *memory, forces, moments, chunks=chunks)
 
         def multiply(displacements: np.ndarray) -> np.ndarray:
             changes[:n] = displacements.reshape(-1, 2)

@@ -57,7 +57,7 @@ class Pairs:
         self.model, self.points, self.geometry, self.unit = model, points, geometry, points.law.shear_modulus
         count, d = len(points.first), points.positions.shape[1]
         self.forces, self.moments = aligned_rows((count, d), precision), aligned_rows((count, d * d), precision)
-        self.places, self.pairs = (points.positions, points.gradients), (points.first, points.second, geometry)
+        self.places, self.pairs = (points.positions, points.gradients), ((points.first, points.second), geometry)
         self._energies = np.zeros(len(geometry))
 
     def energy(self) -> float:

@@ -130,7 +130,7 @@ class LinearisedDilatation:
         derivatives = aligned_rows((len(first), length), np.float32)
         by_pair, means = np.zeros(len(first), dtype=np.float32), np.zeros(n, dtype=np.float32)
         self._linearise = dilatation.volume_derivatives[d].bind(
-            kinematics.positions, kinematics.gradients, (first, second, pairs.geometry), pairs.buffers, derivatives, chunks=chunks
+            kinematics.positions, kinematics.gradients, pairs.pairs, pairs.buffers, derivatives, chunks=chunks
         )
 
         displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))

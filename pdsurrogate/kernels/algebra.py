@@ -16,7 +16,7 @@ import numpy as np  # noqa: F401 - read by expressions
 from ..engine import vector_loads
 from ..engine.block_arrays import put_row, rows_of
 from ..engine.compile import inlined
-from .feature_sets import like  # noqa: F401 - read by expressions
+from .elementary import like  # noqa: F401 - read by expressions
 
 
 def entries(arguments, expressions):
@@ -77,6 +77,25 @@ def _components(d):
     def mixed(r, c):
         return f"factor * (v[{r}] * w[{r}])" if r == c else f"factor * 0.5 * (v[{r}] * w[{c}] + v[{c}] * w[{r}])"
 
+    def cofactor(name, places, r, c):
+        """Return the expression of entry (r, c) of the cofactor of a matrix, that is det F times F^-T."""
+        (a, b), (e, f) = ((r + 1) % d, (r + 2) % d), ((c + 1) % d, (c + 2) % d)
+        if d == 2:
+            return f"{'' if r == c else '-'}{name}[{places[a, e]}]"
+        return f"({name}[{places[a, e]}] * {name}[{places[b, f]}] - {name}[{places[b, e]}] * {name}[{places[a, f]}])"
+
+    def determinant(name, places):
+        return total(f"{name}[{places[r, 0]}] * {cofactor(name, places, r, 0)}" for r in axes)
+
+    determinant_of = scalar("K", determinant("K", Z))
+    trace_of = scalar("K", total(f"K[{Z[r, r]}]" for r in axes))
+
+    @inlined
+    def shape_quality(K):
+        """Return the quality det K/(tr K/d)^d of a shape tensor K: 1 for a multiple of I, 0 for a singular K or a K with zero trace."""
+        trace = trace_of(K)
+        return d**d * determinant_of(K) / trace**d if trace > 0.0 else 0.0
+
     return {
         "DIMENSION": d,
         "MATRIX": len(matrix),
@@ -107,14 +126,19 @@ def _components(d):
         "dot": scalar("v, w", total(f"v[{r}] * w[{r}]" for r in axes)),
         "greatest": scalar("v", f"max({', '.join(f'abs(v[{r}])' for r in axes)})"),
         "not_finite": scalar("v", f"0 if {total(f'abs(v[{r}])' for r in axes)} < np.inf else 1"),
-        # Symmetric matrices: K + factor sym(v (x) w), a multiple, a multiple of I added, and Z v.
+        # Symmetric matrices: K + factor sym(v (x) w), a multiple, a multiple of I added, Z v, and the inverse.
         "no_symmetric": entries("", ["0.0" for _ in symmetric]),
         "add_symmetric_product": entries("K, factor, v, w", [f"K[{n}] + {mixed(r, c)}" for n, (r, c) in enumerate(upper)]),
         "times_factor": entries("factor, K", [f"factor * K[{n}]" for n in symmetric]),
         "plus_isotropic": added_to_diagonal("K", Z),
         "symmetric_times_vector": entries("Z, v", [total(f"Z[{Z[r, c]}] * v[{c}]" for c in axes) for r in axes]),
-        # Matrices: F : F, which is the trace of F^T F, zero, a sum, a multiple, a multiple of I added, F v, F Z, and F + v (x) w.
+        "inverse_symmetric": entries("K", [f"{cofactor('K', Z, r, c)} / ({determinant('K', Z)})" for r, c in upper]),
+        "shape_quality": shape_quality,
+        # Matrices: F : F, which is the trace of F^T F, the determinant and the cofactor, zero, a sum, a multiple, a multiple of I added,
+        # F v, F Z, and F + v (x) w.
         "squared_norm": scalar("F", total(f"F[{n}] * F[{n}]" for n in matrix)),
+        "determinant": scalar("F", determinant("F", F)),
+        "cofactor": entries("F", [cofactor("F", F, r, c) for c in axes for r in axes]),
         "no_matrix": entries("", ["0.0" for _ in matrix]),
         "plus_matrix": entries("F, G", [f"F[{n}] + G[{n}]" for n in matrix]),
         "times_matrix": entries("factor, F", [f"factor * F[{n}]" for n in matrix]),
@@ -127,78 +151,24 @@ def _components(d):
 
 def _plane(algebra):
     """Return, by name, the functions on matrices and states whose formulas hold in two dimensions only."""
-    squared_norm = algebra.squared_norm
-
-    @inlined
-    def inverse_symmetric(K):
-        determinant = K[0] * K[2] - K[1] * K[1]
-        return K[2] / determinant, -K[1] / determinant, K[0] / determinant
-
-    @inlined
-    def shape_quality(K):
-        """Return the quality 4 det K/(tr K)^2 of a shape tensor K: 1 for a multiple of I, 0 for a singular K or a K with zero trace."""
-        trace = K[0] + K[2]
-        return 4.0 * (K[0] * K[2] - K[1] * K[1]) / (trace * trace) if trace > 0.0 else 0.0
-
-    determinant = scalar("F", "F[0] * F[3] - F[1] * F[2]")
 
     @inlined
     def response_state(F, volume_ratio):
         """Return the state on which the plane-stress response of a law depends: tr C and det F in the plane, and the volume ratio J3."""
-        return squared_norm(F), determinant(F), volume_ratio
+        return algebra.squared_norm(F), algebra.determinant(F), volume_ratio
 
     @inlined
     def first_piola(F, state, result, unit):
         """Return the first Piola-Kirchhoff stress P = (p F + q F^-T) unit; a law's response in `state` (tr C, J, J3) is `result` (p, q)."""
-        p = result[0] * unit
-        q = result[1] / state[1] * unit
-        return p * F[0] + q * F[3], p * F[1] - q * F[2], p * F[2] - q * F[1], p * F[3] + q * F[0]
+        p, q = result[0] * unit, result[1] / state[1] * unit
+        return algebra.plus_matrix(algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F)))
 
-    return {
-        "inverse_symmetric": inverse_symmetric,
-        "shape_quality": shape_quality,
-        "determinant": determinant,
-        "cofactor": entries("F", ["F[3]", "-F[2]", "-F[1]", "F[0]"]),  # det F times F^-T
-        "response_state": response_state,
-        "first_piola": first_piola,
-        "sum_outer_products": vector_loads.sum_outer_products,
-    }
+    return {"response_state": response_state, "first_piola": first_piola, "sum_outer_products": vector_loads.sum_outer_products}
 
 
 def _space(algebra):
     """Return, by name, the functions on matrices and states whose formulas hold in three dimensions only."""
-    squared_norm, times_symmetric = algebra.squared_norm, algebra.times_symmetric
-
-    def minor(r, c):
-        (a, b), (e, f) = ((r + 1) % 3, (r + 2) % 3), ((c + 1) % 3, (c + 2) % 3)
-        return f"F[{3 * e + a}] * F[{3 * f + b}] - F[{3 * f + a}] * F[{3 * e + b}]"
-
-    cofactor = entries("F", [minor(r, c) for c in range(3) for r in range(3)])  # det F times F^-T
-    determinant = scalar("F", total(f"F[{r}] * ({minor(r, 0)})" for r in range(3)))
     right_cauchy_green = entries("F", [total(f"F[{3 * r + k}] * F[{3 * c + k}]" for k in range(3)) for r in range(3) for c in range(r, 3)])
-    combined = entries("p, F, q, G, r, H", [f"p * F[{n}] + q * G[{n}] + r * H[{n}]" for n in range(9)])
-
-    @inlined
-    def symmetric_determinant(K):
-        return K[0] * (K[3] * K[5] - K[4] * K[4]) - K[1] * (K[1] * K[5] - K[4] * K[2]) + K[2] * (K[1] * K[4] - K[3] * K[2])
-
-    @inlined
-    def inverse_symmetric(K):
-        scale = 1.0 / symmetric_determinant(K)
-        return (
-            scale * (K[3] * K[5] - K[4] * K[4]),
-            scale * (K[2] * K[4] - K[1] * K[5]),
-            scale * (K[1] * K[4] - K[2] * K[3]),
-            scale * (K[0] * K[5] - K[2] * K[2]),
-            scale * (K[1] * K[2] - K[0] * K[4]),
-            scale * (K[0] * K[3] - K[1] * K[1]),
-        )
-
-    @inlined
-    def shape_quality(K):
-        """Return the quality 27 det K/(tr K)^3 of a shape tensor K: 1 for a multiple of I, 0 for a singular K or a K with zero trace."""
-        trace = K[0] + K[3] + K[5]
-        return 27.0 * symmetric_determinant(K) / (trace * trace * trace) if trace > 0.0 else 0.0
 
     @inlined
     def response_state(F, volume_ratio):
@@ -206,15 +176,14 @@ def _space(algebra):
 
         `volume_ratio` is unused, since the volume ratio of a solid is det F.
         """
-        return squared_norm(F), squared_norm(cofactor(F)), determinant(F)
+        return algebra.squared_norm(F), algebra.squared_norm(algebra.cofactor(F)), algebra.determinant(F)
 
     @inlined
     def first_piola(F, state, result, unit):
         """Return the first Piola-Kirchhoff stress P = (p F + q cof F + r F C) unit from the `result` (p, q, r) of a law's response."""
         p, q, r = result[0] * unit, result[1] * unit, result[2] * unit
-        return combined(p, F, q, cofactor(F), r, times_symmetric(F, right_cauchy_green(F)))
-
-    vector_at, no_matrix, minus, add_outer_product = algebra.vector_at, algebra.no_matrix, algebra.minus, algebra.add_outer_product
+        P = algebra.plus_matrix(algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F)))
+        return algebra.plus_matrix(P, algebra.times_matrix(r, algebra.times_symmetric(F, right_cauchy_green(F))))
 
     @inlined
     def sum_outer_products(positions, neighbours, weights, bonds, point, out):
@@ -222,18 +191,11 @@ def _space(algebra):
 
         `bonds` are the first index and the index after the last. `vector_loads.sum_outer_products` does this for two dimensions.
         """
-        own = vector_at(positions, point)
-        summed = no_matrix()
+        own = algebra.vector_at(positions, point)
+        summed = algebra.no_matrix()
         for b in range(bonds[0], bonds[1]):
-            summed = add_outer_product(summed, minus(vector_at(positions, neighbours[b]), own), vector_at(weights, b))
-        put_row(out, point, summed)
+            x = algebra.minus(algebra.vector_at(positions, neighbours[b]), own)
+            summed = algebra.add_outer_product(summed, x, algebra.vector_at(weights, b))
+        algebra.put(out, point, summed)
 
-    return {
-        "inverse_symmetric": inverse_symmetric,
-        "shape_quality": shape_quality,
-        "determinant": determinant,
-        "cofactor": cofactor,
-        "response_state": response_state,
-        "first_piola": first_piola,
-        "sum_outer_products": sum_outer_products,
-    }
+    return {"response_state": response_state, "first_piola": first_piola, "sum_outer_products": sum_outer_products}

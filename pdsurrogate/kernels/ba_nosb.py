@@ -79,7 +79,7 @@ def bond_references(points, volumes, table, bonds, common, horizon_volumes, inve
 
 
 @Pass
-def ba_nosb_forces(thread, chunk, chunks, positions, table, bonds, volume_ratios, response, parameters, memory, forces):
+def ba_nosb_forces(chunk, positions, table, bonds, volume_ratios, response, parameters, memory, forces):
     """Compute the dimensionless force t V_i V_j of every directed bond on its first point.
 
     Return the number of bonds with det F <= 0, non-finite F or no plane-stress state. `volume_ratios` holds J3 of every bond, the last
@@ -93,12 +93,11 @@ def ba_nosb_forces(thread, chunk, chunks, positions, table, bonds, volume_ratios
     tables, sums, scratch = memory
     n = table_pointers.shape[0] - 1
     widest_vectors()
-    first_tile, last_tile = share_of((n + TILE - 1) // TILE, chunk, chunks)
-    table_here = tables[thread]
-    block = sums[thread]
-    rows = block_rows(scratch[thread])
+    table_here = tables[chunk.thread]
+    block = sums[chunk.thread]
+    rows = block_rows(scratch[chunk.thread])
     count = 0
-    for tile in range(first_tile, last_tile):
+    for tile in share_of((n + TILE - 1) // TILE, chunk):
         held = 0
         at = bond_pointers[tile * TILE]
         for i in range(tile * TILE, min(n, (tile + 1) * TILE)):

@@ -79,31 +79,29 @@ def put_parts(pair, moment, k, reference, P, half):
 
 
 @Pass
-def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
+def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
     """Compute the energy of every pair of points of a sheet, its force, and its moment S; all are dimensionless, times volume.
 
-    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point. `pairs` are the numbers of the
-    first and second points and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has several materials or ranks,
-    the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions compiled for blocks of pairs, and
-    `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` holds the limits of
-    `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of both points, and the rows `work` and
-    `scratch` of an energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the domain, of pairs with det
-    F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs, 2), V_b P n/l
-    on the first point; `moments` (pairs, 4), S by columns.
+    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point. `pairs` are their ends, the
+    numbers of their first and second points, and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has several
+    materials or ranks, the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions compiled for
+    blocks of pairs, and `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain`
+    holds the limits of `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of both points, and the
+    rows `work` and `scratch` of an energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the domain, of
+    pairs with det F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs,
+    2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
     """
-    first, second, geometry = pairs
-    ends = first, second
+    ends, geometry = pairs
     buffers, sums, work, scratch = memory
     counts, energies, forces, moments = results
     widest_vectors()
-    first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-    buffer = buffers[thread]
+    buffer = buffers[chunk.thread]
     states = block_rows(buffer[:RESULT])
     result = block_rows(buffer[RESULT:EXACT_RESULT])
     exact_result = block_rows(buffer[EXACT_RESULT:BOND])
     bond = block_rows(buffer[BOND:COLUMNS])
     columns = block_rows(buffer[COLUMNS:BUFFER_ROWS])
-    means = block_rows(sums[thread])
+    means = block_rows(sums[chunk.thread])
     real = buffer.dtype.type
     half = real(0.5)
     zero = real(0.0)
@@ -115,7 +113,7 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
     count = 0
     small = 0
     bad = 0
-    for block in range(first_block, last_block):
+    for block in share_of(geometry.shape[0], chunk):
         at = block * BLOCK
         reference = block_rows(geometry[block])
         for k in range(0, BLOCK, 4):
@@ -134,7 +132,7 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
             small += int(few)
             for k in range(BLOCK):
                 bad += 0 if states[1, k] > zero else 1
-        call_block(energy_density, states, constants, work[thread], scratch[thread], result)
+        call_block(energy_density, states, constants, work[chunk.thread], scratch[chunk.thread], result)
         if guard != UNGUARDED:
             found = zero
             near = zero
@@ -147,7 +145,7 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
             if found > zero:
                 count += int(found)
             if guard == FALL_BACK and near > zero:
-                call_block(exact, states, constants, work[thread], scratch[thread], exact_result)
+                call_block(exact, states, constants, work[chunk.thread], scratch[chunk.thread], exact_result)
                 for k in range(BLOCK):
                     share, by_trace, by_J, _, _, _ = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
                     if share >= 1.0:
@@ -167,30 +165,30 @@ def pair_energies(thread, chunk, chunks, positions, gradients, pairs, energy_den
             put_parts(pair, moment, k, reference, P, half)
             total += np.float64(reference[counted, k] * result[0, k])
         energies[block] = total
-    counts[chunk, 0] = count
-    counts[chunk, 1] = small
-    counts[chunk, 2] = bad
+    counts[chunk.number, 0] = count
+    counts[chunk.number, 1] = small
+    counts[chunk.number, 2] = bad
     return 0
 
 
 @Pass
-def pair_tangents(thread, chunk, chunks, positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
+def pair_tangents(chunk, positions, gradients, pairs, linearised, buffers, sums, forces, moments):
     """Compute, to first order, the changes of the forces and moments that `pair_energies` computes, under a displacement.
 
     `positions` and `gradients` hold the displacements of the points and the changes of their deformation gradients; `linearised` (n_blocks,
     9, BLOCK) holds c, e, psi_I, psi_J, psi_II, psi_IJ, psi_JJ of every pair at the state where the tangent is taken, the last five times
     V_b. c and e are the columns of F_ij along and across the bond.
     """
+    ends, geometry = pairs
     widest_vectors()
-    first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-    bond = block_rows(buffers[thread, BOND:COLUMNS])
-    means = block_rows(sums[thread])
-    for block in range(first_block, last_block):
+    bond = block_rows(buffers[chunk.thread, BOND:COLUMNS])
+    means = block_rows(sums[chunk.thread])
+    for block in share_of(geometry.shape[0], chunk):
         at = block * BLOCK
         reference = block_rows(geometry[block])
         state = block_rows(linearised[block])
         for k in range(0, BLOCK, 4):
-            plane.gather_pairs(gradients, positions, (first, second), at + k, means, bond, k)
+            plane.gather_pairs(gradients, positions, ends, at + k, means, bond, k)
         pair = pair_records(forces[at : at + BLOCK])
         moment = quad_records(moments[at : at + BLOCK])
         for k in range(BLOCK):

@@ -7,15 +7,13 @@ serves plane strain with the pressure of the held thickness added.
 from functools import cache
 
 import numpy as np
-from numba import carray
 
-from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records, put_column, tuple_of
-from ..engine.compile import bond_force_signature, call_block, compile_block_function, inlined, widest_vectors
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records, put_column, tuple_of
+from ..engine.compile import call_block, compile_bond_force, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
 from .algebra import algebra_of, entries
 from .domain import N_LIMITS, is_outside, share_inside
-from .elementary import inverse_square_root, quotient
-from .feature_sets import like
+from .elementary import inverse_square_root, like, quotient
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
 """Guards for bonds outside the domain of a force model. UNGUARDED: the model has no domain. TURNED: they are counted, and those turned so
@@ -40,9 +38,6 @@ MODEL, VOLUMETRIC, OWN = 0, 1, 2
 """Places in the sizes of a model in plane strain: addresses of the model's block function and of the law's volumetric one, and the first of
 the model's own sizes.
 """
-
-MOST_SIZES = 4096
-"""Length of the array view of a model's `sizes`, an upper bound for all models; each model reads only its own."""
 
 LEAST_NORMAL_STRETCH = 0.1
 """Value of U_nn below which the tangent of 1/U_nn replaces 1/U_nn: rubber is never compressed so far."""
@@ -80,10 +75,6 @@ def analytic_bond_force(dtype):
     """
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
-        widest_vectors()
-        states = carray(states, (STATE_ROWS, BLOCK))
-        traction = carray(traction, (TRACTION_ROWS, BLOCK))
-        scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
         for k in range(BLOCK):
             a, b, U_mm = doubles_at(states, k)
             J = np.float64(states[3, k])
@@ -95,7 +86,7 @@ def analytic_bond_force(dtype):
             a, b, U_mm = doubles_at(states, k)
             put_column(traction, k, (p * a + q * U_mm, (p - q) * b, p * U_mm + q * a))
 
-    return compile_block_function(bond_force, bond_force_signature(np.dtype(dtype)))
+    return compile_bond_force(bond_force, dtype)
 
 
 @cache
@@ -108,27 +99,22 @@ def plane_strain_bond_force(dtype):
     """
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
-        widest_vectors()
-        model = carray(sizes, (MOST_SIZES,))
-        call_block(model[MODEL], states, model[OWN:], weights, response, parameters, work, scratch, traction)
-        states = carray(states, (STATE_ROWS, BLOCK))
-        traction = carray(traction, (TRACTION_ROWS, BLOCK))
-        scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
+        call_block(sizes[MODEL], states, sizes[OWN:], weights, response, parameters, work, scratch, traction)
         for k in range(BLOCK):
             J = np.float64(states[3, k])
             put_column(scratch, k, (1.0, J, J * np.sqrt(np.float64(states[4, k]))))
-        call_block(model[VOLUMETRIC], scratch[0:3], parameters, scratch[3:7])
+        call_block(sizes[VOLUMETRIC], scratch[0:3], parameters, scratch[3:7])
         for k in range(BLOCK):
             a, b, U_mm = doubles_at(states, k)
             T_nn, T_nm, T_mm = doubles_at(traction, k)
             q = (scratch[5, k] - (T_nn * a + 2.0 * T_nm * b + T_mm * U_mm) / 3.0) / scratch[1, k]
             put_column(traction, k, (T_nn + q * U_mm, T_nm - q * b, T_mm + q * a))
 
-    return compile_block_function(bond_force, bond_force_signature(np.dtype(dtype)))
+    return compile_bond_force(bond_force, dtype)
 
 
 @Pass
-def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, exact, constants, guard, domain, memory, forces):
+def pair_forces(chunk, positions, records, pairs, bond_force, exact, constants, guard, domain, memory, forces):
     """Compute the dimensionless force on the first point of every pair; return the number of pairs outside the domain.
 
     The pass evaluates a pair once, since its averaged state does not depend on the end from which it is seen. Pairs without force
@@ -136,18 +122,16 @@ def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, ex
     count.
 
     `records` (n, 4) holds the state (cos, sin, J, C33) of every point: its rotation, volume ratio in the plane and squared thickness
-    stretch. `pairs` are the numbers of the first and second points and the geometry (n_blocks, 4 to 6, BLOCK) from
+    stretch. `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, 4 to 6, BLOCK) from
     `reference_state.pair_rows`, with `COUNTED_ROW`. `bond_force` and `exact` are addresses of functions compiled for blocks of bonds, a
     model's and the exact one, and `constants` the sizes, weights, response and parameters that both take. `domain` (2, 7) holds the limits
     of the domain and of its interior, see `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer and the rows `work` in the
     model's precision, and the rows `scratch` in double precision.
     """
-    first, second, geometry = pairs
-    ends = first, second
+    ends, geometry = pairs
     buffers, work, scratch = memory
     widest_vectors()
-    first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-    buffer = buffers[thread]
+    buffer = buffers[chunk.thread]
     states = block_rows(buffer[:BOND])
     bond = block_rows(buffer[BOND:TRACTION])
     traction = block_rows(buffer[TRACTION:EXACT_TRACTION])
@@ -159,7 +143,7 @@ def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, ex
     outer, inner = tuple_of(domain[0], N_LIMITS), tuple_of(domain[1], N_LIMITS)
     counted = COUNTED_ROW if geometry.shape[1] > COUNTED_ROW else 2
     count = 0
-    for block in range(first_block, last_block):
+    for block in share_of(geometry.shape[0], chunk):
         at = block * BLOCK
         reference = block_rows(geometry[block])
         for k in range(0, BLOCK, 4):
@@ -190,14 +174,14 @@ def pair_forces(thread, chunk, chunks, positions, records, pairs, bond_force, ex
         if geometry.shape[1] > 4:
             for k in range(BLOCK):
                 states[5, k] = reference[4, k]
-        call_block(bond_force, states, constants, work[thread], scratch[thread], traction)
+        call_block(bond_force, states, constants, work[chunk.thread], scratch[chunk.thread], traction)
         if guard != UNGUARDED:
             # The count has the precision of the loop, since another width would halve its speed.  Pairs without force are inside.
             near = zero
             for k in range(BLOCK):
                 near += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
             if near > zero:
-                call_block(exact, states, constants, work[thread], scratch[thread], exact_traction)
+                call_block(exact, states, constants, work[chunk.thread], scratch[chunk.thread], exact_traction)
                 for k in range(BLOCK):
                     a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
                     if reference[2, k] > zero and reference[counted, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:

@@ -13,7 +13,7 @@ def find_overstretched(algebra):
     """Build the pass that finds pairs of points whose squared distance in the deformed body exceeds the limit of the pair (30)."""
 
     @Pass
-    def find_overstretched(thread, chunk, chunks, positions, first, second, limits, buffers, found, counts):
+    def find_overstretched(chunk, positions, first, second, limits, buffers, found, counts):
         """Find pairs of points whose squared distance in the deformed body exceeds the limit of the pair (30); return their number.
 
         `limits` (n_blocks, BLOCK) holds the squared critical length of every pair, infinite for broken and padding pairs. `found` receives
@@ -21,10 +21,10 @@ def find_overstretched(algebra):
         in each chunk.
         """
         widest_vectors()
-        bond = block_rows(buffers[thread])
-        begin, end = share_of(limits.shape[0], chunk, chunks)
-        place = begin * BLOCK
-        for block in range(begin, end):
+        bond = block_rows(buffers[chunk.thread])
+        share = share_of(limits.shape[0], chunk)
+        place = share.start * BLOCK
+        for block in share:
             limit = limits[block]
             for k in range(0, BLOCK, 4):
                 algebra.subtract_positions(positions, (first, second), block * BLOCK + k, bond, k)
@@ -38,7 +38,7 @@ def find_overstretched(algebra):
                     if algebra.dot(vector, vector) > limit[k]:
                         found[place] = np.uint32(block * BLOCK + k)
                         place += 1
-        counts[chunk] = place - begin * BLOCK
-        return counts[chunk]
+        counts[chunk.number] = place - share.start * BLOCK
+        return counts[chunk.number]
 
     return find_overstretched

@@ -27,19 +27,17 @@ def volume_derivatives(algebra):
     length = dimension
 
     @Pass
-    def volume_derivatives(thread, chunk, chunks, positions, gradients, pairs, buffers, derivatives):
+    def volume_derivatives(chunk, positions, gradients, pairs, buffers, derivatives):
         """Compute the derivatives of det F_ij of every pair of points by its bond vector and by the deformation gradients of its points.
 
         A row of `derivatives` holds cof F_ij n/l, the derivative by the bond vector, and cof F_ij (I - n (x) n)/2, the derivative by F_i +
         F_j, by columns. The other arguments are those of `selective_energy.pair_volumes`.
         """
-        first, second, geometry = pairs
-        ends = first, second
+        ends, geometry = pairs
         widest_vectors()
-        first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-        sums = block_rows(buffers[thread, 0:matrix])
-        bonds = block_rows(buffers[thread, matrix : matrix + dimension])
-        for block in range(first_block, last_block):
+        sums = block_rows(buffers[chunk.thread, 0:matrix])
+        bonds = block_rows(buffers[chunk.thread, matrix : matrix + dimension])
+        for block in share_of(geometry.shape[0], chunk):
             at = block * BLOCK
             reference = block_rows(geometry[block])
             for k in range(0, BLOCK, 4):
@@ -59,21 +57,19 @@ def volume_derivatives(algebra):
 
 
 @Pass
-def displacement_records(chunk, chunks, displacements, gradients, source, gradient_parity, gradient_reflection, records):
+def displacement_records(chunk, displacements, gradients, source, gradient_parity, gradient_reflection, records):
     """Write the displacement and the change of the deformation gradient of every point and ghost into a row of `records`, (n + m, d + d d).
 
     Displacements of ghosts are given; the change of the gradient on a ghost is computed from the change on its source.
     """
     total, dimension = displacements.shape
     n = total - source.shape[0]
-    start, stop = share_of(n, chunk, chunks)
-    for i in range(start, stop):
+    for i in share_of(n, chunk):
         for r in range(dimension):
             records[i, r] = np.float32(displacements[i, r])
         for r in range(dimension * dimension):
             records[i, dimension + r] = np.float32(gradients[i, r])
-    start, stop = share_of(source.shape[0], chunk, chunks)
-    for g in range(start, stop):
+    for g in share_of(source.shape[0], chunk):
         for r in range(dimension):
             records[n + g, r] = np.float32(displacements[n + g, r])
         for c in range(dimension):
@@ -89,29 +85,27 @@ def volume_changes(algebra):
     multiply = multiply_pairs(algebra.DIMENSION)
 
     @Pass
-    def volume_changes(chunk, chunks, derivatives, records, pair_pointers, second, changes):
+    def volume_changes(chunk, derivatives, records, pair_pointers, second, changes):
         """Compute the change of det F_ij of every pair of points under displacements, to first order.
 
         `derivatives` comes from `volume_derivatives` and `records` from `displacement_records`. Point i is the first point of the pairs
         ``pair_pointers[i]`` to ``pair_pointers[i + 1]``; `second` holds the second point of every pair. `changes` receives the result.
         """
-        start, stop = share_of(pair_pointers.shape[0] - 1, chunk, chunks)
-        for i in range(start, stop):
+        for i in share_of(pair_pointers.shape[0] - 1, chunk):
             multiply(derivatives, records, i, second, (pair_pointers[i], pair_pointers[i + 1]), changes)
 
     return volume_changes
 
 
 @Pass
-def pair_pressures(chunk, chunks, pressures, first, second, shares, found):
+def pair_pressures(chunk, pressures, first, second, shares, found):
     """Compute the pressure of every pair of points, by which the derivatives of its det F_ij are multiplied.
 
     It is the sum of the pressures of both points, each times the share that the pair has in the volume of the point; `shares` (n_blocks, 2,
     BLOCK) holds these shares, and `found` receives the pressures of the pairs.
     """
     widest_vectors()
-    first_block, last_block = share_of(shares.shape[0], chunk, chunks)
-    for block in range(first_block, last_block):
+    for block in share_of(shares.shape[0], chunk):
         at = block * BLOCK
         share = block_rows(shares[block])
         for k in range(BLOCK):
@@ -124,15 +118,14 @@ def sum_pressures(algebra):
     add_up = sum_scaled_records(algebra.DIMENSION)
 
     @Pass
-    def sum_pressures(chunk, chunks, derivatives, pressures, pair_pointers, incidence_pointers, incidence, forces, moments):
+    def sum_pressures(chunk, derivatives, pressures, pair_pointers, incidence_pointers, incidence, forces, moments):
         """Sum, over the pairs of every point and ghost, the derivatives of det F_ij of a pair times the pressure of the pair.
 
         `forces` (n + m, d) receives the sums of the derivatives by the position of the point, and `moments` (n + m, d d) the sums of the
         derivatives by its deformation gradient, by columns. `pair_pointers` bound the pairs whose first point it is, `incidence` lists the
         pairs whose second point it is.
         """
-        start, stop = share_of(forces.shape[0], chunk, chunks)
-        for i in range(start, stop):
+        for i in share_of(forces.shape[0], chunk):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
             add_up(derivatives, pressures, own, incidence, others, i, (forces, moments))
@@ -141,14 +134,13 @@ def sum_pressures(algebra):
 
 
 @Pass
-def smooth_and_add(chunk, chunks, smoothing, values, factor, others, out):
+def smooth_and_add(chunk, smoothing, values, factor, others, out):
     """Compute ``out = factor * W values`` plus three further vectors, each times a factor of its own.
 
     `smoothing` is the sparse matrix W, see `selective_energy.smoothed_value`; `others` are three tuples of factor and vector, and `out` may
     be one of these vectors.
     """
     (of_first, first), (of_second, second), (of_third, third) = others
-    start, stop = share_of(smoothing[3].shape[0], chunk, chunks)
-    for i in range(start, stop):
+    for i in share_of(smoothing[3].shape[0], chunk):
         smoothed = smoothed_value(smoothing, values, i)
         out[i] = np.float32(factor * smoothed + of_first * first[i] + of_second * second[i] + of_third * third[i])

@@ -9,8 +9,7 @@ principal stretches. NumPy evaluates the functions of an energy, too.
 import numpy as np
 
 from ..engine.compile import inline, inlined
-from .elementary import select
-from .feature_sets import like
+from .elementary import like, select
 
 N_LIMITS = 7
 """Number of the limits of a domain."""

@@ -10,10 +10,11 @@ import math
 
 import numpy as np
 from numba import types
+from numba.cpython.unsafe.numbers import viewer
 from numba.extending import overload
 
 from ..engine.compile import INLINE_OPTIONS, inlined
-from ..engine.intrinsics import bits_of, finite_quotient, real_of
+from ..engine.intrinsics import finite_quotient
 
 
 def select(condition, value, otherwise):
@@ -24,6 +25,18 @@ def select(condition, value, otherwise):
 @overload(select, jit_options=INLINE_OPTIONS)
 def _select(condition, value, otherwise):
     return lambda condition, value, otherwise: value if condition else otherwise
+
+
+def like(x, value):
+    """Return `value`; in compiled code, convert it to single precision if `x` is in single precision."""
+    return value
+
+
+@overload(like, jit_options=INLINE_OPTIONS)
+def _like(x, value):
+    if x == types.float32:
+        return lambda x, value: np.float32(value)
+    return lambda x, value: value
 
 
 def quotient(x, y):
@@ -56,7 +69,7 @@ def _inverse_cube_root(x):
 
     def implementation(x):
         # A first guess within 6 % from the exponent bits, then Newton's iteration for r**-3 = x.
-        r = real_of(whole(first - real(bits_of(x)) * third))
+        r = viewer(whole(first - real(viewer(x, whole)) * third), real)
         for _ in range(steps):
             r = r + r * (one - x * r * r * r) * third
         return r
@@ -80,7 +93,7 @@ def _inverse_square_root(x):
 
     def implementation(x):
         # A first guess within 4 % from the exponent bits, then Newton's iteration for r**-2 = x.
-        r = real_of(np.int64(np.int64(0x5FE6EB50C7B537A9) - (bits_of(x) >> np.int64(1))))
+        r = viewer(np.int64(np.int64(0x5FE6EB50C7B537A9) - (viewer(x, np.int64) >> np.int64(1))), np.float64)
         half = 0.5 * x
         for _ in range(4):
             r = r + r * (0.5 - half * r * r)
@@ -116,9 +129,9 @@ def _logarithm(x):
     def implementation(x):
         # x = m 2**e with m in [sqrt(1/2), sqrt(2)), and log m = 2 artanh(s), s = (m - 1)/(m + 1), as a series in s^2 <= 0.0295. Each step
         # is cut to the width of x: numba's integer arithmetic has 64 bits, which would halve the vector width in single precision.
-        bits = bits_of(x)
+        bits = viewer(x, whole)
         exponent = whole(whole(bits - root) >> digits)
-        m = real_of(whole(bits - whole(exponent << digits)))
+        m = viewer(whole(bits - whole(exponent << digits)), real)
         s = (m - one) / (m + one)
         return real(exponent) * log_2 + two * (s + s * s * s * artanh(s * s))
 
@@ -149,7 +162,7 @@ def _exponential(x):
         x = min(max(x, low), high)
         k = np.floor(x * inverse + half)
         r = x - k * first - k * second
-        return taylor(r) * real_of(whole((whole(k) + bias) << digits))
+        return taylor(r) * viewer(whole((whole(k) + bias) << digits), real)
 
     return implementation
 

@@ -8,10 +8,9 @@ dpsi/dtr C = p and J dpsi/dJ = q, the coefficients of R^T P = p U + q U^-1 (`pds
 from functools import cache
 
 import numpy as np
-from numba import carray
 
-from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, block_rows, put_column
-from ..engine.compile import bond_force_signature, call_block, compile_block_function, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, put_column
+from ..engine.compile import call_block, compile_bond_force
 from .elementary import logarithm
 from .network import GROUP, pack_units, unit_sums
 from .node_state import solve_volume_ratios
@@ -31,10 +30,6 @@ def analytic_energy_density(dtype):
     """
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
-        widest_vectors()
-        states = carray(states, (INVARIANT_ROWS, BLOCK))
-        result = carray(result, (ENERGY_ROWS, BLOCK))
-        scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
         condition = block_rows(scratch[0:3])
         found = block_rows(scratch[3:8])
         for k in range(BLOCK):
@@ -50,7 +45,7 @@ def analytic_energy_density(dtype):
                 if not solved:
                     put_column(result, k, (np.nan, np.nan, np.nan))
 
-    return compile_block_function(energy_density, bond_force_signature(np.dtype(dtype)))
+    return compile_bond_force(energy_density, dtype, INVARIANT_ROWS, ENERGY_ROWS)
 
 
 N_CONSTANTS = 2
@@ -80,13 +75,9 @@ def network_energy_density(activation, dtype):
     add_units = unit_sums(activation)
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
-        widest_vectors()
-        states = carray(states, (INVARIANT_ROWS, BLOCK))
-        result = carray(result, (ENERGY_ROWS, BLOCK))
-        units = carray(sizes, (1,))[0]
+        units = sizes[0]
         last = GROUP * units
-        weights = carray(weights, (last + N_CONSTANTS,))
-        features = carray(work, (NETWORK_WORK_ROWS, BLOCK))
+        features = block_rows(work[:NETWORK_WORK_ROWS])
         for k in range(BLOCK):
             J = states[1, k]
             features[0, k] = logarithm(J)
@@ -102,4 +93,4 @@ def network_energy_density(activation, dtype):
             result[1, k] = by_log_ratio / states[0, k]
             result[2, k] = (by_log_J - by_log_ratio) / states[1, k]
 
-    return compile_block_function(energy_density, bond_force_signature(np.dtype(dtype)))
+    return compile_bond_force(energy_density, dtype, INVARIANT_ROWS, ENERGY_ROWS)

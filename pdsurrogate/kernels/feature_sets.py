@@ -9,13 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numba import types
-from numba.extending import overload
-
-from ..engine.block_arrays import BLOCK, column_like, put_column
-from ..engine.compile import INLINE_OPTIONS, expanded, inlined
-from .elementary import inverse_cube_root, logarithm, quotient
+from ..engine.block_arrays import BLOCK, put_column
+from ..engine.compile import expanded, inlined
+from .algebra import entries
+from .elementary import inverse_cube_root, like, logarithm, quotient
 
 N_OUTPUTS = 2
 """Number of outputs of a learnt bond force, since T_mm follows from T_nn and T_nm (theory (16)); the feature set defines their meaning."""
@@ -57,18 +54,6 @@ class FeatureSet:
     rest_factor: float = 1.0
     gives_transverse: bool = True
     needs_length: bool = False
-
-
-def like(x, value):
-    """Return `value`; in compiled code, convert it to single precision if `x` is in single precision."""
-    return value
-
-
-@overload(like, jit_options=INLINE_OPTIONS)
-def _like(x, value):
-    if x == types.float32:
-        return lambda x, value: np.float32(value)
-    return lambda x, value: value
 
 
 def symmetric_shared(a, b, J, C33):
@@ -144,17 +129,18 @@ def write_tractions(features: FeatureSet):
     """Return the function that turns a model's two outputs for every bond of a block into tractions, in place.
 
     The outputs are the first two rows of `traction`; `at_rest`, the outputs at rest, is subtracted from them. `kept` holds the values of
-    `FeatureSet.shared` for every bond, and `shared` is such a tuple for any bond, of which only the length and the types are used.
+    `FeatureSet.shared` for every bond.
     """
     traction_of = inlined(features.traction)
+    shared_at = entries("kept, k", [f"kept[{number}, k]" for number in range(len(features.shared(1.0, 0.0, 1.0, 1.0)))])
 
     @expanded
-    def write(states, kept, shared, at_rest, traction):
+    def write(states, kept, at_rest, traction):
         rest0, rest1 = at_rest[0], at_rest[1]
         for k in range(BLOCK):
             a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
-            again = column_like(kept, k, shared)
-            put_column(traction, k, traction_of(again, traction[0, k] - rest0, traction[1, k] - rest1, a, b, U_mm, J, C33))
+            o1, o2 = traction[0, k] - rest0, traction[1, k] - rest1
+            put_column(traction, k, traction_of(shared_at(kept, k), o1, o2, a, b, U_mm, J, C33))
 
     return write
 

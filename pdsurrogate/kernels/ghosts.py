@@ -30,15 +30,13 @@ def fill_vectors(values, source, parity, shift):
 
 
 @Pass
-def place_points(chunk, chunks, given, source, parity, shift, positions):
+def place_points(chunk, given, source, parity, shift, positions):
     """Copy the positions of points, and compute the positions of ghosts: shift + P y, y the position of the source and P = diag(parity)."""
     n, dimension = given.shape
-    start, stop = share_of(n, chunk, chunks)
-    for i in range(start, stop):
+    for i in share_of(n, chunk):
         for r in range(dimension):
             positions[i, r] = given[i, r]
-    start, stop = share_of(parity.shape[0], chunk, chunks)
-    for g in range(start, stop):
+    for g in share_of(parity.shape[0], chunk):
         for r in range(dimension):
             positions[n + g, r] = _component(given, source, parity, shift, g, r)
 

@@ -15,8 +15,7 @@ from ..engine.block_arrays import BLOCK, add_to, block_rows, put_column, rows_fr
 from ..engine.compile import call_block, widest_vectors
 from .algebra import entries
 from .domain import BLEND, exact_share_at
-from .elementary import logarithm, select
-from .feature_sets import like
+from .elementary import like, logarithm, select
 from .network import GROUP, unit_sums
 
 ROWS = 4

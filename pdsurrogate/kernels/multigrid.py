@@ -20,36 +20,32 @@ def passes_of(width: int) -> SimpleNamespace:
     add_up = sum_weighted_rows(width)
 
     @Pass
-    def scale(chunk, chunks, relaxation, right, out):
+    def scale(chunk, relaxation, right, out):
         """Compute ``out = r b``, the step of Jacobi's iteration from zero for A x = b; r is `relaxation` and b is `right`."""
-        start, stop = share_of(right.shape[0], chunk, chunks)
-        for i in range(start, stop):
+        for i in share_of(right.shape[0], chunk):
             for c in range(width):
                 out[i, c] = relaxation[i] * right[i, c]
 
     @Pass
-    def relax(chunk, chunks, pointers, columns, values, relaxation, right, found, out):
+    def relax(chunk, pointers, columns, values, relaxation, right, found, out):
         """Compute ``out = x + r (b - A x)``, a step of Jacobi's iteration; x is `found`, r `relaxation` and b `right`."""
-        start, stop = share_of(right.shape[0], chunk, chunks)
-        for i in range(start, stop):
+        for i in share_of(right.shape[0], chunk):
             add_up(values, columns, (pointers[i], pointers[i + 1]), found, i, out)
             for c in range(width):
                 out[i, c] = found[i, c] + relaxation[i] * (right[i, c] - out[i, c])
 
     @Pass
-    def residual(chunk, chunks, pointers, columns, values, right, found, out):
+    def residual(chunk, pointers, columns, values, right, found, out):
         """Compute the residual ``out = b - A x``; x is `found` and b is `right`."""
-        start, stop = share_of(right.shape[0], chunk, chunks)
-        for i in range(start, stop):
+        for i in share_of(right.shape[0], chunk):
             add_up(values, columns, (pointers[i], pointers[i + 1]), found, i, out)
             for c in range(width):
                 out[i, c] = right[i, c] - out[i, c]
 
     @Pass
-    def add_product(chunk, chunks, pointers, columns, values, vectors, kept, product, out):
+    def add_product(chunk, pointers, columns, values, vectors, kept, product, out):
         """Compute ``out = kept * out + A x`` in place; x is `vectors`, and `product` is working memory with the shape of `out`."""
-        start, stop = share_of(out.shape[0], chunk, chunks)
-        for i in range(start, stop):
+        for i in share_of(out.shape[0], chunk):
             add_up(values, columns, (pointers[i], pointers[i + 1]), vectors, i, product)
             for c in range(width):
                 out[i, c] = kept * out[i, c] + product[i, c]

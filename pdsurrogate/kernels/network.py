@@ -13,13 +13,12 @@ precision.
 from functools import cache
 
 import numpy as np
-from numba import carray
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column, tuple_of
-from ..engine.compile import bond_force_signature, compile_block_function, expanded, inlined, kernel, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, put_column, tuple_of
+from ..engine.compile import compile_bond_force, expanded, inlined, kernel, widest_vectors
 from .algebra import entries, total
-from .elementary import exponential, inverse_square_root, select
-from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, like, write_tractions
+from .elementary import exponential, inverse_square_root, like, select
+from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
 GROUP = 4
 """Units that are evaluated together: a state is loaded, and an accumulator written, once for all of them."""
@@ -36,9 +35,8 @@ PAIR_WEIGHTS = (PAIR + 2) * GROUP
 MOST_HIDDEN = 3
 """Greatest number of hidden layers, whose widths `N_SIZES` provides for."""
 
-N_WEIGHTS, N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2, 3
-"""Places in a network's sizes: length of its weights, rows of working memory, hidden layers, then the widths of inputs and hidden layers.
-"""
+N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2
+"""Places in a network's sizes: rows of working memory, hidden layers, then the widths of inputs and hidden layers."""
 
 N_SIZES = WIDTHS + 1 + MOST_HIDDEN
 
@@ -159,7 +157,7 @@ def pack(layers, at_rest, dtype):
     parts += groups_of(output_weights.T)
     packed = np.concatenate([*parts, output_biases, at_rest]).astype(dtype)
     sizes = np.zeros(N_SIZES, dtype=np.int64)
-    sizes[:WIDTHS] = packed.size, sum(widths) + MOST_SHARED + GROUP, len(hidden)
+    sizes[:WIDTHS] = sum(widths) + MOST_SHARED + GROUP, len(hidden)
     sizes[WIDTHS : WIDTHS + len(widths)] = widths
     return sizes, packed
 
@@ -234,12 +232,6 @@ def network_block(features: FeatureSet, activation, dtype):
     add_from_units = add_outputs(activate, column_of_group, inlined(lambda w, x: x), GROUP)
 
     def network(states, sizes, weights, response, parameters, work, scratch, traction):
-        widest_vectors()
-        states = carray(states, (STATE_ROWS, BLOCK))
-        traction = carray(traction, (TRACTION_ROWS, BLOCK))
-        sizes = carray(sizes, (N_SIZES,))
-        weights = carray(weights, (sizes[N_WEIGHTS],))
-        work = carray(work, (sizes[N_WORK_ROWS], BLOCK))
         n_hidden = sizes[N_HIDDEN]
         width = sizes[WIDTHS]
         rows = block_rows(work[0:width])
@@ -286,6 +278,6 @@ def network_block(features: FeatureSet, activation, dtype):
             else:
                 _pre_activations(rows, width, w, z)
                 add_from_units(z, w, v, traction)
-        put_tractions(states, kept, shared, weights[last + 2 :], traction)
+        put_tractions(states, kept, weights[last + 2 :], traction)
 
-    return compile_block_function(network, bond_force_signature(np.dtype(dtype)))
+    return compile_bond_force(network, dtype)

@@ -23,14 +23,13 @@ def deformation_gradients(algebra):
     """Build the pass that computes the deformation gradient F of every point (20)."""
 
     @Pass
-    def deformation_gradients(chunk, chunks, positions, pointers, neighbours, weighted_bonds, inverse_shape, unsupported, gradients):
+    def deformation_gradients(chunk, positions, pointers, neighbours, weighted_bonds, inverse_shape, unsupported, gradients):
         """Compute the deformation gradient F of every point, by columns.
 
         Where the bonds of a point do not span the plane or space, the point carries no stress, and F is `unsupported` times I: 1 for a
         deformation gradient, 0 for a change of F.
         """
-        start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
-        for i in range(start, stop):
+        for i in share_of(pointers.shape[0] - 1, chunk):
             algebra.sum_outer_products(positions, neighbours, weighted_bonds, (pointers[i], pointers[i + 1]), i, gradients)
             Z = algebra.symmetric_at(inverse_shape, i)
             F = algebra.times_symmetric(algebra.matrix_at(gradients, i), Z)
@@ -97,19 +96,19 @@ def held_states(algebra):
     sheet = algebra.DIMENSION == 2
 
     @Pass
-    def held_states(chunk, chunks, gradients, volume_ratios, records):
+    def held_states(chunk, gradients, volume_ratios, records):
         """Write det F of every point into `volume_ratios`; return the number of points with det F <= 0 or non-finite F.
 
         `gradients` holds F by columns. In a sheet `records` receives the rotation, J = det F and C33 = 1 of every point, (cos, sin, J, 1);
         for a solid it is not written.
         """
         widest_vectors()
-        start, stop = share_of(gradients.shape[0], chunk, chunks)
-        F = algebra.matrix_rows(gradients[start:stop])
-        J3 = volume_ratios[start:stop]
-        record = quad_records(records[start:stop])
+        share = share_of(gradients.shape[0], chunk)
+        F = algebra.matrix_rows(gradients[share.start : share.stop])
+        J3 = volume_ratios[share.start : share.stop]
+        record = quad_records(records[share.start : share.stop])
         count = 0
-        for k in range(stop - start):
+        for k in range(len(share)):
             gradient = algebra.matrix_at(F, k)
             J = algebra.determinant(gradient)
             J3[k] = J
@@ -124,7 +123,7 @@ def held_states(algebra):
 
 
 @Pass
-def node_states(thread, chunk, chunks, gradients, volume_ratios, response, parameters, scratch, records):
+def node_states(chunk, gradients, volume_ratios, response, parameters, scratch, records):
     """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient F (11, 21, 12, 22), with C33 from the law.
 
     A row of `records` receives (cos, sin, J, C33) of a point. Return the number of points with det F <= 0, non-finite F or no plane-stress
@@ -132,11 +131,10 @@ def node_states(thread, chunk, chunks, gradients, volume_ratios, response, param
     """
     n = gradients.shape[0]
     widest_vectors()
-    first_block, last_block = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
-    states = block_rows(scratch[thread, 0:3])
-    result = block_rows(scratch[thread, 3:8])
+    states = block_rows(scratch[chunk.thread, 0:3])
+    result = block_rows(scratch[chunk.thread, 3:8])
     count = 0
-    for block in range(first_block, last_block):
+    for block in share_of((n + BLOCK - 1) // BLOCK, chunk):
         at = block * BLOCK
         size = min(BLOCK, n - at)
         # Slices are used because the compiler would test an index at + k for a negative value, which prevents vectorisation.
@@ -145,7 +143,7 @@ def node_states(thread, chunk, chunks, gradients, volume_ratios, response, param
         record = quad_records(records[at : at + size])
         for k in range(size):
             put_column(states, k, plane.response_state(plane.matrix_at(F, k), J3[k]))
-        count += solve_volume_ratios(size, states, result, scratch[thread, 8], response, parameters)
+        count += solve_volume_ratios(size, states, result, scratch[chunk.thread, 8], response, parameters)
         for k in range(size):
             J3[k] = states[2, k]
         # All four entries are written at once; written one by one they would be scattered.

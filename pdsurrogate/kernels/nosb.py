@@ -11,14 +11,13 @@ def weighted_stresses(algebra):
     """Build the pass that computes P K^-1 of every point, the first Piola-Kirchhoff stress times the inverse shape tensor."""
 
     @Pass
-    def weighted_stresses(thread, chunk, chunks, gradients, volume_ratios, inverse_shape, unit, response, parameters, scratch, stresses):
+    def weighted_stresses(chunk, gradients, volume_ratios, inverse_shape, unit, response, parameters, scratch, stresses):
         """Compute P K^-1 of every point, by columns: first Piola-Kirchhoff stress, times `unit`, times inverse shape tensor."""
         widest_vectors()
         n = gradients.shape[0]
-        first, last = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
-        states = block_rows(scratch[thread, 0:3])
-        result = block_rows(scratch[thread, 3:8])
-        for block in range(first, last):
+        states = block_rows(scratch[chunk.thread, 0:3])
+        result = block_rows(scratch[chunk.thread, 3:8])
+        for block in share_of((n + BLOCK - 1) // BLOCK, chunk):
             at = block * BLOCK
             size = min(BLOCK, n - at)
             F = algebra.matrix_rows(gradients[at : at + size])
@@ -45,14 +44,13 @@ def nosb_forces(algebra):
     """Build the pass that computes the forces on points from P K^-1, stress times inverse shape tensor, of every point."""
 
     @Pass
-    def nosb_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, out):
+    def nosb_forces(chunk, stresses, pointers, neighbours, weighted_bonds, volumes, out):
         """Compute the force on every point i, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; return how many are not finite.
 
         `stresses` holds P K^-1 of every point, `weighted_bonds` w x V_j of every directed bond.
         """
         without_force = 0
-        start, stop = share_of(out.shape[0], chunk, chunks)
-        for i in range(start, stop):
+        for i in share_of(out.shape[0], chunk):
             algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, (pointers[i], pointers[i + 1]), i, out)
             force = algebra.times(volumes[i], algebra.vector_at(out, i))
             algebra.put(out, i, force)

@@ -8,12 +8,12 @@ from functools import cache, reduce
 
 import numpy as np
 from llvmlite import ir
-from numba import carray, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, tuple_of
-from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from ..engine.block_arrays import BLOCK, tuple_of
+from ..engine.compile import compile_bond_force, inlined
 from .feature_sets import N_OUTPUTS, FeatureSet
 
 MOST_DEGREE = 24
@@ -100,10 +100,7 @@ def polynomial_block(features: FeatureSet, counts, dtype):
     size = rest + N_OUTPUTS
 
     def polynomial(states, sizes, weights, response, parameters, work, scratch, traction):
-        widest_vectors()
-        states = carray(states, (STATE_ROWS, BLOCK))
-        traction = carray(traction, (TRACTION_ROWS, BLOCK))
-        values = tuple_of(carray(weights, (size,)), size)
+        values = tuple_of(weights, size)
         centre1, centre2, scale1, scale2 = values[0], values[1], values[2], values[3]
         rest0, rest1 = values[rest], values[rest + 1]
         for k in range(BLOCK):
@@ -113,4 +110,4 @@ def polynomial_block(features: FeatureSet, counts, dtype):
             one, two = chebyshev_sums(terms, (x1 - centre1) * scale1, (x2 - centre2) * scale2, values)
             traction[0, k], traction[1, k], traction[2, k] = traction_of(shared, one - rest0, two - rest1, a, b, U_mm, J, C33)
 
-    return compile_block_function(polynomial, bond_force_signature(np.dtype(dtype)))
+    return compile_bond_force(polynomial, dtype)

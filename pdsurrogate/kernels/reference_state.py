@@ -34,14 +34,13 @@ def shape_rows(algebra):
     """Build the pass that computes the inverse shape tensors (21) of given points."""
 
     @Pass
-    def shape_rows(chunk, chunks, rows, pointers, neighbours, points, weighted_bonds, inverse_shape, supported):
+    def shape_rows(chunk, rows, pointers, neighbours, points, weighted_bonds, inverse_shape, supported):
         """Compute the inverse shape tensors of the points `rows`; zero, with ``supported`` 0, where the bonds do not span all dimensions.
 
         `weighted_bonds` is w x V_j of every directed bond, zero where the bond is broken. The shape tensor is summed from these values as
         rounded, so that also in single precision F of a homogeneous deformation is exact to some 1e-9.
         """
-        start, stop = share_of(rows.shape[0], chunk, chunks)
-        for r in range(start, stop):
+        for r in share_of(rows.shape[0], chunk):
             i = rows[r]
             own = algebra.vector_at(points, i)
             K = algebra.no_symmetric()
@@ -59,7 +58,7 @@ def shape_rows(algebra):
 
 
 @Pass
-def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_shape, supported, correction, kappa, horizon, geometry):
+def pair_rows(chunk, pairs, first, second, points, strength, inverse_shape, supported, correction, kappa, horizon, geometry):
     """Compute the reference vectors of the pair forces of the given `pairs`, and write them into the blocks of `geometry`.
 
     The rows of a block are n1/l, n2/l, normal_factor l, tilt_factor l and, if the block has a fifth row, l/horizon. The force on the first
@@ -67,8 +66,7 @@ def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_sha
     correction zeta = strength (K_i^-1 + K_j^-1)/2 n, with the scalar correction (24)-(25) strength/kappa (fac_i + fac_j)/2 n, without a
     correction strength/kappa n. `strength` is 2 w l V_i V_j, zero where the bond is broken.
     """
-    start, stop = share_of(pairs.shape[0], chunk, chunks)
-    for r in range(start, stop):
+    for r in share_of(pairs.shape[0], chunk):
         b = pairs[r]
         i = first[b]
         j = second[b]
@@ -102,7 +100,7 @@ def bond_shares(algebra):
     """Build the pass that divides the volume of each given point among the bonds of the point."""
 
     @Pass
-    def bond_shares(chunk, chunks, rows, pointers, neighbours, pair_of, points, volumes, strength, horizon, shares):
+    def bond_shares(chunk, rows, pointers, neighbours, pair_of, points, volumes, strength, horizon, shares):
         """Divide the volume V_i of each point of `rows` among its bonds; the shares sum to V_i, or to zero where no bond is left.
 
         A bond's energy is that of the material about its middle. Shares proportional to w V_j would place the energy of a point at an edge
@@ -111,8 +109,7 @@ def bond_shares(algebra):
         weights of greatest entropy with zero mean (Arroyo, Ortiz, Int. J. Numer. Meth. Engng 65 (2006) 2167). Where no positive weights
         have a zero mean, as at an edge, epsilon/2 |a|^2 is added to keep a finite.
         """
-        begin, end = share_of(rows.shape[0], chunk, chunks)
-        for r in range(begin, end):
+        for r in share_of(rows.shape[0], chunk):
             i = rows[r]
             own = algebra.vector_at(points, i)
             zero = algebra.no_vector()

@@ -8,7 +8,7 @@ from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
 from ..engine.compile import call_block, inline, inlined, widest_vectors
 from ..engine.passes import Pass, share_of
 from .algebra import ByDimension
-from .feature_sets import like
+from .elementary import like
 
 STATE_ROWS, RESULT_ROWS = 3, 4
 """Rows of the states and of the result of an isochoric response; the last row of the result is the energy."""
@@ -65,20 +65,18 @@ def pair_volumes(algebra):
     matrix = algebra.MATRIX
 
     @Pass
-    def pair_volumes(thread, chunk, chunks, positions, gradients, pairs, buffers, volumes):
+    def pair_volumes(chunk, positions, gradients, pairs, buffers, volumes):
         """Compute det F_ij of every pair of points; return the number of pairs where it is not positive or NaN.
 
-        `pairs` are the numbers of the first and second points and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l, the volume of the
-        pair and, where a body has several materials or ranks, the part of this volume counted here.
+        `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l,
+        the volume of the pair and, where a body has several materials or ranks, the part of this volume counted here.
         """
-        first, second, geometry = pairs
-        ends = first, second
+        ends, geometry = pairs
         widest_vectors()
-        first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-        sums = block_rows(buffers[thread])
+        sums = block_rows(buffers[chunk.thread])
         bonds = rows_from(sums, matrix)
         bad = 0
-        for block in range(first_block, last_block):
+        for block in share_of(geometry.shape[0], chunk):
             at = block * BLOCK
             reference = block_rows(geometry[block])
             found = volumes[at : at + BLOCK]
@@ -95,13 +93,12 @@ def pair_volumes(algebra):
 
 
 @Pass
-def means_over_bonds(chunk, chunks, pointers, pair_of, shares, values, otherwise, means):
+def means_over_bonds(chunk, pointers, pair_of, shares, values, otherwise, means):
     """Compute, for every point, the mean of `values` of the pairs over its bonds, weighted by the bonds' shares of the point's volume.
 
     `pair_of` is the number of the pair of every directed bond. A point whose bonds have no share gets the value `otherwise`.
     """
-    start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
-    for i in range(start, stop):
+    for i in share_of(pointers.shape[0] - 1, chunk):
         total = 0.0
         whole = 0.0
         for b in range(pointers[i], pointers[i + 1]):
@@ -124,28 +121,26 @@ def smoothed_value(smoothing, values, i):
 
 
 @Pass
-def smooth(chunk, chunks, smoothing, values, out):
+def smooth(chunk, smoothing, values, out):
     """Compute ``out = W values``, smoothed values at the points, which are the first rows of `out`.
 
     `smoothing` is the sparse matrix W, see `smoothed_value`.
     """
-    start, stop = share_of(smoothing[3].shape[0], chunk, chunks)
-    for i in range(start, stop):
+    for i in share_of(smoothing[3].shape[0], chunk):
         out[i] = smoothed_value(smoothing, values, i)
 
 
 @Pass
-def volume_energies(thread, chunk, chunks, volume_ratios, volumes, response, parameters, buffers, energies, slopes):
+def volume_energies(chunk, volume_ratios, volumes, response, parameters, buffers, energies, slopes):
     """Compute the derivative U' of the volumetric energy at the volume ratio of every point, and the sum of volume times U over each block.
 
     `slopes` receives U', `energies` the sums. `response` returns (U, U') for the volume ratio in the first row of its states.
     """
     widest_vectors()
     n = volumes.shape[0]
-    first, last = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
-    states = block_rows(buffers[thread, 0:1])
-    result = block_rows(buffers[thread, 1:3])
-    for block in range(first, last):
+    states = block_rows(buffers[chunk.thread, 0:1])
+    result = block_rows(buffers[chunk.thread, 1:3])
+    for block in share_of((n + BLOCK - 1) // BLOCK, chunk):
         at = block * BLOCK
         size = min(BLOCK, n - at)
         ratio = volume_ratios[at : at + size]
@@ -172,7 +167,7 @@ def pair_energies(algebra):
     length, volume = dimension, dimension + 1
 
     @Pass
-    def pair_energies(thread, chunk, chunks, positions, gradients, pressures, pairs, shares, energy, constants, buffers, results):
+    def pair_energies(chunk, positions, gradients, pressures, pairs, shares, energy, constants, buffers, results):
         """Compute the isochoric energy, the force and the moment S of every pair of points; all are dimensionless, times volume.
 
         The stress P of a pair includes the pressure of the pair: the sum of the `pressures` of both points, each times the share of the
@@ -180,17 +175,16 @@ def pair_energies(algebra):
         `forces`, P n/l on the first point; `moments`, S = P (I - n (x) n)/2 by columns, the derivative of the energy by the deformation
         gradient of either point.
         """
-        first, second, geometry = pairs
-        ends = first, second
+        ends, geometry = pairs
+        first, second = ends
         energies, forces, moments = results
         widest_vectors()
-        first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-        sums = block_rows(buffers[thread])
+        sums = block_rows(buffers[chunk.thread])
         bonds = rows_from(sums, matrix)
         states = rows_from(sums, state_rows)
         result = rows_from(sums, result_rows)
         counted = geometry.shape[1] - 1
-        for block in range(first_block, last_block):
+        for block in share_of(geometry.shape[0], chunk):
             at = block * BLOCK
             reference = block_rows(geometry[block])
             share = block_rows(shares[block])

@@ -8,12 +8,12 @@ NaN.
 from functools import cache
 
 import numpy as np
-from numba import carray
 
-from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column
-from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, put_column
+from ..engine.compile import compile_bond_force, inlined
 from ..engine.vector_loads import sums_of_rows
-from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, like, write_tractions
+from .elementary import like
+from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
 FEATURES = (2, 3)
 """Numbers of features that a spline may have."""
@@ -77,12 +77,6 @@ def spline_block(features: FeatureSet, dtype):
     layers = SUPPORT ** (len(features.names) - 2)
 
     def spline(states, sizes, weights, response, parameters, work, scratch, traction):
-        widest_vectors()
-        states = carray(states, (STATE_ROWS, BLOCK))
-        traction = carray(traction, (TRACTION_ROWS, BLOCK))
-        sizes = carray(sizes, (N_SIZES,))
-        weights = carray(weights, (sizes[N_WEIGHTS],))
-        work = carray(work, (WORK_ROWS, BLOCK))
         places = block_rows(work[:SHARES])
         ahead = block_rows(work[SHARES : SHARES + SUPPORT])
         down = block_rows(work[SHARES + SUPPORT : SHARES + 2 * SUPPORT])
@@ -123,6 +117,6 @@ def spline_block(features: FeatureSet, dtype):
                     first, second = first + more * ahead[n, k], second + other * ahead[n, k]
             traction[0, k] = first
             traction[1, k] = second
-        put_tractions(states, kept, shared, weights[sizes[N_WEIGHTS] - N_OUTPUTS :], traction)
+        put_tractions(states, kept, weights[sizes[N_WEIGHTS] - N_OUTPUTS :], traction)
 
-    return compile_block_function(spline, bond_force_signature(np.dtype(dtype)))
+    return compile_bond_force(spline, dtype)

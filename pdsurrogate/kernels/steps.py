@@ -1,120 +1,90 @@
 """Steps of dynamic relaxation and of explicit dynamics in place, and the Rayleigh quotient, greatest force and strain of a step.
 
-The functions allocate no memory.
+The functions take arrays of vectors of any dimension, and allocate no memory.
 """
 
 import numpy as np
 
 from ..engine.compile import kernel
-from .algebra import ByDimension
 
 
-@ByDimension
-def rayleigh_parts(algebra):
-    """Build the kernel that computes numerator and denominator of the Rayleigh quotient of the velocities."""
+@kernel
+def rayleigh_parts(velocities, forces, last_forces, mass):
+    """Return v . K v and v . M v, numerator and denominator of the Rayleigh quotient of the velocities v.
 
-    @kernel
-    def rayleigh_parts(velocities, forces, last_forces, mass):
-        """Return v . K v and v . M v, numerator and denominator of the Rayleigh quotient of the velocities v.
-
-        K v, stiffness matrix times velocities, is minus the change of the forces over the last time step, which has unit length.
-        """
-        stiffness = 0.0
-        inertia = 0.0
-        for i in range(velocities.shape[0]):
-            v = algebra.vector_at(velocities, i)
-            stiffness -= algebra.dot(v, algebra.minus(algebra.vector_at(forces, i), algebra.vector_at(last_forces, i)))
-            inertia += mass[i] * algebra.dot(v, v)
-        return stiffness, inertia
-
-    return rayleigh_parts
+    K v, stiffness matrix times velocities, is minus the change of the forces over the last time step, which has unit length.
+    """
+    stiffness = 0.0
+    inertia = 0.0
+    for i in range(velocities.shape[0]):
+        for c in range(velocities.shape[1]):
+            stiffness -= velocities[i, c] * (forces[i, c] - last_forces[i, c])
+            inertia += mass[i] * velocities[i, c] * velocities[i, c]
+    return stiffness, inertia
 
 
-@ByDimension
-def relaxation_step(algebra):
-    """Build the kernel that takes one step of dynamic relaxation with unit time step."""
-    dimension = algebra.DIMENSION
+@kernel
+def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping):
+    """Take one step of dynamic relaxation with unit time step, in place; `last_forces` is overwritten with `forces`.
 
-    @kernel
-    def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping):
-        """Take one step of dynamic relaxation with unit time step, in place; `last_forces` is overwritten with `forces`.
-
-        `free` is 1 where a component may move and 0 elsewhere, `mass` is fictitious, and the `damping` rate is below 2.
-        """
-        for i in range(positions.shape[0]):
-            for c in range(dimension):
-                v = ((2.0 - damping) * velocities[i, c] + 2.0 * forces[i, c] / mass[i]) / (2.0 + damping) * free[i, c]
-                velocities[i, c] = v
-                positions[i, c] += v
-                last_forces[i, c] = forces[i, c]
-
-    return relaxation_step
+    `free` is 1 where a component may move and 0 elsewhere, `mass` is fictitious, and the `damping` rate is below 2.
+    """
+    decay = (2.0 - damping) / (2.0 + damping)
+    growth = 2.0 / (2.0 + damping)
+    for i in range(positions.shape[0]):
+        for c in range(positions.shape[1]):
+            v = (decay * velocities[i, c] + growth * forces[i, c] / mass[i]) * free[i, c]
+            velocities[i, c] = v
+            positions[i, c] += v
+            last_forces[i, c] = forces[i, c]
 
 
-@ByDimension
-def greatest_force_density(algebra):
-    """Build the kernel that finds the largest force per volume."""
-    dimension = algebra.DIMENSION
+@kernel
+def greatest_force_density(forces, free, volumes):
+    """Return the largest magnitude of force per volume over the free components of all points; NaN if any is not finite.
 
-    @kernel
-    def greatest_force_density(forces, free, volumes):
-        """Return the largest magnitude of force per volume over the free components of all points; NaN if any is not finite.
-
-        `free` is 1 where a component may move and 0 elsewhere.
-        """
-        largest = 0.0
-        total = 0.0
-        for i in range(forces.shape[0]):
-            for c in range(dimension):
-                value = abs(forces[i, c]) * free[i, c] / volumes[i]
-                largest = max(largest, value)
-                total += value
-        return largest if total < np.inf else np.nan
-
-    return greatest_force_density
+    `free` is 1 where a component may move and 0 elsewhere.
+    """
+    largest = 0.0
+    total = 0.0
+    for i in range(forces.shape[0]):
+        for c in range(forces.shape[1]):
+            value = abs(forces[i, c]) * free[i, c] / volumes[i]
+            largest = max(largest, value)
+            total += value
+    return largest if total < np.inf else np.nan
 
 
-@ByDimension
-def greatest_strain(algebra):
-    """Build the kernel that finds the largest relative displacement of two bonded points over their distance."""
+@kernel
+def greatest_strain(displacements, points, first, second):
+    """Return the largest relative displacement of two bonded points, in any component, over their distance at rest.
 
-    @kernel
-    def greatest_strain(displacements, points, first, second):
-        """Return the largest relative displacement of two bonded points, in any component, over their distance at rest.
-
-        Bonds to ghosts are left out.
-        """
-        largest = 0.0
-        for b in range(first.shape[0]):
-            i = first[b]
-            j = second[b]
-            if j < points.shape[0]:
-                x = algebra.minus(algebra.vector_at(points, j), algebra.vector_at(points, i))
-                change = algebra.minus(algebra.vector_at(displacements, j), algebra.vector_at(displacements, i))
-                largest = max(largest, algebra.greatest(change) / np.sqrt(algebra.dot(x, x)))
-        return largest
-
-    return greatest_strain
+    Bonds to ghosts are left out.
+    """
+    largest = 0.0
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        if j < points.shape[0]:
+            square = 0.0
+            change = 0.0
+            for c in range(points.shape[1]):
+                square += (points[j, c] - points[i, c]) ** 2
+                change = max(change, abs(displacements[j, c] - displacements[i, c]))
+            largest = max(largest, change * change / square)
+    return np.sqrt(largest)
 
 
-@ByDimension
-def central_difference_step(algebra):
-    """Build the kernel for one explicit time step of dynamics by central differences."""
-    dimension = algebra.DIMENSION
+@kernel
+def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
+    """Take one explicit time step of M (a + c v) = f in place, with velocities v at half steps and a `damping` c proportional to mass.
 
-    @kernel
-    def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
-        """Take one explicit time step of M (a + c v) = f in place, with velocities v at half steps and a `damping` c proportional to mass.
-
-        `step` and `last_step` are the lengths of this time step and of the step before; the velocity changes over the mean of both.
-        """
-        span = 0.5 * (step + last_step)
-        decay = 1.0 - 0.5 * damping * span
-        growth = 1.0 / (1.0 + 0.5 * damping * span)
-        for i in range(positions.shape[0]):
-            for k in range(dimension):
-                v = (decay * velocities[i, k] + span * forces[i, k] / mass[i]) * growth * free[i, k]
-                velocities[i, k] = v
-                positions[i, k] += step * v
-
-    return central_difference_step
+    `step` and `last_step` are the lengths of this time step and of the step before; the velocity changes over the mean of both.
+    """
+    span = 0.5 * (step + last_step)
+    decay = 1.0 - 0.5 * damping * span
+    growth = 1.0 / (1.0 + 0.5 * damping * span)
+    for i in range(positions.shape[0]):
+        for k in range(positions.shape[1]):
+            v = (decay * velocities[i, k] + span * forces[i, k] / mass[i]) * growth * free[i, k]
+            velocities[i, k] = v
+            positions[i, k] += step * v

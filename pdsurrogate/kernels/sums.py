@@ -12,7 +12,7 @@ def sum_pair_forces(algebra):
     """Build the pass that sums the forces of the pairs to forces on points."""
 
     @Pass
-    def sum_pair_forces(chunk, chunks, forces, pair_pointers, incidence_pointers, incidence, unit, out):
+    def sum_pair_forces(chunk, forces, pair_pointers, incidence_pointers, incidence, unit, out):
         """Write the force on every point, times `unit` (the shear modulus), summed in double precision; return how many are not finite.
 
         The force of a pair acts on its first point, and the opposite force on the second. `pair_pointers` bound the pairs whose first point
@@ -20,8 +20,7 @@ def sum_pair_forces(algebra):
         `incidence`.
         """
         without_force = 0
-        start, stop = share_of(out.shape[0], chunk, chunks)
-        for i in range(start, stop):
+        for i in share_of(out.shape[0], chunk):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
             algebra.sum_signed_records(forces, own, incidence, others, unit, i, out)
@@ -36,9 +35,8 @@ def sum_moments(algebra):
     """Build the pass that sums, for every point and ghost, the moments S (matrices) of the pairs it belongs to."""
 
     @Pass
-    def sum_moments(chunk, chunks, moments, own_pointers, incidence_pointers, incidence, out):
-        start, stop = share_of(out.shape[0], chunk, chunks)
-        for i in range(start, stop):
+    def sum_moments(chunk, moments, own_pointers, incidence_pointers, incidence, out):
+        for i in share_of(out.shape[0], chunk):
             own = own_pointers[i], own_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
             algebra.sum_matrices(moments, own, incidence, others, 1.0, i, out)
@@ -51,9 +49,8 @@ def weigh_moments(algebra):
     """Build the pass that replaces the moment S of every point by S K^-1/V, K the shape tensor and V the volume of the point."""
 
     @Pass
-    def weigh_moments(chunk, chunks, moments, inverse_shape, volumes):
-        start, stop = share_of(volumes.shape[0], chunk, chunks)
-        for i in range(start, stop):
+    def weigh_moments(chunk, moments, inverse_shape, volumes):
+        for i in share_of(volumes.shape[0], chunk):
             Z = algebra.times_factor(1.0 / volumes[i], algebra.symmetric_at(inverse_shape, i))
             algebra.put(moments, i, algebra.times_symmetric(algebra.matrix_at(moments, i), Z))
 
@@ -65,15 +62,14 @@ def add_node_forces(algebra):
     """Build the pass that adds to the forces on points the forces that follow from the weighted moments S K^-1/V of the points."""
 
     @Pass
-    def add_node_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, unit, first_point, node_parts, out):
+    def add_node_forces(chunk, stresses, pointers, neighbours, weighted_bonds, volumes, unit, first_point, node_parts, out):
         """Add the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j to every force; return how many forces are not finite.
 
         `stresses` holds S K^-1/V from `weigh_moments`, and the sums are multiplied by `unit`. The directed bonds are those of the points
         from `first_point` on; `out` is changed at these points only. `node_parts` is working memory with the shape of `out`.
         """
         without_force = 0
-        start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
-        for r in range(start, stop):
+        for r in share_of(pointers.shape[0] - 1, chunk):
             i = first_point + r
             algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, (pointers[r], pointers[r + 1]), i, node_parts)
             force = algebra.plus(algebra.vector_at(out, i), algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i)))

@@ -31,9 +31,7 @@ over J3, and working memory of `solve_volume_ratios`.
 
 
 @Pass
-def surrogate_node_states(
-    thread, chunk, chunks, gradients, volume_ratios, volumetric, bond_force, constants, domain, tolerance, memory, records
-):
+def surrogate_node_states(chunk, gradients, volume_ratios, volumetric, bond_force, constants, domain, tolerance, memory, records):
     """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient, with C33 from the learnt bond force.
 
     A row of `records` receives (cos, sin, J, C33) of a point. Return the number of points without a plane-stress state. `volume_ratios`
@@ -46,17 +44,16 @@ def surrogate_node_states(
     buffers, work, scratch = memory
     n = gradients.shape[0]
     widest_vectors()
-    first_block, last_block = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
-    states = block_rows(scratch[thread, 0:3])
-    result = block_rows(scratch[thread, 3:8])
-    frame = block_rows(scratch[thread, 8:11])
-    last = block_rows(scratch[thread, 11:14])
-    moved = scratch[thread, 14]
-    bond = block_rows(buffers[thread, 0:6])
-    traction = block_rows(buffers[thread, 6:9])
+    states = block_rows(scratch[chunk.thread, 0:3])
+    result = block_rows(scratch[chunk.thread, 3:8])
+    frame = block_rows(scratch[chunk.thread, 8:11])
+    last = block_rows(scratch[chunk.thread, 11:14])
+    moved = scratch[chunk.thread, 14]
+    bond = block_rows(buffers[chunk.thread, 0:6])
+    traction = block_rows(buffers[chunk.thread, 6:9])
     outer, inner = tuple_of(domain[0], N_LIMITS), tuple_of(domain[1], N_LIMITS)
     count = 0
-    for block in range(first_block, last_block):
+    for block in share_of((n + BLOCK - 1) // BLOCK, chunk):
         at = block * BLOCK
         size = min(BLOCK, n - at)
         gradient = plane.matrix_rows(gradients[at : at + size])
@@ -83,7 +80,7 @@ def surrogate_node_states(
                 break
             for k in range(BLOCK):
                 bond[4, k] = thickness_squared(states, k)
-            call_block(bond_force, bond, constants, work[thread], scratch[thread], traction)
+            call_block(bond_force, bond, constants, work[chunk.thread], scratch[chunk.thread], traction)
             call_block(volumetric, states, parameters, result)
             largest = 0.0
             for k in range(BLOCK):
@@ -114,7 +111,7 @@ def surrogate_node_states(
                 last[0, k] = share if moved[k] < 100.0 * tolerance else 0.0
                 last[1, k] = states[2, k]
                 states[2, k] = J3[k]
-            count += solve_volume_ratios(size, states, result, scratch[thread, 15], response, parameters)
+            count += solve_volume_ratios(size, states, result, scratch[chunk.thread, 15], response, parameters)
             for k in range(size):
                 if last[0, k] == 1.0:
                     states[2, k] = last[1, k]

@@ -19,8 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..engine.compile import inlined
-from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
-from ..kernels.feature_sets import like
+from ..kernels.elementary import exponential, inverse_cube_root, like, logarithm, select
 from .response import Response
 
 LEAST_SEPARATION = 3e-6

@@ -5,7 +5,8 @@ from numba import types
 from numba.extending import overload
 
 from ..engine.compile import INLINE_OPTIONS
-from ..kernels.feature_sets import FEATURE_SETS, FeatureSet, like
+from ..kernels.elementary import like
+from ..kernels.feature_sets import FEATURE_SETS, FeatureSet
 
 
 def arctangent(y, x):

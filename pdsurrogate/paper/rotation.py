@@ -10,10 +10,9 @@ from ..engine.passes import Pass, share_of
 
 
 @Pass
-def convected_rotations(chunk, chunks, gradients, records):
+def convected_rotations(chunk, gradients, records):
     """Overwrite the rotation (cos, sin) in the points' records with the convected rotation of F, given by columns, shape (n, 4)."""
-    first, last = share_of(gradients.shape[0], chunk, chunks)
-    for i in range(first, last):
+    for i in share_of(gradients.shape[0], chunk):
         F11, F21, F12, F22 = gradients[i, 0], gradients[i, 1], gradients[i, 2], gradients[i, 3]
         angle = 0.5 * (np.arcsin(F21 / np.sqrt(F11 * F11 + F21 * F21)) - np.arcsin(F12 / np.sqrt(F12 * F12 + F22 * F22)))
         records[i, 0] = np.cos(angle)

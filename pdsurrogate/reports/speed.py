@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from ..body import Body
 from ..engine.block_arrays import BLOCK, aligned_rows, block_rows
 from ..engine.compile import widest_vectors
-from ..engine.passes import Pass
+from ..engine.passes import Pass, share_of
 from ..engine.threads import most_threads, thread_count
 from ..forces import ForceModel, ForceSettings
 from ..materials import Law, homogeneous
@@ -157,14 +157,14 @@ def _turns_of(case: TimedModel, law: Law, count: int, yardstick: Callable[[], fl
 
 
 @Pass
-def arithmetic(thread, chunk, chunks, rounds, buffers):
+def arithmetic(chunk, rounds, buffers):
     """Do reference arithmetic: evaluate a polynomial on a block of single-precision numbers `rounds` times, shared among threads.
 
     The block stays in the first-level cache, so that memory does not limit the gain from threads.
     """
     widest_vectors()
-    rows = block_rows(buffers[thread])
-    for _ in range(chunk * rounds // chunks, (chunk + 1) * rounds // chunks):
+    rows = block_rows(buffers[chunk.thread])
+    for _ in share_of(rounds, chunk):
         for k in range(rows.shape[1]):
             x = rows[0, k]
             # Two chains depend on each other, so that the compiler cannot remove a part of them.

@@ -188,7 +188,7 @@ class ExplicitDynamics:
     def _step(self, positions: np.ndarray, velocities: np.ndarray, step: float) -> None:
         """Advance given velocities and positions by one step with the present forces, in place."""
         scheme = self.forces, self._free, self._mass, self._damping, step, self.last_step
-        central_difference_step[positions.shape[1]](positions, velocities, *scheme)
+        central_difference_step(positions, velocities, *scheme)
 
     def next_step(self) -> float:
         """Return the length of the next time step: stable, at most `longest`, and such that no point moves farther than `MOST_TRAVEL`."""

@@ -174,7 +174,7 @@ class EquilibriumSolver(ABC):
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Return the largest force density in units of shear modulus / spacing, see `InternalForce.force_scale`."""
         # With several materials every point has its own scale.
-        density = greatest_force_density[forces.shape[1]](forces, self.free, self.volumes * force.force_scale)
+        density = greatest_force_density(forces, self.free, self.volumes * force.force_scale)
         return self.share.greatest(density) * force.body.spacing
 
     def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:

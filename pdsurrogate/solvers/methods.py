@@ -241,7 +241,7 @@ class DynamicRelaxation(SteppingSolver):
         mass = caution * self.MARGIN / 4 * self.frequency(force, positions) * self.volumes
         velocities, last_forces = np.zeros_like(positions), np.zeros_like(positions)
 
-        quotient, take = rayleigh_parts[positions.shape[1]], relaxation_step[positions.shape[1]]
+        quotient, take = rayleigh_parts, relaxation_step
 
         def step(forces):
             stiffness, inertia = self.share.total(quotient(velocities, forces, last_forces, mass))
@@ -268,7 +268,7 @@ class DampedExplicit(SteppingSolver):
         # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both ends, with E = 3 mu.
         extent = force.body.extent
         damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)
-        velocities, take = np.zeros_like(positions), central_difference_step[positions.shape[1]]
+        velocities, take = np.zeros_like(positions), central_difference_step
         constants = self.free, self.volumes, damping, step_length, step_length
         return lambda forces: take(positions, velocities, forces, *constants)
 

@@ -340,7 +340,7 @@ def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> f
 def strain_of_step(body: Body, step: np.ndarray) -> float:
     """Return the greatest strain of a bond under displacements (n, d), the halo of which is filled in place."""
     body.share.fill(step)
-    return body.share.greatest(greatest_strain[step.shape[1]](step, body.points, body.bonds.first, body.bonds.second))
+    return body.share.greatest(greatest_strain(step, body.points, body.bonds.first, body.bonds.second))
 
 
 def strain_rounding(body: Body) -> float:

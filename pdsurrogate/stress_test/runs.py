@@ -52,7 +52,7 @@ class Motion:
         for _ in range(steps):
             forces = forces_at(self.force, self.positions) + self.load
             scheme = self.free, self.mass, self.damping, self.step, self.step
-            central_difference_step[self.positions.shape[1]](self.positions, self.velocities, forces, *scheme)
+            central_difference_step(self.positions, self.velocities, forces, *scheme)
 
 
 SIDES = (1.2, 0.8), (1.0, 0.8, 0.8)

@@ -69,11 +69,11 @@ def test_small_bodies_take_one_thread():
 
 
 @Pass
-def note_chunks(thread, chunk, chunks, times, threads):
+def note_chunks(chunk, times, threads):
     """How often each chunk has been worked on, and by which thread."""
-    times[chunk] += 1
-    threads[chunk] = thread
-    return chunk
+    times[chunk.number] += 1
+    threads[chunk.number] = chunk.thread
+    return chunk.number
 
 
 @pytest.mark.parametrize("chunks", [Chunks(1, 1), Chunks(2, 2), Chunks(2, 7), Chunks(3, 100)])

@@ -170,7 +170,7 @@ def test_greatest_strain(random):
     first, second = first[within], second[within]
     length = np.linalg.norm(body.points[second] - body.points[first], axis=1)
     expected = (np.abs(displacements[second] - displacements[first]).max(axis=1) / length).max()
-    found = greatest_strain[2](displacements, body.points, body.bonds.first, body.bonds.second)
+    found = greatest_strain(displacements, body.points, body.bonds.first, body.bonds.second)
     np.testing.assert_allclose(found, expected, rtol=1e-14)
 
 
