@@ -116,7 +116,7 @@ class InternalForce:
 
     def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and images, which are infinite for rigid ones."""
-        body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self._kinematics.owners()
+        body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self.body.bond_owners
         around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
         # A bond between very different moduli carries the force of the softer material: each point counts its own modulus only.
         apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))

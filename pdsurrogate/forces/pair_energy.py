@@ -6,7 +6,7 @@ from scipy.sparse.linalg import LinearOperator
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
-from ..materials import PLANES, plane_stress
+from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .bond_shares import BondShares
 from .errors import InvalidState, at_point, why_invalid
@@ -44,7 +44,7 @@ class PairEnergy(Term):
         self.shares = BondShares(self.kinematics, binding.precision)
         self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]
         self._domain = self._model.domain if whole else None
-        owners = None if whole else binding.portion_of[self.kinematics.owners()]
+        owners = None if whole else binding.portion_of[body.bond_owners]
         each, own_bonds, self.volume, steps = [], [], None, []
         for number, model in enumerate(models):
             own = None if whole else owners == number
@@ -302,13 +302,8 @@ class PairEnergy(Term):
         pairs = np.flatnonzero(self.shares.bond_weights > 0)
         F = self._gradients()[1][pairs]
 
-        def check(place: int) -> None:
-            for law in (points.law for points in self.materials if points.whole or pairs[place] in points.pairs):
-                if self.kinematics.plane == "stress":
-                    plane_stress.energy_derivatives(law, *plane_stress.invariants(F[place : place + 1]))
-                elif reason := PLANES["space"].why_no_energy(law, F[place]):
-                    raise ValueError(f"{law.name}: a bond has no energy: {reason}")
+        def laws(place: int) -> list[Law]:
+            return [points.law for points in self.materials if points.whole or pairs[place] in points.pairs]
 
-        otherwise = "one of the bonds has no energy; of the most strained one, tr C = {trace:.4g} and det F = {J:.4g}"
-        place, reason = why_invalid(F, " of a bond", check, otherwise)
+        place, reason = why_invalid(F, " of a bond", self.kinematics.plane, laws)
         return at_point(self.body, int(self.body.bonds.first[pairs[place]]), reason)

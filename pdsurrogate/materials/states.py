@@ -1,7 +1,7 @@
 """States of a body: a sheet in plane stress or plane strain, or a solid; their stresses and energies by any law, in NumPy.
 
 Tensors of a sheet have shape (..., 2, 2), those of a solid (..., 3, 3). Stresses and energies have the unit of the law's shear modulus;
-responses, `energy_at` and `bond_traction` are dimensionless.
+responses and `bond_traction` are dimensionless.
 """
 
 from collections.abc import Callable
@@ -96,10 +96,6 @@ class Solid:
         J3 = self.volume_ratio(law, *invariants(F))
         return J3, *self.stress_and_energy(law, F, J3, law.volumetric(J3, law.parameters)[1])
 
-    def energy_at(self, law: Law, F, volume_ratio):
-        """Return the energy density in units of mu, shape (n,): W at F plus U at the given volume ratio, which may differ from det F."""
-        return self.isochoric_response(law, *self.isochoric_state(F))[3] + law.volumetric(volume_ratio, law.parameters)[0]
-
     def stress_and_energy(self, law: Law, F, volume_ratio, bulk_stress, isochoric=None):
         """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points, in the same unit as the shear modulus.
 
@@ -118,14 +114,14 @@ class Solid:
         p, q, r = (value[..., None, None] for value in (rows[0], rows[1] + bulk_stress, rows[2]))
         return p * F + q * cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F))
 
-    def why_no_energy(self, law: Law, F) -> str | None:
-        """Explain why a law has no energy at one deformation gradient (3 by 3, or 2 by 2 in plane strain); return None where it has one."""
+    def why_no_state(self, law: Law, F) -> str | None:
+        """Explain why a law has no state at one deformation gradient (3 by 3, or 2 by 2 in a sheet); return None where it has one."""
         full, d = np.eye(3), len(F)
         full[:d, :d] = F
         with np.errstate(all="ignore"):  # non-finite values are tested below
-            found = self.isochoric_response(law, *invariants(full))[3]
+            found = expressions.ISOCHORIC_SOLID(law, *invariants(full))[3]
         squares = np.linalg.svd(full, compute_uv=False) ** 2 / np.abs(np.linalg.det(full)) ** (2 / 3)
-        return None if np.isfinite(found) else law.limit(squares)
+        return None if np.isfinite(found) else f"{law.name}: {law.limit(squares)}"
 
 
 class PlaneStrain(Solid):
@@ -181,12 +177,16 @@ class PlaneStress(PlaneStrain):
             )
         return J3
 
+    def why_no_state(self, law: Law, F) -> str | None:
+        try:
+            self.volume_ratio(law, *invariants(F))
+        except ValueError as error:
+            return str(error)
+        return None
+
     def thickness_stretch_squared(self, law: Law, trace, area_ratio):
         """Return C33 = (J3/J)**2, the squared stretch of the thickness under plane stress, shape (...)."""
         return (self.volume_ratio(law, trace, area_ratio) / area_ratio) ** 2
-
-    def energy_at(self, law: Law, F, volume_ratio):
-        return self.response(law, *invariants(F), volume_ratio)[4]
 
     def stress_and_energy(self, law: Law, F, volume_ratio, bulk_stress=None, isochoric=None):
         p, q, _, _, energy = self.response(law, *invariants(F), volume_ratio)
