@@ -121,7 +121,7 @@ class Solid:
         with np.errstate(all="ignore"):  # non-finite values are tested below
             found = expressions.ISOCHORIC_SOLID(law, *invariants(full))[3]
         squares = np.linalg.svd(full, compute_uv=False) ** 2 / np.abs(np.linalg.det(full)) ** (2 / 3)
-        return None if np.isfinite(found) else f"{law.name}: {law.limit(squares)}"
+        return None if np.isfinite(found) else f"{law.name}: there is no state: {law.limit(squares)}"
 
 
 class PlaneStrain(Solid):

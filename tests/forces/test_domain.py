@@ -68,13 +68,13 @@ def test_the_force_is_continuous_at_the_edge_of_the_domain(bound):
 def test_the_blend_has_two_continuous_derivatives():
     """From 0 to 1, flat and without curvature at both ends, where it goes over into constants; the slope is that of the value."""
     t, step = np.linspace(-0.5, 1.5, 401), 1e-5
-    value, slope, curvature = blend(t)
+    value, slope = blend(t)
     assert (value[t <= 0] == 0).all()
     assert (value[t >= 1] == 1).all()
     before, after = (blend(t + sign * step) for sign in (-1, 1))
+    curvature = (after[1] - before[1]) / (2 * step)
     # Differences are exact to the step squared times the third derivative, 60 at most.
     np.testing.assert_allclose(slope, (after[0] - before[0]) / (2 * step), atol=1e-8)
-    np.testing.assert_allclose(curvature, (after[1] - before[1]) / (2 * step), atol=1e-3)
     assert np.abs(np.diff(curvature)).max() < 60 * 1.01 * (t[1] - t[0])
 
 
