@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .volume_energy import LinearisedDilatation
 
 PROBE = 1e-5
-"""Displacement, in spacings, of the differences that `InternalForce.tangent` takes: curvature and rounding leave errors of 1e-10."""
+"""Displacement, in spacings, of the differences that `InternalForce.tangent` takes: curvature and rounding leave errors of 1e-8 or less."""
 
 
 class InternalForce:
