@@ -60,7 +60,7 @@ def modes() -> str:
         for F in STATES.values():
             y = body.points @ F.T
             bound = pds.load_surrogate(force).bind(body, law, DOUBLE)
-            A = bound.tangent(y) @ np.eye(y.size) if bound.has_tangent else difference_tangent(bound, y)
+            A = bound.tangent(y) @ np.eye(y.size)
             n = len(y)
             rigid = np.zeros((2 * n, 3))
             rigid[0::2, 0] = rigid[1::2, 1] = 1
@@ -70,19 +70,6 @@ def modes() -> str:
             row.append(f"{values[0] / values[-1]:.1e}")
         rows.append(row)
     return markdown_table(["force", *STATES], rows)
-
-
-def difference_tangent(force, y):
-    """Minus the derivative of the forces, by central differences."""
-    n, h = y.size, 1e-6 * force.body.spacing
-    A, high, low = np.empty((n, n)), np.empty_like(y), np.empty_like(y)
-    for column in range(n):
-        step = np.zeros(n)
-        step[column] = h
-        force(y + step.reshape(-1, 2), high)
-        force(y - step.reshape(-1, 2), low)
-        A[:, column] = (low - high).ravel() / (2 * h)
-    return A
 
 
 ENERGY = "neo-hookean-energy"

@@ -398,12 +398,12 @@ class Bonds:
         neighbours = np.concatenate([first[incidence], second])[order]
         pair_of = np.concatenate([incidence, numbers])[order]
         return cls(
-            _pointers(owner, n),
+            pointers_to(owner, n),
             np.ascontiguousarray(neighbours),
             first,
             second,
-            _pointers(first, n),
-            _pointers(second[within], n),
+            pointers_to(first, n),
+            pointers_to(second[within], n),
             incidence,
             pair_of,
             cut,
@@ -411,10 +411,9 @@ class Bonds:
         )
 
 
-def _pointers(owners: np.ndarray, n: int) -> np.ndarray:
-    pointers = np.zeros(n + 1, dtype=np.uint64)
-    pointers[1:] = np.cumsum(np.bincount(owners, minlength=n))
-    return pointers
+def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
+    """Return row pointers, shape (count + 1,): where entries of each number from 0 to count - 1 begin once `numbers` are sorted."""
+    return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
 
 
 def _check_apart(points: np.ndarray, least: float) -> None:

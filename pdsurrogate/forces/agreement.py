@@ -8,9 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..engine.keys import NotKeyable
 from ..materials import PLANES, Law, plane_stress
-from ..materials.consistency import law_digest
 from .bond_force import exact_bond_force
 
 MOST_OF_STATED = 5.0
@@ -33,9 +31,6 @@ WIDEST = (0.5, 4.0)
 
 PLACES = np.stack([0.07 + 0.86 * (np.arange(1, 13) * step % 1) for step in (0.7548776662, 0.5698402910)], axis=1)
 """Positions of the trial states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
-
-_exact: dict = {}
-"""Cache of trial states and exact answers; the keys hold the box of stretches and everything that the law depends on."""
 
 
 def bond_states(law: Law, first, second):
@@ -110,22 +105,13 @@ def check_agreement(model, law: Law, exact, remedy: str) -> None:
         # States lie on the plane-stress surface of training: the force at given C33 does not depend on the bulk modulus, the surface does.
         bulk = model.stated["bulk_ratio"] * law.shear_modulus
         law = law if law.bulk_modulus == bulk else replace(law, bulk_modulus=bulk)
-    box = max(model.domain.least_stretch, WIDEST[0]), min(model.domain.greatest_stretch, WIDEST[1])
-    low, high = np.log(box)
+    low, high = np.log([max(model.domain.least_stretch, WIDEST[0]), min(model.domain.greatest_stretch, WIDEST[1])])
     try:
-        key = exact, box, law_digest(law)
-    except NotKeyable:
-        key = None
-    if (found := _exact.get(key)) is None:
-        try:
-            found = exact(law, *np.exp(low + (high - low) * PLACES.T))
-        except ValueError as error:  # the law has no state somewhere in the domain
-            raise ValueError(f"{model.name} was trained where {error}: {advice}") from None
-    if key is not None:
-        _exact[key] = found
-    arguments, right = found
+        states, right = exact(law, *np.exp(low + (high - low) * PLACES.T))
+    except ValueError as error:  # the law has no state somewhere in the domain
+        raise ValueError(f"{model.name} was trained where {error}: {advice}") from None
     size = np.linalg.norm(right, axis=1)
-    error = np.linalg.norm(model.answer(*arguments) - right, axis=1).max()
+    error = np.linalg.norm(model.answer(*states) - right, axis=1).max()
     if model.stated is None:
         reference, most, said = size.max(), MOST_UNSTATED, f"the greatest force, more than {100 * MOST_UNSTATED:g} %"
     else:

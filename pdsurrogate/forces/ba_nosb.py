@@ -5,13 +5,14 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..body.body import pointers_to
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
 from ..kernels import ba_nosb
 from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS
-from .errors import InvalidState, at_point
-from .kinematics import pointers_to
+from .errors import InvalidState, at_point, why_invalid
+from .kinematics import symmetric
 from .protocol import ForceModel
 from .term import Binding, StateArray, Term
 
@@ -38,7 +39,7 @@ class BondAssociatedStress(Term):
         # Directed bonds by owner: a point's own, then those of images towards points of the body.
         order = np.argsort(bonds.second[kinematics.outer_pairs], kind="stable")
         from_image = kinematics.outer_pairs[order]
-        self._owners = owners = np.concatenate([kinematics.owners(), bonds.second[from_image]]).astype(np.uint32)
+        self._owners = owners = np.concatenate([body.bond_owners, bonds.second[from_image]]).astype(np.uint32)
         self._targets = targets = np.concatenate([bonds.neighbours, bonds.first[from_image]])
         # Iterations at the bonds of images begin where those at the mirrored bonds ended, so that bonds of points are all the state.
         self._mirrored = kinematics.bonds_of_pairs[0][kinematics.mirrored_pairs[order]]
@@ -101,25 +102,18 @@ class BondAssociatedStress(Term):
         return self._find_forces()
 
     def _without_state(self) -> str:
-        """Return an error message about the bond with the least det F; the gradients of all bonds are recomputed for it."""
+        """Return an error message about a bond without a stress; the gradients of all bonds are recomputed for it."""
         body, positions, owners = self.body, self.kinematics.positions, self._owners
         bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
         entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common
         vectors = positions[self._table[entries]] - positions[owners[bonds]]
         F = np.zeros((len(owners), 2, 2))
         np.add.at(F, bonds, np.einsum("ci,cj->cij", vectors, self._table_weights[entries]))
-        F = F @ self._inverse_shapes[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
-        J = np.where(self._inverse_shapes[:, 0] == 0, 1.0, np.linalg.det(F))
-        bond = int(np.where(np.isfinite(J), J, -np.inf).argmin())
+        F = F @ symmetric(self._inverse_shapes)
+        F[self._inverse_shapes[:, 0] == 0] = np.eye(2)
+        bond, reason = why_invalid(F, " of the bond", "stress", lambda _: [self.binding.portions[0].law])
         x1, x2 = body.all_points[self._targets[bond]]
-        owner = int(self.kinematics.sources[owners[bond]])
-        if not np.isfinite(J[bond]):
-            reason = "a position is not finite"
-        elif J[bond] <= 0:
-            reason = "it is turned inside out"
-        else:
-            reason = f"{self.binding.portions[0].law.name} has no plane-stress state in one of the bonds"
-        return at_point(body, owner, f"the deformation gradient of its bond to ({x1:.4g}, {x2:.4g}) has det F = {J[bond]:.3g}: {reason}")
+        return at_point(body, int(self.kinematics.sources[owners[bond]]), f"its bond to ({x1:.4g}, {x2:.4g}) has no stress: {reason}")
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         forward = self._forward[pairs]

@@ -19,7 +19,6 @@ from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.response import volume_residual_block
 from ..materials.states import principal_stretches
 from .errors import at_point
-from .kinematics import matrices
 from .material_points import MaterialPoints
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
@@ -164,10 +163,9 @@ class BondForces(Term):
         i, j = int(body.bonds.first[broken[0]]), int(body.bonds.second[broken[0]])
         positions, points = self.kinematics.positions, body.all_points
         stretch = np.linalg.norm(positions[j] - positions[i]) / np.linalg.norm(points[j] - points[i])
-        J = np.linalg.det(matrices(self.kinematics.gradients[[i, j]])).mean()
         x1, x2 = points[j]
         law = max((portion.law for portion in self.binding.portions), key=lambda law: law.shear_modulus)
-        what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times in a horizon of det F = {J:.3g}, has no finite force"
+        what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times, has no finite force"
         return at_point(body, i, f"{what}: that is beyond the limit of {law.name}")
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:

@@ -5,10 +5,11 @@ from functools import partial
 
 import numpy as np
 
+from ..body.body import pointers_to
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
-from .kinematics import Kinematics, entries_of, pointers_to
+from .kinematics import Kinematics, entries_of
 from .steps import Step, Steps
 
 
@@ -51,7 +52,7 @@ class BondShares:
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         towards = np.flatnonzero(bonds.neighbours >= n)
         self._ghost_bonds = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
-        neighbours = kinematics.owners()[self._ghost_bonds].astype(np.uint32)
+        neighbours = body.bond_owners[self._ghost_bonds].astype(np.uint32)
         # The precision is that of the points' own arrays: another one would make `add_node_forces` compile a second time.
         weighted_bonds = aligned_rows((len(towards), body.dimension), precision)
         self._of_points = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes

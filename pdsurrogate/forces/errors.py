@@ -1,10 +1,11 @@
 """Errors and warnings of force evaluations, and functions that write their messages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..body import Body
+from ..materials import PLANES, Law
 
 
 class OutsideDomain(RuntimeError):
@@ -53,7 +54,7 @@ def at_point(body: Body, i: int, what: str) -> str:
     return f"point {body.share.numbers[i]} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
 
 
-def why_invalid(F: np.ndarray, whose: str, check: Callable[[int], object], otherwise: str) -> tuple[int, str]:
+def why_invalid(F: np.ndarray, whose: str, plane: str, laws: Callable[[int], Sequence[Law]]) -> tuple[int, str]:
     """Find a deformation gradient at which a law has no state; return its number in F and the reason in words.
 
     Parameters
@@ -62,10 +63,10 @@ def why_invalid(F: np.ndarray, whose: str, check: Callable[[int], object], other
         Deformation gradients.
     whose : str
         Words for messages that say what a gradient belongs to, such as " of a bond"; "" for a point.
-    check : callable
-        ``check(number)`` raises ValueError if the law has no state at that gradient; the 100 most strained ones are tried.
-    otherwise : str
-        Message if `check` finds no reason, a format string with fields `trace` and `J` of the most strained state.
+    plane : str
+        Name of `PLANES`.
+    laws : callable
+        ``laws(number)`` returns the laws that need a state at that gradient; the 100 most strained ones are tried.
     """
     with np.errstate(invalid="ignore"):  # values that are not finite are expected in this search
         J = np.linalg.det(F)
@@ -77,11 +78,10 @@ def why_invalid(F: np.ndarray, whose: str, check: Callable[[int], object], other
     order = np.argsort(-trace)
     worst = int(order[0])
     for number in order[:100].tolist():
-        try:
-            check(number)
-        except ValueError as error:
-            return number, str(error)
-    return worst, otherwise.format(trace=trace[worst], J=J[worst])
+        for law in laws(number):
+            if reason := PLANES[plane].why_no_state(law, F[number]):
+                return number, reason
+    return worst, f"no state{whose} was found there or nearby, at tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
 
 
 def locate(body: Body, values: np.ndarray, what: str) -> str:

@@ -101,7 +101,7 @@ class Interfaces:
     def __init__(self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool) -> None:
         self._body, self._portion_of, self._by_gradient = kinematics.body, portion_of, 2.0 * volumes_held
         body, share = self._body, self._body.share
-        n, total, bonds, owners = len(body), len(body.all_points), body.bonds, kinematics.owners()
+        n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbours[across]])])

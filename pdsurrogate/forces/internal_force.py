@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from .protocol import Portion
     from .volume_energy import LinearisedDilatation
 
+PROBE = 1e-5
+"""Displacement, in spacings, of the differences that `InternalForce.tangent` takes: curvature and rounding leave errors of 1e-8 or less."""
+
 
 class InternalForce:
     """Internal force on the points of a body with one or several materials: the sum of the terms of their force model.
@@ -54,8 +57,6 @@ class InternalForce:
         Plane stress, plane strain, or three dimensions.
     has_energy : bool
         Whether the forces are minus the derivative of an energy, which `energy` returns.
-    has_tangent : bool
-        Whether `tangent` returns the second derivative of that energy.
     nearly_incompressible : bool
         Whether `linearised_dilatation` returns how the volume of the points changes with the positions, which costs the bulk modulus.
     zero_energy_modes : bool
@@ -106,7 +107,6 @@ class InternalForce:
         self._watches = [watch for term in self.terms for watch in term.watches]
         self.learnt = first = self.terms[0]
         self.correction = first.correction
-        self.has_tangent = all(term.has_tangent for term in self.terms)
         self.zero_energy_modes = all(term.zero_energy_modes for term in self.terms)
         self.nearly_incompressible, self.learnt_thickness = first.nearly_incompressible, first.learnt_thickness
         self.states = [array for term in self.terms for array in term.state]
@@ -116,7 +116,7 @@ class InternalForce:
 
     def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and images, which are infinite for rigid ones."""
-        body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self._kinematics.owners()
+        body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self.body.bond_owners
         around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
         # A bond between very different moduli carries the force of the softer material: each point counts its own modulus only.
         apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
@@ -260,11 +260,31 @@ class InternalForce:
         return reduce(add, (term.energy() for term in self.terms))
 
     def tangent(self, positions: np.ndarray) -> LinearOperator:
-        """Return the second derivative of the energy at positions (n, d), for a force that `has_tangent`.
+        """Return minus the derivative of the forces at positions (n, d), in a body that is not divided among ranks.
 
-        It is symmetric and of shape (n d, n d), in the order of ``positions.ravel()``; one product costs about one force evaluation.
+        The operator is of shape (n d, n d), in the order of ``positions.ravel()``; with an energy it is symmetric. A product is a central
+        difference over `PROBE` spacings, which costs two evaluations of this force in its present state of bonds and planes.
+
+        Raises
+        ------
+        ValueError
+            If the force is not bound with ``precision="float64"``.
         """
-        return reduce(add, (term.tangent(positions) for term in self.terms))
+        if self.precision != "float64":
+            raise ValueError("a tangent is formed by differences of forces in float64: bind the force with precision='float64'")
+        ahead, behind = np.empty((2, *positions.shape))
+
+        def multiply(displacements: np.ndarray) -> np.ndarray:
+            greatest = np.abs(displacements).max()
+            if greatest == 0:
+                return np.zeros(positions.size)
+            step = PROBE * self.body.spacing / greatest
+            moved = step * displacements.reshape(positions.shape)
+            self(positions + moved, ahead)
+            self(positions - moved, behind)
+            return ((behind - ahead) / (2 * step)).ravel()
+
+        return LinearOperator((positions.size, positions.size), multiply, dtype=float)
 
     def linearised_dilatation(self) -> "LinearisedDilatation":
         """Return the derivative of the points' volume ratios by the positions, for a force that is `nearly_incompressible`."""

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from ..body import Body
+from ..body.body import pointers_to
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import BoundPass, Chain
 from ..engine.threads import chunks_of
@@ -61,7 +62,7 @@ class Kinematics:
         total = len(points)
         self.chunks = chunks_of(len(bonds.first))
         self.scratch = aligned_rows((self.chunks.threads, SCRATCH_ROWS, BLOCK), value=1)
-        vectors = points[bonds.neighbours] - points[self.owners()]
+        vectors = points[bonds.neighbours] - points[body.bond_owners]
         factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.all_volumes[bonds.neighbours]
         self.weighted_bonds = aligned_rows(vectors.shape, precision)
         self.weighted_bonds[:] = vectors * factors[:, None]
@@ -81,10 +82,6 @@ class Kinematics:
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
         form = self.gradient_pass(self.positions, self.gradients, 1.0)
         self._place_alone, self._form_gradients, self._place_and_form = Chain(self._place), Chain(form), Chain(self._place, form)
-
-    def owners(self) -> np.ndarray:
-        """Return the number of the point at which every directed bond begins, shape (n_bonds,)."""
-        return np.repeat(np.arange(len(self.body)), np.diff(self.body.bonds.pointers).astype(np.int64))
 
     @cached_property
     def sources(self) -> np.ndarray:
@@ -145,7 +142,7 @@ class Kinematics:
 
     def gradient_weights(self, weighted_bonds: np.ndarray, inverse_shape: np.ndarray) -> np.ndarray:
         """Return the weights K^-1 w x V_j of directed bonds in deformation gradients, shape (n_bonds, d), from given w x V_j and K^-1."""
-        return np.einsum("bij,bj->bi", symmetric(inverse_shape)[self.owners()], weighted_bonds)
+        return np.einsum("bij,bj->bi", symmetric(inverse_shape)[self.body.bond_owners], weighted_bonds)
 
     def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
         """Return the compiled pass that writes deformation gradients from positions; or their changes from displacements.
@@ -211,11 +208,6 @@ def symmetric(triangles: np.ndarray) -> np.ndarray:
     place = np.zeros((d, d), dtype=np.int64)
     place[np.triu_indices(d)] = np.arange(triangles.shape[1])
     return triangles[:, np.maximum(place, place.T)]
-
-
-def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
-    """Return row pointers, shape (count + 1,): where entries of each number from 0 to count - 1 begin once `numbers` are sorted."""
-    return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
 
 
 def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import node_state
-from ..materials import PLANES, Law, plane_stress
+from ..materials import PLANES, Law
 from .errors import InvalidState, at_point, why_invalid
 from .kinematics import Kinematics, matrices
 from .settings import ROTATION, ROTATIONS
@@ -146,13 +146,7 @@ class MaterialPoints:
         """Return an error message that names a point that has no state by the law, and the reason."""
         body, plane = self._kinematics.body, self._kinematics.plane
         # Images are checked too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
-        F, what = matrices(self.gradients), "no plane-stress state was found" if plane == "stress" else "there is no state"
-
-        def check(place: int) -> None:
-            if plane == "stress":
-                plane_stress.volume_ratio(self.law, *plane_stress.invariants(F[place]))
-
-        place, reason = why_invalid(F, "", check, what + " there or nearby, at tr C = {trace:.4g} and det F = {J:.4g}")
+        place, reason = why_invalid(matrices(self.gradients), "", plane, lambda _: [self.law])
         number = np.arange(len(body.all_points))[self.numbers][place]
         image = "its image beyond the grip: " if number >= len(body) else ""
         return at_point(body, int(self._kinematics.sources[number]), image + reason)

@@ -7,7 +7,7 @@ import numpy as np
 from ..engine.block_arrays import aligned_rows
 from ..kernels import nosb
 from ..materials import PLANES
-from .errors import at_point
+from .errors import at_point, why_invalid
 from .kinematics import matrices
 from .protocol import ForceModel
 from .term import Binding, Term
@@ -41,14 +41,9 @@ class PointStress(Term):
 
     def diagnose(self, out: np.ndarray) -> str:
         F = self.kinematics.deformation_gradients()
-        # Under plane stress the limit of a law is found before, with the thickness.
-        for portion in () if self.kinematics.plane == "stress" else self.binding.portions:
-            numbers = np.arange(len(F))[portion.points]
-            for i in numbers[np.argsort(-np.linalg.norm(F[numbers], axis=(1, 2)))][:100]:
-                reason = PLANES["space"].why_no_energy(portion.law, F[i])
-                if reason:
-                    return at_point(self.body, int(i), f"{portion.law.name}: it has no stress: {reason}")
-        return super().diagnose(out)
+        owners, portions = self.binding.portion_of, self.binding.portions
+        i, reason = why_invalid(F, "", self.kinematics.plane, lambda i: [portions[0 if owners is None else owners[i]].law])
+        return at_point(self.body, i, f"it has no stress: {reason}")
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         bonds, body = self.body.bonds, self.body

@@ -1,12 +1,11 @@
 """Energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator
 
-from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.block_arrays import aligned_rows
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
-from ..materials import PLANES, plane_stress
+from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .bond_shares import BondShares
 from .errors import InvalidState, at_point, why_invalid
@@ -44,7 +43,7 @@ class PairEnergy(Term):
         self.shares = BondShares(self.kinematics, binding.precision)
         self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]
         self._domain = self._model.domain if whole else None
-        owners = None if whole else binding.portion_of[self.kinematics.owners()]
+        owners = None if whole else binding.portion_of[body.bond_owners]
         each, own_bonds, self.volume, steps = [], [], None, []
         for number, model in enumerate(models):
             own = None if whole else owners == number
@@ -73,7 +72,6 @@ class PairEnergy(Term):
         self._find = Steps(body.share, *steps, *(part.find for part in self._parts), *collect)
         self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
         self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, *further)
-        self.has_tangent = whole and binding.precision == "float64" and not self.selective
         self.nearly_incompressible = whole and self.selective
 
     def find(self, out: np.ndarray) -> None:
@@ -194,7 +192,7 @@ class PairEnergy(Term):
         part = self._parts[0]
         if not self.selective and not part.counts()[1]:
             return super().collapsed_pairs()
-        J = part.volumes[: len(self.body.bonds.first)] if self.selective else np.linalg.det(self._gradients()[1])
+        J = part.volumes[: len(self.body.bonds.first)] if self.selective else np.linalg.det(self._gradients())
         return np.flatnonzero((self.shares.bond_weights > 0) & ~(J > bond_energy.COLLAPSED))
 
     def volume_ratios(self) -> np.ndarray:
@@ -232,40 +230,6 @@ class PairEnergy(Term):
     def linearised_dilatation(self) -> LinearisedDilatation:
         return LinearisedDilatation(self.volume)
 
-    def tangent(self, positions: np.ndarray) -> LinearOperator:
-        if not self.has_tangent:
-            raise ValueError("a tangent is formed for one material under plane stress in float64 only")
-        kinematics, body, part, n, chunks = self.kinematics, self.body, self._parts[0], len(self.body), self.kinematics.chunks
-        kinematics.place(positions)
-        directions, F = self._gradients()
-        c, e = (np.einsum("bij,bj->bi", F, along) for along in (directions, np.stack([-directions[:, 1], directions[:, 0]], axis=1)))
-        weights, rest = self.shares.bond_weights, np.array([2.0, 1.0])
-        energy = part.energy_derivatives(*np.where(weights > 0, plane_stress.invariants(F), rest[:, None]))
-        derivatives = energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area
-        rows = np.zeros((9, len(part.geometry) * BLOCK))
-        rows[:, : len(weights)] = *c.T, *e.T, *(weights * value for value in derivatives)
-        linearised = np.ascontiguousarray(rows.reshape(9, -1, BLOCK).transpose(1, 0, 2))
-        changes, gradients = np.zeros_like(kinematics.positions), np.zeros_like(kinematics.gradients)
-        forces, moments = np.zeros((len(part.points.first), 2)), np.zeros((len(part.points.first), 4))
-        form = kinematics.gradient_pass(changes, gradients, 0.0)
-        to_points = self.shares.sums_of(forces, moments, np.zeros_like(self._stresses), self._unit)
-        memory = aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK)), aligned_rows((chunks.threads, 4, BLOCK))
-        # The data are copied, since bonds that break later must remain in this tangent.
-        pairs = part.pairs[0], part.geometry.copy()
-        find = bond_energy.pair_tangents.bind(changes, gradients, pairs, linearised, *memory, forces, moments, chunks=chunks)
-
-        def multiply(displacements: np.ndarray) -> np.ndarray:
-            changes[:n] = displacements.reshape(-1, 2)
-            body.ghosts.fill_displacements(changes)
-            form()
-            body.ghosts.fill_changes(gradients)
-            find()
-            out = np.empty_like(body.points)
-            to_points(out)
-            return -out.ravel()
-
-        return LinearOperator((2 * n, 2 * n), multiply, multiply, dtype=float)
-
     def domain_deviation(self) -> np.ndarray | None:
         return None if self._domain is None else self._domain.deviation(self._stretches())
 
@@ -288,27 +252,22 @@ class PairEnergy(Term):
         # In plane strain the third stretch is 1.
         return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
 
-    def _gradients(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return reference directions n (n_pairs, d) and deformation gradients F_ij (n_pairs, d, d) of all pairs (theory (27))."""
+    def _gradients(self) -> np.ndarray:
+        """Return the deformation gradients F_ij (n_pairs, d, d) of all pairs (theory (27))."""
         self.kinematics.form_gradients()
         bonds, gradients = self.body.bonds, self.kinematics.gradients
         vectors, between = (at[bonds.second] - at[bonds.first] for at in (self.body.all_points, self.kinematics.positions))
         length = np.linalg.norm(vectors, axis=1)[:, None]
         n, F = vectors / length, matrices(gradients[bonds.first] + gradients[bonds.second]) / 2
-        return n, F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
+        return F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
 
     def _without_energy(self) -> str:
         """Return an error message that names a point with a bond that has no energy, and the reason."""
         pairs = np.flatnonzero(self.shares.bond_weights > 0)
-        F = self._gradients()[1][pairs]
+        F = self._gradients()[pairs]
 
-        def check(place: int) -> None:
-            for law in (points.law for points in self.materials if points.whole or pairs[place] in points.pairs):
-                if self.kinematics.plane == "stress":
-                    plane_stress.energy_derivatives(law, *plane_stress.invariants(F[place : place + 1]))
-                elif reason := PLANES["space"].why_no_energy(law, F[place]):
-                    raise ValueError(f"{law.name}: a bond has no energy: {reason}")
+        def laws(place: int) -> list[Law]:
+            return [points.law for points in self.materials if points.whole or pairs[place] in points.pairs]
 
-        otherwise = "one of the bonds has no energy; of the most strained one, tr C = {trace:.4g} and det F = {J:.4g}"
-        place, reason = why_invalid(F, " of a bond", check, otherwise)
+        place, reason = why_invalid(F, " of a bond", self.kinematics.plane, laws)
         return at_point(self.body, int(self.body.bonds.first[pairs[place]]), reason)

@@ -8,9 +8,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import bond_energy, selective_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
-from ..kernels.domain import exact_share, product_rule
 from ..kernels.energy_density import analytic_energy_density
-from ..materials import plane_stress
 from .bond_shares import BondShares
 from .material_points import MaterialPoints
 from .protocol import EVERYWHERE
@@ -94,17 +92,6 @@ class PairEnergies(Pairs):
     def counts(self) -> tuple[int, int, int]:
         """Return the numbers of pairs outside the model's domain, of pairs with det F_ij below `COLLAPSED`, and of pairs inside out."""
         return tuple(self._counts.sum(axis=0).tolist())
-
-    def energy_derivatives(self, trace: np.ndarray, area_ratio: np.ndarray) -> EnergyDerivatives:
-        """Return the energy density and its derivatives; with ``outside="fallback"`` exact ones are blended in at the domain's edge."""
-        found = self.model.energy_derivatives(self.points.law, trace, area_ratio)
-        if self.model.domain is None or self._outside != "fallback":
-            return found
-        exact = plane_stress.energy_derivatives(self.points.law, trace, area_ratio)
-        # psi + s (psi_exact - psi), with its derivatives.
-        excess = tuple(b - a for a, b in zip(found, exact, strict=True))
-        mixed = product_rule(exact_share(trace, area_ratio, self.model.domain.limits("float64")), excess)
-        return EnergyDerivatives(*(a + change for a, change in zip(found, mixed, strict=True)))
 
 
 class SelectivePairs(Pairs):

@@ -4,10 +4,10 @@ import numpy as np
 from scipy import sparse
 
 from ..body import Body
+from ..body.body import pointers_to
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import dilatation, selective_energy
-from .kinematics import pointers_to
 
 SLAB = 4_000_000
 """Number of pairs that are prepared together, so that temporary arrays stay small in comparison with the body's own."""

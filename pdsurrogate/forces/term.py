@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator
 
 from ..body import Body
 from ..materials import PLANES
@@ -127,8 +126,6 @@ class Term(ABC):
         Declarations of the arrays that the term keeps; `kept` holds the arrays by name.
     has_energy : bool
         Whether the forces are minus the derivative of an energy.
-    has_tangent : bool
-        Whether `tangent` returns the second derivative of that energy.
     nearly_incompressible : bool
         Whether `linearised_dilatation` returns how the volume of the points changes with the positions.
     zero_energy_modes : bool
@@ -149,7 +146,7 @@ class Term(ABC):
     keeps: ClassVar[tuple[Kept, ...]] = ()
     has_energy: ClassVar[bool] = False
     zero_energy_modes: ClassVar[bool] = False
-    has_tangent = nearly_incompressible = learnt_thickness = False
+    nearly_incompressible = learnt_thickness = False
     correction = "none"
 
     def __init__(self, binding: Binding) -> None:
@@ -231,10 +228,6 @@ class Term(ABC):
     def energy(self) -> float:
         """Return the stored energy in the state last evaluated; NaN where there is none."""
         raise TypeError(f"{type(self).__name__} has no energy")
-
-    def tangent(self, positions: np.ndarray) -> LinearOperator:
-        """Return the second derivative of the term's energy at positions (n, d), see `InternalForce.tangent`."""
-        raise TypeError(f"{type(self).__name__} has no tangent")
 
     def linearised_dilatation(self) -> "LinearisedDilatation":
         """Return the derivative of the points' volume ratios by the positions, see `InternalForce.linearised_dilatation`."""

@@ -86,7 +86,7 @@ class VolumeEnergy:
         binding, bonds, start = self.binding, self.binding.kinematics.body.bonds, 0
         if binding.whole:
             return bonds.pair_of
-        owners, places = binding.portion_of[binding.kinematics.owners()], np.zeros(len(bonds.pair_of), dtype=np.uint32)
+        owners, places = binding.portion_of[binding.kinematics.body.bond_owners], np.zeros(len(bonds.pair_of), dtype=np.uint32)
         for number, part in enumerate(self.parts):
             place = np.zeros(len(bonds.first), dtype=np.uint32)
             place[part.points.pairs] = start + np.arange(len(part.points.pairs))

@@ -147,7 +147,7 @@ def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, con
             if guard == FALL_BACK and near > zero:
                 call_block(exact, states, constants, work[chunk.thread], scratch[chunk.thread], exact_result)
                 for k in range(BLOCK):
-                    share, by_trace, by_J, _, _, _ = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
+                    share, by_trace, by_J = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
                     if share >= 1.0:
                         put_column(result, k, (exact_result[0, k], exact_result[1, k], exact_result[2, k]))
                     elif share > 0.0:
@@ -169,34 +169,3 @@ def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, con
     counts[chunk.number, 1] = small
     counts[chunk.number, 2] = bad
     return 0
-
-
-@Pass
-def pair_tangents(chunk, positions, gradients, pairs, linearised, buffers, sums, forces, moments):
-    """Compute, to first order, the changes of the forces and moments that `pair_energies` computes, under a displacement.
-
-    `positions` and `gradients` hold the displacements of the points and the changes of their deformation gradients; `linearised` (n_blocks,
-    9, BLOCK) holds c, e, psi_I, psi_J, psi_II, psi_IJ, psi_JJ of every pair at the state where the tangent is taken, the last five times
-    V_b. c and e are the columns of F_ij along and across the bond.
-    """
-    ends, geometry = pairs
-    widest_vectors()
-    bond = block_rows(buffers[chunk.thread, BOND:COLUMNS])
-    means = block_rows(sums[chunk.thread])
-    for block in share_of(geometry.shape[0], chunk):
-        at = block * BLOCK
-        reference = block_rows(geometry[block])
-        state = block_rows(linearised[block])
-        for k in range(0, BLOCK, 4):
-            plane.gather_pairs(gradients, positions, ends, at + k, means, bond, k)
-        pair = pair_records(forces[at : at + BLOCK])
-        moment = quad_records(moments[at : at + BLOCK])
-        for k in range(BLOCK):
-            dc, de = columns_of(reference, bond, means, k, 0.5)
-            c, e = (state[0, k], state[1, k]), (state[2, k], state[3, k])
-            d_trace = 2.0 * (plane.dot(c, dc) + plane.dot(e, de))
-            d_J = dc[0] * e[1] + c[0] * de[1] - dc[1] * e[0] - c[1] * de[0]
-            dp = 2.0 * (state[6, k] * d_trace + state[7, k] * d_J)
-            dq = state[7, k] * d_trace + state[8, k] * d_J
-            dP = plane.plus_matrix(stress(dc, de, 2.0 * state[4, k], state[5, k]), stress(c, e, dp, dq))
-            put_parts(pair, moment, k, reference, dP, 0.5)

@@ -24,10 +24,10 @@ less than the error of the stress of a fit whose energy and stress have been lea
 
 @inlined
 def blend(t):
-    """Return the polynomial that rises from 0 at t = 0 to 1 at t = 1, and its first and second derivative; t is clipped to [0, 1]."""
+    """Return the polynomial that rises from 0 at t = 0 to 1 at t = 1, and its derivative; t is clipped to [0, 1]."""
     t = select(t > 0.0, t, 0.0)
     t = select(t < 1.0, t, 1.0)
-    return t * t * t * (10.0 + t * (6.0 * t - 15.0)), 30.0 * t * t * (1.0 - t) * (1.0 - t), 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t)
+    return t * t * t * (10.0 + t * (6.0 * t - 15.0)), 30.0 * t * t * (1.0 - t) * (1.0 - t)
 
 
 @inline
@@ -100,60 +100,37 @@ def edge_distances(trace, J, limits):
 
 @inlined
 def exact_share(trace, J, limits):
-    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its first and second derivatives.
+    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its derivatives by (I, J), I = tr C.
 
-    The derivatives are by (I, J, II, IJ, JJ), I = tr C. A switch at the edge itself would make the energy jump by the error of the fit.
+    A switch at the edge itself would make the energy jump by the error of the fit.
     """
     low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
     above, below = high + J * J * inverse_high, low + J * J * inverse_low
     by_above, by_below, zero = 2.0 * J * inverse_high, 2.0 * J * inverse_low, 0.0 * J
     d1, d2, d3, d4 = edge_distances(trace, J, limits)
-    one_above = _share_within(
-        d1,
-        (1.0 / above, -trace * by_above / (above * above)),
-        (zero, -by_above / (above * above), 2.0 * trace * (by_above * by_above / above - inverse_high) / (above * above)),
-    )
-    one_below = _share_within(
-        d2,
-        (below / (trace * trace), -by_below / trace),
-        (-2.0 * below / (trace * trace * trace), by_below / (trace * trace), -2.0 * inverse_low / trace),
-    )
-    both_above = _share_within(d3, (zero, zero + inverse_high), (zero, zero, zero))
-    both_below = _share_within(d4, (zero, zero - inverse_low), (zero, zero, zero))
-    rest = product_rule(product_rule(one_above, one_below), product_rule(both_above, both_below))
-    return 1.0 - rest[0], -rest[1], -rest[2], -rest[3], -rest[4], -rest[5]
+    one_above = _share_within(d1, 1.0 / above, -trace * by_above / (above * above))
+    one_below = _share_within(d2, below / (trace * trace), -by_below / trace)
+    both_above = _share_within(d3, zero, zero + inverse_high)
+    both_below = _share_within(d4, zero, zero - inverse_low)
+    rest = _product(_product(one_above, one_below), _product(both_above, both_below))
+    return 1.0 - rest[0], -rest[1], -rest[2]
 
 
 @inlined
-def _share_within(distance, first, second):
-    """Return the share of the surrogate near one edge of its domain, 1 deep inside and 0 at the edge, and its derivatives.
+def _share_within(distance, by_trace, by_J):
+    """Return the share of the surrogate near one edge of its domain, 1 deep inside and 0 at the edge, and its derivatives by (I, J).
 
-    `distance` is the distance beyond the edge, `first` and `second` are the derivatives of the distance by (I, J) and by (II, IJ, JJ); the
-    derivatives of the share are by (I, J, II, IJ, JJ).
+    `distance` is the distance beyond the edge, `by_trace` and `by_J` are its derivatives.
     """
-    s, ds, dds = blend(distance / BLEND + 1.0)
-    ds, dds = ds / BLEND, dds / (BLEND * BLEND)
-    return (
-        1.0 - s,
-        -ds * first[0],
-        -ds * first[1],
-        -dds * first[0] * first[0] - ds * second[0],
-        -dds * first[0] * first[1] - ds * second[1],
-        -dds * first[1] * first[1] - ds * second[2],
-    )
+    share, slope = blend(distance / BLEND + 1.0)
+    slope = slope / BLEND
+    return 1.0 - share, -slope * by_trace, -slope * by_J
 
 
 @inlined
-def product_rule(f, g):
-    """Return the product of two functions of (I, J) and its derivatives; a function is (value, and derivatives by I, J, II, IJ, JJ)."""
-    return (
-        f[0] * g[0],
-        f[1] * g[0] + f[0] * g[1],
-        f[2] * g[0] + f[0] * g[2],
-        f[3] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[3],
-        f[4] * g[0] + f[1] * g[2] + f[2] * g[1] + f[0] * g[4],
-        f[5] * g[0] + 2.0 * f[2] * g[2] + f[0] * g[5],
-    )
+def _product(f, g):
+    """Return the product of two functions of (I, J) and its derivatives; a function is (value, and derivatives by I and J)."""
+    return f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + f[0] * g[2]
 
 
 def distance_coefficients(low, high):
@@ -172,5 +149,5 @@ def exact_share_at(distance):
 
     The share is 1 at the edge and outside, and 0 from the distance `BLEND` on.
     """
-    share, slope, _ = blend(1.0 - distance / BLEND)
+    share, slope = blend(1.0 - distance / BLEND)
     return share, -slope / BLEND

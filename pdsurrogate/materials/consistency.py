@@ -3,9 +3,10 @@
 Learnt forces, stresses and tangents use the stated derivatives alone, so a mistake in one of them shows nowhere else.
 """
 
+from functools import partial
+
 import numpy as np
 
-from ..engine.keys import code_digest
 from .law import InvariantLaw, Law
 
 STEPS = 1e-3 * np.array([1.0, 0.5, 0.25])
@@ -40,7 +41,8 @@ def check_consistency(law: Law) -> None:
     derivative, the law's value and the right one.
     """
     parameters = np.asarray(law.parameters, dtype=float)
-    key = (type(law), *_expressions(law), parameters.tobytes())
+    expressions = (getattr(law, name, None) for name in ("isochoric", "term", "coefficients", "volumetric"))
+    key = (type(law), *expressions, parameters.tobytes())
     if key in _consistent:
         return
     with np.errstate(all="ignore"):
@@ -49,22 +51,11 @@ def check_consistency(law: Law) -> None:
     _consistent.add(key)
 
 
-def law_digest(law: Law) -> str:
-    """Return a digest of the law's expressions, with all that they use, and of its dimensionless parameters.
-
-    Raise NotKeyable if an expression uses something that cannot be identified by its value.
-    """
-    return code_digest(*_expressions(law), np.asarray(law.parameters, dtype=float))
-
-
-def _expressions(law: Law) -> tuple:
-    return tuple(getattr(law, name, None) for name in ("isochoric", "term", "coefficients", "volumetric"))
-
-
 def _check_volumetric(law, parameters) -> None:
     bulk = parameters[0]
     derivatives = [("U'", 1, [1, 0, 0], [1]), ("U''", 2, [0, 1, 0], [1])]
-    _, slope, curvature = _compare(law, "volumetric", lambda J3: law.volumetric(J3, parameters), {"J3": VOLUME_RATIOS}, derivatives, bulk)
+    values, states = partial(law.volumetric, parameters=parameters), {"J3": VOLUME_RATIOS}
+    _, slope, curvature = compare_derivatives(law.name, "volumetric", values, states, derivatives, bulk)
     _at_rest(law, "U'", slope, 0.0, bulk, "without which it is not free of stress")
     _at_rest(law, "U''", curvature, bulk, bulk, "bulk_modulus/shear_modulus")
 
@@ -75,7 +66,7 @@ def _check_invariants(law, parameters) -> None:
     W, W1, W2 = np.eye(6)[:3]
     by_I1, by_I2 = np.eye(2)
     derivatives = [("W1", 1, W, by_I1), ("W2", 2, W, by_I2), ("W11", 3, W1, by_I1), ("W12", 4, W1, by_I2), ("W22", 5, W2, by_I2)]
-    rest = _compare(law, "isochoric", lambda I1, I2: law.isochoric(I1, I2, parameters), states, derivatives, 1.0)
+    rest = compare_derivatives(law.name, "isochoric", lambda I1, I2: law.isochoric(I1, I2, parameters), states, derivatives, 1.0)
     _at_rest(law, "2 (W1 + W2)", 2 * (rest[1] + rest[2]), 1.0, 1.0, "the shear modulus in units of itself")
 
 
@@ -87,18 +78,18 @@ def _check_stretches(law, parameters) -> None:
     thickness = np.array([-1, -1, 2]) / 3
     derivatives = [(f"g{k + 1}", k + 1, np.eye(5)[0], np.eye(3)[k]) for k in range(3)]
     derivatives.append(("h", 4, [0, *thickness, 0], thickness))
-    rest = _compare(law, "term", sums, {"x1": x1, "x2": x2, "x3": -x1 - x2}, derivatives, 1.0)
+    rest = compare_derivatives(law.name, "term", sums, {"x1": x1, "x2": x2, "x3": -x1 - x2}, derivatives, 1.0)
     for k in (2, 3):
         _at_rest(law, f"g{k} - g1", rest[k] - rest[1], 0.0, 1.0, "without which it is not free of stress")
     _at_rest(law, "h", rest[4], 4 / 3, 4 / 3, "4/3 of the shear modulus in units of itself")
 
 
-def _compare(law, expression, values, arguments, derivatives, modulus) -> np.ndarray:
-    """Compare the derivatives that a law states with central differences, raise ValueError for a wrong one, and return results at rest.
+def compare_derivatives(owner, expression, values, arguments, derivatives, modulus, relative=RELATIVE) -> np.ndarray:
+    """Compare stated derivatives with central differences, raise ValueError for a wrong one, and return the results at the first state.
 
-    ``values(*arguments)`` returns the rows (energy and derivatives); the first state is at rest. Each of `derivatives` is a tuple of its
-    name, its row, the weights of the rows that it differentiates, and the direction in which the arguments change. All states are
-    evaluated at once, since a law may be a sum of many terms.
+    ``values(*arguments)`` returns the rows (energy and derivatives); messages call it `expression` of the `owner`. Each of `derivatives` is
+    a tuple of its name, its row, the weights of the rows that it differentiates, and the direction in which the arguments change. The
+    deviation `relative` is allowed. All states are evaluated at once, since a law may be a sum of many terms.
     """
     states = np.stack(list(arguments.values()))
     sizes = [STEPS[:, None] * np.maximum(np.abs(np.asarray(way) @ states), 1.0) for *_, way in derivatives]
@@ -112,14 +103,14 @@ def _compare(law, expression, values, arguments, derivatives, modulus) -> np.nda
         ahead, behind = np.tensordot(of, ends[:, number], 1)
         slopes = (ahead - behind) / (2 * size)
         right = (4 * slopes[-1] - slopes[-2]) / 3
-        allowed = RELATIVE * np.maximum(np.abs(right), 1e-2 * modulus) + 10 * np.ptp(slopes, axis=0)
+        allowed = relative * np.maximum(np.abs(right), 1e-2 * modulus) + 10 * np.ptp(slopes, axis=0)
         wrong = np.isfinite(right) & ~(np.abs(given[row] - right) <= allowed)
         if wrong.any():
             first = int(np.flatnonzero(wrong)[0])
             where = ", ".join(f"{label} = {value:.4g}" for label, value in zip(arguments, states[:, first], strict=True))
             raise ValueError(
-                f"{law.name}: {name} is {given[row, first]:.6g} at {where}, but differences make it {right[first]:.6g}: "
-                f"correct {name} in the law's `{expression}`, or the function of which it is the derivative"
+                f"{owner}: {name} is {given[row, first]:.6g} at {where}, but differences make it {right[first]:.6g}: "
+                f"correct {name} in `{expression}`, or the function of which it is the derivative"
             )
     return given[:, 0]
 

@@ -1,7 +1,7 @@
 """States of a body: a sheet in plane stress or plane strain, or a solid; their stresses and energies by any law, in NumPy.
 
 Tensors of a sheet have shape (..., 2, 2), those of a solid (..., 3, 3). Stresses and energies have the unit of the law's shear modulus;
-responses, `energy_at` and `bond_traction` are dimensionless.
+responses and `bond_traction` are dimensionless.
 """
 
 from collections.abc import Callable
@@ -12,10 +12,7 @@ from ..kernels.bond_force import lateral_stretch
 from ..kernels.node_state import SWELLING
 from . import expressions
 from .consistency import check_consistency
-from .law import InvariantLaw, Law
-
-INVARIANTS = ((1, 0, -2 / 3), (0, -2, 4 / 3)), ((0, 2, -4 / 3), (1, -2, 2 / 3))
-"""Exponents of tr C, J and J3 in the two terms of which I1bar and I2bar are the sums, with C33 = (J3/J)**2."""
+from .law import Law
 
 
 def principal_stretches(F: np.ndarray) -> np.ndarray:
@@ -96,10 +93,6 @@ class Solid:
         J3 = self.volume_ratio(law, *invariants(F))
         return J3, *self.stress_and_energy(law, F, J3, law.volumetric(J3, law.parameters)[1])
 
-    def energy_at(self, law: Law, F, volume_ratio):
-        """Return the energy density in units of mu, shape (n,): W at F plus U at the given volume ratio, which may differ from det F."""
-        return self.isochoric_response(law, *self.isochoric_state(F))[3] + law.volumetric(volume_ratio, law.parameters)[0]
-
     def stress_and_energy(self, law: Law, F, volume_ratio, bulk_stress, isochoric=None):
         """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points, in the same unit as the shear modulus.
 
@@ -118,14 +111,14 @@ class Solid:
         p, q, r = (value[..., None, None] for value in (rows[0], rows[1] + bulk_stress, rows[2]))
         return p * F + q * cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F))
 
-    def why_no_energy(self, law: Law, F) -> str | None:
-        """Explain why a law has no energy at one deformation gradient (3 by 3, or 2 by 2 in plane strain); return None where it has one."""
+    def why_no_state(self, law: Law, F) -> str | None:
+        """Explain why a law has no state at one deformation gradient (3 by 3, or 2 by 2 in a sheet); return None where it has one."""
         full, d = np.eye(3), len(F)
         full[:d, :d] = F
         with np.errstate(all="ignore"):  # non-finite values are tested below
-            found = self.isochoric_response(law, *invariants(full))[3]
+            found = expressions.ISOCHORIC_SOLID(law, *invariants(full))[3]
         squares = np.linalg.svd(full, compute_uv=False) ** 2 / np.abs(np.linalg.det(full)) ** (2 / 3)
-        return None if np.isfinite(found) else law.limit(squares)
+        return None if np.isfinite(found) else f"{law.name}: there is no state: {law.limit(squares)}"
 
 
 class PlaneStrain(Solid):
@@ -181,12 +174,16 @@ class PlaneStress(PlaneStrain):
             )
         return J3
 
+    def why_no_state(self, law: Law, F) -> str | None:
+        try:
+            self.volume_ratio(law, *invariants(F))
+        except ValueError as error:
+            return str(error)
+        return None
+
     def thickness_stretch_squared(self, law: Law, trace, area_ratio):
         """Return C33 = (J3/J)**2, the squared stretch of the thickness under plane stress, shape (...)."""
         return (self.volume_ratio(law, trace, area_ratio) / area_ratio) ** 2
-
-    def energy_at(self, law: Law, F, volume_ratio):
-        return self.response(law, *invariants(F), volume_ratio)[4]
 
     def stress_and_energy(self, law: Law, F, volume_ratio, bulk_stress=None, isochoric=None):
         p, q, _, _, energy = self.response(law, *invariants(F), volume_ratio)
@@ -195,33 +192,20 @@ class PlaneStress(PlaneStrain):
     def energy_derivatives(self, law: Law, trace, area_ratio):
         """Return psi, psi_I, psi_J, psi_II, psi_IJ, psi_JJ of the energy as a function of I = tr C and J, dimensionless.
 
-        At fixed J3 the energy has the derivatives of the law; J3 follows from dPsi/dJ3 = 0, so the first derivatives are those at fixed J3,
-        and the second ones are psi_ab = Psi_ab - Psi_ax Psi_bx/Psi_xx, x = J3. For a law that is no `InvariantLaw` the second derivatives
-        are fourth-order differences of the first, accurate to some ten digits. All arrays have shape (n,). Raise ValueError where J is not
-        positive or the law has no plane-stress state.
+        At fixed J3 the energy has the derivatives of the law, and J3 makes it stationary, so the first derivatives are those at fixed J3.
+        The second ones are fourth-order differences of the first, off by 3e-9, towards larger tr C and smaller J, since no states exist
+        below tr C = 2 J. All arrays have shape (n,). Raise ValueError where J is not positive or the law has no plane-stress state.
         """
         trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
-        x = self.volume_ratio(law, trace, J)
-        p, q, _, slope, energy = self.response(law, trace, J, x)
-        if not isinstance(law, InvariantLaw):
-            return energy, p / 2, q / J, *self._differences(law, trace, J)
-        state = np.stack([trace, J, x])
-        _, W1, W2, W11, W12, W22 = law.isochoric(*self.response.invariants(state), law.parameters)
-        (a, A), (b, B) = (_power_derivatives(np.array(terms), state) for terms in INVARIANTS)
-        second = W1 * A + W2 * B + W11 * a * a[:, None] + W12 * (a * b[:, None] + b * a[:, None]) + W22 * b * b[:, None]
-        condensed = second - second[2] * second[:, 2:] / (slope / x)
-        return energy, p / 2, q / J, condensed[0, 0], condensed[0, 1], condensed[1, 1]
-
-    def _differences(self, law: Law, trace, J):
-        """Return psi_II, psi_IJ and psi_JJ by differences towards larger tr C and smaller J, since no states exist below tr C = 2 J."""
         steps, weights = 2e-3 * np.arange(5)[:, None], np.array([-25, 48, -36, 16, -3]) / (12 * 2e-3)
 
-        def slopes(trace, J):
-            p, q, *_ = self.response(law, trace, J, self.volume_ratio(law, trace, J))
-            return weights @ (p / 2), weights @ (q / J)
+        def energy_and_slopes(trace, J):
+            p, q, _, _, energy = self.response(law, trace, J, self.volume_ratio(law, trace, J))
+            return energy, p / 2, q / J
 
-        (by_trace, mixed), (_, by_J) = slopes((1 + steps) * trace, J), slopes(trace, (1 - steps) * J)
-        return by_trace / trace, mixed / trace, -by_J / J
+        (energy, by_trace, by_J), (_, *along_trace) = energy_and_slopes(trace, J), energy_and_slopes((1 + steps) * trace, J)
+        *_, along_J = energy_and_slopes(trace, (1 - steps) * J)
+        return energy, by_trace, by_J, *(weights @ slopes / trace for slopes in along_trace), -(weights @ along_J) / J
 
     def bond_traction(self, law: Law, normal_stretch, shear_stretch, area_ratio, C33):
         """Return (T_nn, T_nm, T_mm) of the exact bond force in the corotated frame, R^T P / mu (theory (7), (11)).
@@ -233,13 +217,6 @@ class PlaneStress(PlaneStrain):
         U_mm = lateral_stretch(a, b, J)
         p, q, *_ = self.response(law, a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33))
         return p * a + q * U_mm / J, (p - q / J) * b, p * U_mm + q * a / J
-
-
-def _power_derivatives(exponents: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return gradient (3, n) and Hessian (3, 3, n) by `state` (3, n) of the sum over k of the products of state[i]**exponents[k, i]."""
-    terms = np.prod(state ** exponents[:, :, None], axis=1)
-    twice = exponents[:, :, None] * (exponents[:, None] - np.eye(3))
-    return exponents.T @ terms / state, np.einsum("kij,kn->ijn", twice, terms) / (state * state[:, None])
 
 
 def newton(function: Callable[[np.ndarray], tuple], start: np.ndarray, tolerance: float) -> np.ndarray:

@@ -10,7 +10,6 @@ from scipy import sparse
 
 from ..body import Body, fields_at
 from ..forces import InternalForce
-from ..materials import PLANES
 from ..materials.states import principal_stretches
 from ..ranks import Share
 from ..scenes import Probe
@@ -23,10 +22,7 @@ def strain_energy(force: InternalForce) -> float:
     """
     if force.has_energy:
         return force.energy()
-    F, J3, energy_at = force.deformation_gradients(), force.volume_ratios(), PLANES[force.plane].energy_at
-    volumes = force.body.volumes * force.body.share.own
-    energies = (law.shear_modulus * (energy_at(law, F[points], J3[points]) * volumes[points]).sum() for law, points in force.laws)
-    return float(sum(energies))
+    return float(force.stress_and_energy()[1] @ (force.body.volumes * force.body.share.own))
 
 
 def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

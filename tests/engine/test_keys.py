@@ -16,7 +16,6 @@ from pdsurrogate.engine import compile as compile_module
 from pdsurrogate.engine.keys import NotKeyable, code_digest
 from pdsurrogate.kernels import bond_force
 from pdsurrogate.materials import plane_stress
-from pdsurrogate.materials.consistency import law_digest
 
 LAW = """
     from dataclasses import dataclass
@@ -94,12 +93,10 @@ def test_a_constant_changed_while_python_runs_reaches_the_kernel(tmp_path, monke
     monkeypatch.syspath_prepend(tmp_path)
     try:
         constants, law = importlib.import_module("my_constants"), importlib.import_module("my_law").Mine()
-        before, digest = plane_stress.response.block(law), law_digest(law)
+        before = plane_stress.response.block(law)
         assert plane_stress.response.block(law) is before
         monkeypatch.setattr(constants, "EXTRA", 0.4)
         assert plane_stress.response.block(law).address != before.address
-        # By it exact answers are kept that learnt models are compared with.
-        assert law_digest(law) != digest
     finally:
         for name in ("my_law", "my_constants"):
             sys.modules.pop(name, None)

@@ -68,13 +68,13 @@ def test_the_force_is_continuous_at_the_edge_of_the_domain(bound):
 def test_the_blend_has_two_continuous_derivatives():
     """From 0 to 1, flat and without curvature at both ends, where it goes over into constants; the slope is that of the value."""
     t, step = np.linspace(-0.5, 1.5, 401), 1e-5
-    value, slope, curvature = blend(t)
+    value, slope = blend(t)
     assert (value[t <= 0] == 0).all()
     assert (value[t >= 1] == 1).all()
     before, after = (blend(t + sign * step) for sign in (-1, 1))
+    curvature = (after[1] - before[1]) / (2 * step)
     # Differences are exact to the step squared times the third derivative, 60 at most.
     np.testing.assert_allclose(slope, (after[0] - before[0]) / (2 * step), atol=1e-8)
-    np.testing.assert_allclose(curvature, (after[1] - before[1]) / (2 * step), atol=1e-3)
     assert np.abs(np.diff(curvature)).max() < 60 * 1.01 * (t[1] - t[0])
 
 
@@ -218,11 +218,11 @@ def test_bond_associated_stops_name_the_bond():
     folded[55] += [0.28, 0.0]
     lost[55] = np.nan
     for positions, law, reason in (
-        (folded, LAW, "it is turned inside out"),
+        (folded, LAW, "det F = .* of the bond: the material is turned inside out"),
         (lost, LAW, "not finite"),
-        (body.points * [20.0, 1.0], Gent(1.0, 100.0, 3.0), "gent has no plane-stress state"),
+        (body.points * [20.0, 1.0], Gent(1.0, 100.0, 3.0), "gent: no plane-stress state .* det F = "),
     ):
-        with pytest.raises(InvalidState, match=rf"point \d+ at \(.*\): .* det F = .*: .*{reason}"):
+        with pytest.raises(InvalidState, match=rf"point \d+ at \(.*\): its bond to \(.*\) has no stress: .*{reason}"):
             model.bind(body, law, ForceSettings())(positions, np.empty_like(positions))
 
 

@@ -51,12 +51,15 @@ class Wrong:
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (lambda stretch: stretch, r"bond_force must return an array of shape \(4, 2\), not \(4,\)"),
+        (
+            lambda stretch: stretch,
+            r"bond_force must return t_n, t_tau, an array of shape \(n, 2\) .*, not float64 of shape \(4,\), for n = 4",
+        ),
         (
             lambda stretch: np.full((len(stretch), 2), np.nan),
-            r"Wrong: bond_force gives \(nan, nan\), which is not finite, at stretch = 1, rotation = 0",
+            r"Wrong: bond_force gives t_n = nan, t_tau = nan, which is not finite, at stretch = 1, rotation = 0",
         ),
-        (lambda stretch: 1 / 0, "Wrong fails on bonds of stretches .*: ZeroDivisionError: division by zero"),
+        (lambda stretch: 1 / 0, "Wrong: ZeroDivisionError: division by zero"),
     ],
 )
 def test_a_force_that_cannot_work_says_so_before_the_run(answer, message):
@@ -69,7 +72,7 @@ def test_an_energy_gives_its_derivatives():
         def energy(self, I1bar, I2bar):
             return I1bar - 3
 
-    with pytest.raises(SceneError, match="energy must return W, dW/dI1bar and dW/dI2bar"):
+    with pytest.raises(SceneError, match="energy must return W, dW/dI1bar, dW/dI2bar, a tuple"):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Half())
 
 
@@ -111,22 +114,20 @@ class Off(MyRubber):
 @pytest.mark.parametrize(
     ("mistake", "message"),
     [
-        (lambda force, rotation: np.add(force, [0.05, 0]), r"Off is not zero at rest: bond_force\(stretch=1, .*\) is \(0\.05, 0\)"),
-        (lambda force, rotation: force * [1, 0], "Off is not isotropic: the stress by the bond of stretch .* has not the axes"),
+        (
+            lambda force, rotation: np.add(force, [0.05, 0]),
+            r"Off is not zero at rest; .*: off by 0\.05 at stretch = 1, rotation = 0, length = 1",
+        ),
+        (lambda force, rotation: force * [1, 0], "Off is not isotropic: the stress by the bond and that across it has not the axes"),
         (
             lambda force, rotation: force * (1 + 0.2 * rotation)[:, None],
-            "Off distinguishes one sense of rotation from the other: at stretch 1.3",
+            "Off distinguishes one sense of rotation from the other; .*: off by .* at stretch = 1.3",
         ),
     ],
 )
 def test_a_force_of_no_rubber_is_refused_before_the_run(mistake, message):
     with pytest.raises(SceneError, match=message):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Off(mistake))
-
-
-def test_what_is_slightly_so_is_said():
-    with pytest.warns(UserWarning, match="Off is not zero at rest"):
-        OwnBondForce(Off(lambda force, rotation: np.add(force, [5e-4, 0]))).check_material(pds.materials.NeoHookean())
 
 
 @pytest.mark.parametrize(("slopes", "name"), [((0.44, 0.1), "dW/dI1bar"), ((0.4, 0.12), "dW/dI2bar")])
@@ -138,7 +139,7 @@ def test_a_derivative_that_is_none_is_refused(slopes, name):
             return super().energy(I1bar, I2bar)[0], *slopes
 
     given, right = (slopes[0], 0.4) if name.endswith("1bar") else (slopes[1], 0.1)
-    said = rf"Slip: {name} is not the derivative of its W: at I1bar = .*, I2bar = .* it is {given}, and a difference quotient .* is {right}"
+    said = rf"Slip: {name} is {given} at I1bar = .*, I2bar = .*, but differences make it {right}"
     with pytest.raises(SceneError, match=said):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Slip())
 
@@ -189,8 +190,11 @@ class EnergyEndsIn(MyEnergy):
 @pytest.mark.parametrize(
     ("own", "message"),
     [
-        (EndsIn(np.nan), r"EndsIn: bond_force gives \(nan, nan\), which is not finite, at stretch = 1\.6\d*, rotation = .*, J = "),
-        (EndsIn(np.inf), r"EndsIn: bond_force gives \(inf, inf\), which is not finite, at stretch = 1\.6"),
+        (
+            EndsIn(np.nan),
+            r"EndsIn: bond_force gives t_n = nan, t_tau = nan, which is not finite, at stretch = 1\.6\d*, rotation = .*, J = ",
+        ),
+        (EndsIn(np.inf), r"EndsIn: bond_force gives t_n = inf, t_tau = inf, which is not finite, at stretch = 1\.6"),
         (
             EnergyEndsIn(),
             r"EnergyEndsIn: energy gives W = .*, dW/dI1bar = nan, dW/dI2bar = 0\.1, which is not finite, at I1bar = 6\.\d*, I2bar = ",

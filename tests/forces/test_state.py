@@ -20,7 +20,7 @@ class SofteningSprings(Term):
 
     def __init__(self, binding):
         super().__init__(binding)
-        body, self._owners, self._neighbours = self.body, self.kinematics.owners(), self.body.bonds.neighbours.astype(np.int64)
+        body, self._owners, self._neighbours = self.body, self.kinematics.body.bond_owners, self.body.bonds.neighbours.astype(np.int64)
         vectors = body.all_points[self._neighbours] - body.all_points[self._owners]
         self._length = np.linalg.norm(vectors, axis=1)
         self._weights = STIFFNESS * body.weigh(self._length) * body.all_volumes[self._owners] * body.all_volumes[self._neighbours]

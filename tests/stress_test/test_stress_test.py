@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pdsurrogate.cli import app
+from pdsurrogate.forces import InternalForce
 from pdsurrogate.stress_test import report as report_module
 from pdsurrogate.stress_test.bodies import of_simplices, regular
 from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, STOPS, WEAK, Outcome, Subject, spring_stiffness
@@ -143,6 +144,8 @@ def test_the_tangent_of_springs_is_what_it_is():
     body = regular(2, 5)
 
     class Springs:
+        precision, tangent = "float64", InternalForce.tangent
+
         def __init__(self):
             self.body = body
 
