@@ -16,6 +16,7 @@ from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from ..scenes import MaterialSpec
 from ..scenes.problems import PLAIN, explain
+from ..scenes.reading import leaves
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
 """Force models that can be stored, by the kind in their card."""
@@ -298,7 +299,7 @@ def new_card(entries: Mapping[str, Any]) -> Card:
 
 def check_plain(content: Mapping[str, Any]) -> None:
     """Raise ArtifactError unless all values in nested tables and lists are None, finite numbers or text, as a card can hold."""
-    for field, value in _leaves(dict(content)):
+    for field, value in leaves(content):
         if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
             raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
 
@@ -379,15 +380,6 @@ def same_values(one, other) -> bool:
         return len(one) == len(other) and all(map(same_values, one, other))
     numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (one, other))
     return math.isclose(one, other, rel_tol=SAME, abs_tol=0) if numbers else one == other
-
-
-def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield (dotted path, value) for every single value in nested tables and lists."""
-    if isinstance(value, dict | list | tuple):
-        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _leaves(inner, f"{field}.{key}" if field else str(key))
-    else:
-        yield field, value
 
 
 WORDS = {

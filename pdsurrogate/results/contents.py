@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from ..forces import ForceModel
 from ..forces.identity import digest_of_model
 from ..scenes import Mesh, Scene, SceneError
+from ..scenes.reading import leaves
 
 MESH = "mesh"
 """Key of the digest of a mesh file."""
@@ -70,7 +71,7 @@ class Contents:
 
 def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
     """Return texts such as "spacing is 0.1 there and 0.2 here", one for each entry that differs between two nested dictionaries."""
-    before, now = _leaves(there), _leaves(here)
+    before, now = (dict(leaves(side, _is_plain_list)) for side in (there, here))
     return [
         f"{key} is {_value(before, key)} there and {_value(now, key)} here"
         for key in dict.fromkeys([*before, *now])
@@ -96,16 +97,8 @@ def _dump(scene: Scene) -> dict[str, Any]:
     return scene.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def _leaves(value: Any, key: str = "") -> dict[str, Any]:
-    """Return the values in nested mappings and lists by dotted key; a list without mappings counts as one value."""
-    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        value = dict(enumerate(value))
-    if not isinstance(value, dict):
-        return {key: value}
-    found: dict[str, Any] = {}
-    for name, item in value.items():
-        found |= _leaves(item, f"{key}.{name}" if key else str(name))
-    return found
+def _is_plain_list(value: Any) -> bool:
+    return isinstance(value, list) and not any(isinstance(item, dict) for item in value)
 
 
 def _value(leaves: dict[str, Any], key: str) -> str:
