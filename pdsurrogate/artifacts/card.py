@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator
@@ -14,6 +14,7 @@ from ..arguments import kind_of
 from ..forces import EnergyNetwork, IsochoricNetwork, NetworkForce, PolynomialForce, SplineForce
 from ..html_tables import html_facts
 from ..scenes.problems import explain
+from ..scenes.reading import leaves
 from .shipped import SHIPPED_CARDS
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
@@ -290,15 +291,6 @@ def new_card(entries: Mapping[str, Any]) -> Card:
 
 def check_plain(content: Mapping[str, Any]) -> None:
     """Raise ArtifactError unless all values in nested tables and lists are None, finite numbers or text, as a card can hold."""
-    for field, value in _leaves(dict(content)):
+    for field, value in leaves(content):
         if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
             raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {kind_of(value)}")
-
-
-def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield (dotted path, value) for every single value in nested tables and lists."""
-    if isinstance(value, dict | list | tuple):
-        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _leaves(inner, f"{field}.{key}" if field else str(key))
-    else:
-        yield field, value

@@ -17,6 +17,16 @@ PRECISIONS = ("float32", "float64")
 ROTATIONS = {"polar": None, "convected": convected_rotations}
 """Rotations of a horizon by name, each with an extra pass; None for the polar decomposition, which needs no extra pass."""
 
+SETTINGS = {
+    "precision": PRECISIONS,
+    "correction": tuple(CORRECTIONS),
+    "rotation": tuple(ROTATIONS),
+    "outside": tuple(OUTSIDE_POLICIES),
+    "breakable": (True,),
+    "plane": tuple(PLANES),
+}
+"""Settings of a force evaluation, and their possible values other than the default of `ForceSettings`."""
+
 WHERE = {"stress": "", "strain": " in plane strain", "space": " of solids"}
 OTHERS = {
     "stress": "force=analytic and force=bond-energy take every law under plane stress",
@@ -66,16 +76,10 @@ class ForceSettings:
     plane: str = "stress"
 
     def __post_init__(self) -> None:
-        for key, choices in (
-            ("precision", (None, *PRECISIONS)),
-            ("correction", (None, *CORRECTIONS)),
-            ("rotation", (None, *ROTATIONS)),
-            ("outside", (None, *OUTSIDE_POLICIES)),
-            ("plane", tuple(PLANES)),
-        ):
-            if getattr(self, key) not in choices:
-                names = ", ".join(choice for choice in choices if choice)
-                raise ValueError(f"{key} must be one of {names}, not {getattr(self, key)!r}")
+        for field in fields(self):
+            key, value = field.name, getattr(self, field.name)
+            if value not in (field.default, *SETTINGS[key]):
+                raise ValueError(f"{key} must be one of {', '.join(map(str, SETTINGS[key]))}, not {value!r}")
 
     def check(self, name: str, honours: Mapping[str, tuple]) -> None:
         """Check that a model can honour all settings that are given.

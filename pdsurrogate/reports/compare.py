@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -22,7 +21,6 @@ from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
 from ..results.figures import STYLE
 from ..results.provenance import processor
-from ..run.run import Silent
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import load_scene
 from .speed import UNDISTURBED, TimedModel, measure_speed, sheet
@@ -30,7 +28,7 @@ from .speed import UNDISTURBED, TimedModel, measure_speed, sheet
 Progress = Callable[[str, float, int, str], None]
 """Function that receives the stage, how much of it is done (fractions of a model count), the total, and a description."""
 
-FITTING, TIMING, ERRORS, SCENE = "Fitting", "Timing", "Errors", "Section 6.2"
+FITTING, TIMING, ERRORS = "Fitting", "Timing", "Errors, section 6.2"
 """Stages of a comparison."""
 
 RIVAL, REFERENCE = "BA-NOSB", "NOSB"
@@ -41,16 +39,8 @@ SHIPPED = {("symmetric", 20): "neo-hookean@1", ("isochoric", 4): "neo-hookean@2"
 """Shipped networks of Neo-Hookean rubber by their features and units, which need no fit."""
 
 
-@dataclass(frozen=True)
-class Candidate(TimedModel):
-    """Force model in one precision to be compared, with its title and the changes (KEY=VALUE) that it needs in the scene."""
-
-    title: str
-    changes: tuple[str, ...]
-
-
 class Plan(NamedTuple):
-    """Force model to be compared: its title, a function that loads or fits it, its precisions, and changes to the scene.
+    """Force model to be compared: its title, a function that loads or fits it, its precisions, and changes (KEY=VALUE) to the scene.
 
     ``{size}`` in the title stands for the model's size.
     """
@@ -105,25 +95,24 @@ def plans(law: Law, quick: bool) -> Iterator[Plan]:
         yield Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", learning.ChebyshevRegressor(degree)))
 
 
-def _share_of(progress: Progress, stage: str, number: int, of: int, what: str) -> Callable[[float, str], None]:
-    """Return a function ``(share, text)`` that reports item `number` of `of` in a stage as done to that share, from 0 to 1."""
-    return lambda share, text="": progress(stage, number + share, of, f"{what}: {text}" if text else what)
-
-
-def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Candidate]:
-    """Return the force models to be compared for a law, loaded or fitted, one candidate for each precision."""
+def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[TimedModel]:
+    """Return the force models to be compared for a law, loaded or fitted, one for each precision."""
     planned, found = list(plans(law, quick)), []
+
+    def iteration(number: int, what: str, now: int, most: int, loss: float) -> None:
+        progress(FITTING, number + now / most, len(planned), f"{what}: iteration {now} of at most {most}, loss {loss:.2e}")
+
     for number, plan in enumerate(planned):
-        told = _share_of(progress, FITTING, number, len(planned), plan.title.format(size="").removesuffix(", "))
-        told(0.0)
-        with listening(lambda now, most, loss, told=told: told(now / most, f"iteration {now} of at most {most}, loss {loss:.2e}")):
+        what = plan.title.format(size="").removesuffix(", ")
+        progress(FITTING, number, len(planned), what)
+        with listening(partial(iteration, number, what)):
             model = plan.made()
         title = plan.title.format(size=model.size)
-        found += [Candidate(model, precision, body, title, plan.changes) for precision in plan.precisions]
+        found += [TimedModel(model, precision, body, title, plan.changes) for precision in plan.precisions]
     return found
 
 
-def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
+def measure_error(entry: TimedModel, law: Law, n_samples: int) -> dict:
     """Return the errors of a learnt model against the exact law, and for a bond force the least slope d t_n / d lambda_b.
 
     The errors are those of the compiled kernel in its own precision, on and off the plane-stress surface, of an energy on it alone. The
@@ -144,25 +133,12 @@ def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
     return {**errors, "least_slope": slope["least_slope"]}
 
 
-class _Levels(Silent):
-    """Receiver of a run's progress that reports the share of finished levels, with the residual of the current level as text."""
-
-    def __init__(self, levels: int, told: Callable[[float, str], None]) -> None:
-        self._levels, self._told, self._done = levels, told, 0
-
-    def level(self, number: int, parameter: float) -> None:
-        self._done = number
-
-    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        self._told(self._done / self._levels, f"residual {residual:.1e}, {evaluations} evaluations")
-
-
-def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[float, str], None]) -> dict:
+def measure_scene(entry: TimedModel, law: Law, spacing: float) -> dict:
     """Run the uniaxial scene of the paper's section 6.2 with a candidate; return its greatest errors, evaluations and seconds."""
     changes = [f"spacing={spacing}", f"precision={entry.precision}", *entry.changes]
     scene = load_scene("uniaxial", changes, material=law.describe())
     try:
-        result = simulate(scene, entry.model, progress=_Levels(len(scene.stretches), told))
+        result = simulate(scene, entry.model)
     except SimulationInterrupted:
         raise KeyboardInterrupt from None
     except SimulationFailed as error:
@@ -210,10 +186,7 @@ def compare(
         for number, (entry, speed) in enumerate(zip(entries, speeds, strict=True)):
             progress(ERRORS, number, len(entries), f"{entry.title}, {entry.precision}")
             described = {"force": entry.title, "precision": entry.precision, "size": entry.model.size}
-            rows.append({**described, **speed, **measure_error(entry, law, n_samples)})
-        for number, (entry, row) in enumerate(zip(entries, rows, strict=True)):
-            told = _share_of(progress, SCENE, number, len(entries), f"{entry.title}, {entry.precision}")
-            row.update(measure_scene(entry, law, spacing, told))
+            rows.append({**described, **speed, **measure_error(entry, law, n_samples), **measure_scene(entry, law, spacing)})
         cost = {row["force"]: row["ns_per_directed_bond_1"] for row in rows}
         for row in rows:
             row["speedup_over_ba_nosb"] = cost[RIVAL] / row["ns_per_directed_bond_1"]

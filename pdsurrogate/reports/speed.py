@@ -52,11 +52,13 @@ def bench_positions(body: Body, law: Law) -> np.ndarray:
 
 @dataclass(frozen=True)
 class TimedModel:
-    """Force model in one precision on a body, whose evaluations are timed."""
+    """Force model in one precision on a body, whose evaluations are timed; for a comparison its title, and changes to the scene."""
 
     model: ForceModel
     precision: str
     body: Body
+    title: str = ""
+    changes: tuple[str, ...] = ()
 
 
 def measure_speed(

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from ..forces import ForceModel
 from ..forces.identity import digest_of_model
 from ..scenes import Mesh, Scene, SceneError
+from ..scenes.reading import leaves
 
 MESH = "mesh"
 """Key of the digest of a mesh file."""
@@ -86,16 +87,9 @@ def _dump(scene: Scene) -> dict[str, Any]:
     return scene.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def leaves_of(value: Any, key: str = "") -> dict[str, Any]:
+def leaves_of(value: Any) -> dict[str, Any]:
     """Return the values in nested mappings and lists by dotted key; a list without mappings counts as one value."""
-    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        value = dict(enumerate(value))
-    if not isinstance(value, dict):
-        return {key: value}
-    found: dict[str, Any] = {}
-    for name, item in value.items():
-        found |= leaves_of(item, f"{key}.{name}" if key else str(name))
-    return found
+    return dict(leaves(value, lambda inner: isinstance(inner, list) and not any(isinstance(item, dict) for item in inner)))
 
 
 def _value(value: Any) -> str:

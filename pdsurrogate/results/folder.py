@@ -13,6 +13,7 @@ import os
 import re
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -39,11 +40,11 @@ _occupied: dict[Path, int] = {}
 
 
 @contextmanager
-def occupied(folder: Path) -> Iterator[None]:
+def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
     """Reserve a folder for this run during a context; create the folder if necessary, and remove it if it stays empty.
 
     A thread may reserve a folder again that it holds already. A lock file names the process and its host; a run replaces the lock of a
-    process on this host that no longer exists.
+    process on this host that no longer exists. Another run that is writing there may end within `patience` seconds.
 
     Raises
     ------
@@ -55,14 +56,14 @@ def occupied(folder: Path) -> Iterator[None]:
         if _occupied.get(place) == thread:
             yield
             return
-        lock = place / LOCK
+        lock, until = place / LOCK, time.monotonic() + patience
         while _occupied.get(place) != thread:
             try:
                 with lock.open("x", encoding="utf-8") as file:
                     file.write(f"{os.getpid()} {socket.gethostname()}")
                 _occupied[place] = thread
             except FileExistsError:
-                _remove_if_left(lock, place)
+                _remove_if_left(lock, place, until)
         try:
             yield
         finally:
@@ -70,13 +71,19 @@ def occupied(folder: Path) -> Iterator[None]:
             lock.unlink(missing_ok=True)
 
 
-def _remove_if_left(lock: Path, folder: Path) -> None:
-    """Remove the lock file of a folder if the process that wrote it no longer exists; raise FolderTaken if it may still exist."""
+def _remove_if_left(lock: Path, folder: Path, until: float) -> None:
+    """Remove the lock file of a folder if the process that wrote it no longer exists.
+
+    If it may still exist, wait a moment, or raise FolderTaken after the time `until`.
+    """
     with suppress(FileNotFoundError):  # another process has removed it
         owner = lock.read_text("utf-8")
         process, _, host = owner.partition(" ")
         here = host == socket.gethostname() and process.isdecimal()
         if not here or folder in _occupied or (int(process) != os.getpid() and _lives(int(process))):
+            if time.monotonic() < until:
+                time.sleep(0.2)
+                return
             who = f"process {process} on {host}" if host else "another process"
             raise FolderTaken(f"{folder}: {who} is writing a run there; give another folder (if there is no such run, remove {lock})")
         # Moved first: of two processes that find the same old lock, neither removes the new lock of the other.
@@ -183,13 +190,20 @@ def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
     """
     if overwrite or not path.exists():
         return
+    if differences := differences_from(path, "asked", asked)[1]:
+        raise FolderTaken(f"{path} answers something else: {differences}; {WAY_OUT}")
+
+
+def differences_from(path: Path, key: str, asked: dict) -> tuple[dict, str]:
+    """Return the content of a JSON file, and in words how plain values differ from those that it has under a key, empty if they are equal.
+
+    Raise FolderTaken if the file has no such values.
+    """
     try:
-        there = json.loads(path.read_text("utf-8"))["asked"]
-        differences = told(differences_of(there, json.loads(json.dumps(asked))))
+        written = json.loads(path.read_text("utf-8"))
+        return written, told(differences_of(written[key], json.loads(json.dumps(asked))))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise FolderTaken(f"{path} does not tell what it answers and would be replaced; {WAY_OUT}") from None
-    if differences:
-        raise FolderTaken(f"{path} answers something else: {differences}; {WAY_OUT}")
 
 
 def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:

@@ -2,7 +2,7 @@
 
 import copy
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -105,6 +105,15 @@ def parse_change(change: str) -> tuple[str, Any]:
         except (tomllib.TOMLDecodeError, RecursionError):
             continue
     return key, [item.strip() for item in value.split(",")] if "," in value else value
+
+
+def leaves(value: Any, whole: Callable[[Any], bool] = lambda value: False, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted key and the value of every single entry in nested tables and lists; those that are `whole` count as one entry."""
+    if whole(value) or not isinstance(value, Mapping | list | tuple):
+        yield key, value
+        return
+    for name, inner in value.items() if isinstance(value, Mapping) else enumerate(value):
+        yield from leaves(inner, whole, f"{key}.{name}" if key else str(name))
 
 
 def apply_change(data: dict, key: str, value: Any) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import operator
 import warnings
-from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -150,9 +150,11 @@ def cases_of(module: Mapping[str, Any]) -> tuple[Case, ...]:
     return tuple(found for found in module.values() if isinstance(found, Case) and found.function.__module__ == module["__name__"])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Subject:
     """Force model under test, with the bodies, forces and runs that hard cases need.
+
+    Every subject is equal to itself only, so that `functools.cache` keeps for each what several of its cases share.
 
     Parameters
     ----------
@@ -167,8 +169,6 @@ class Subject:
     reference: str
     quick: bool = False
     plane: str = "stress"
-    measured: dict = field(default_factory=dict)
-    """Results that several cases share, see `once`."""
 
     @property
     def dimension(self) -> int:
@@ -184,17 +184,6 @@ class Subject:
     def law(self) -> Law:
         """Material that the model describes: its own, or Neo-Hookean rubber with K = 100 mu."""
         return NeoHookean() if self.reference in FORCES else law_of(load_card(self.reference))
-
-    def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return the result of `make`, called only once for each key and shared by all cases; `Ended` is stored and raised again."""
-        if key not in self.measured:
-            try:
-                self.measured[key] = make()
-            except Ended as ended:
-                self.measured[key] = ended
-        if isinstance(self.measured[key], Ended):
-            raise self.measured[key]
-        return self.measured[key]
 
     def sized(self, plane: Any, space: Any) -> Any:
         """Return `plane` if the model is tested on bodies in the plane, `space` if it is tested on solids."""

@@ -21,7 +21,7 @@ from ..solvers.equilibrium import Diverging, NotConverged
 from ..solvers.methods import Automatic
 from .bodies import HORIZONS, SPACING, crack, inner_points, middle_point, of_points, of_simplices
 from .case import STOPS, WEAK, Ended, Outcome, Subject, case, cases_of, forces_at, required
-from .tangents import CELLS, resistance, why_not_resisted
+from .tangents import CELLS, tangent_at, why_not_resisted
 
 MOST_ERROR = 1e-3
 """Greatest relative error of a stress: 0.1 %, a third of the repeatability of the best experiments on rubber."""
@@ -97,12 +97,12 @@ def compression(subject: Subject) -> Outcome:
 def judged_patches(subject: Subject, bodies: Iterable[Body], F: np.ndarray, least: float) -> Outcome:
     """Return the outcome for bodies in a homogeneous state: the error of the mean stress must be small and the resistance at least `least`.
 
-    The error is divided by the greatest component of the exact stress; the resistance is defined in `tangents.resistance`.
+    The error is divided by the greatest component of the exact stress; the resistance is that of `tangents.Tangent`.
     """
     exact, errors, resisted = subject.exact_stress(F), [], []
     for body in bodies:
         errors.append(np.abs(mean_stress_at(subject.bind(body), F) - exact).max() / np.abs(exact).max())
-        resisted.append(resistance(subject, body, F))
+        resisted.append(tangent_at(subject, body, F).resistance)
     figure = f"{max(errors):.1e}, resistance {min(resisted):.2g}"
     held = Outcome.above(min(resisted), least, why_not_resisted(min(resisted), least), figure)
     return Outcome.of_all(held, _judged(subject, max(errors), figure))
@@ -336,7 +336,7 @@ def horizons(subject: Subject) -> Outcome:
     is required, as for jittered points.
     """
     F = subject.uniaxial(2.0)
-    least = {f"{ratio:g} dx": resistance(subject, subject.body(*CELLS, ratio), F) for ratio in subject.sized(*RATIOS)}
+    least = {f"{ratio:g} dx": tangent_at(subject, subject.body(*CELLS, ratio), F).resistance for ratio in subject.sized(*RATIOS)}
     return Outcome.above(least, 0.1, why_not_resisted(min(least.values()), 0.1))
 
 

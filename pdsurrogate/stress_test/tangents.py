@@ -1,6 +1,7 @@
 """Tangents of small bodies (negative derivatives of forces by displacements) by central differences, and the hard cases that use them."""
 
 from collections.abc import Callable
+from functools import cache
 from itertools import product
 from typing import NamedTuple
 
@@ -30,10 +31,13 @@ class Tangent(NamedTuple):
         Derivatives for the free points; component i of free point k has row and column d k + i.
     free : ndarray, shape (m,)
         Numbers of the free points.
+    force : InternalForce
+        Force of the body.
     """
 
     matrix: np.ndarray
     free: np.ndarray
+    force: InternalForce
 
     @property
     def symmetric(self) -> np.ndarray:
@@ -41,9 +45,15 @@ class Tangent(NamedTuple):
         return (self.matrix + self.matrix.T) / 2
 
     @property
-    def least(self) -> float:
-        """Least eigenvalue of the symmetric part: the least resistance to any displacement of the free points."""
-        return float(np.linalg.eigvalsh(self.symmetric)[0])
+    def resistance(self) -> float:
+        """Least resistance to any displacement of the free points, over that of a continuum at rest between the held points.
+
+        The former is the least eigenvalue of the symmetric part. A continuum has d pi^2 mu V/L^2, of a mode with half a wave in each
+        direction.
+        """
+        body = self.force.body
+        continuum = body.dimension * np.pi**2 * self.force.law.shear_modulus * body.volumes[0] / np.ptp(body.points[:, 0]) ** 2
+        return float(np.linalg.eigvalsh(self.symmetric)[0] / continuum)
 
     @property
     def asymmetry(self) -> float:
@@ -60,7 +70,12 @@ def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> T
     free = np.flatnonzero(inner_points(body)) if held else np.arange(len(body))
     columns = (d * free[:, None] + np.arange(d)).ravel()
     products = force.tangent(positions) @ np.eye(positions.size)[:, columns]
-    return Tangent(products[columns], free)
+    return Tangent(products[columns], free, force)
+
+
+def tangent_at(subject: Subject, body: Body, F: np.ndarray) -> Tangent:
+    """Return the tangent of a body, of the model under test, in a homogeneous state with deformation gradient F."""
+    return tangent(subject.bind(body), body.points @ F.T)
 
 
 def states(subject: Subject) -> dict[str, np.ndarray]:
@@ -71,20 +86,10 @@ def states(subject: Subject) -> dict[str, np.ndarray]:
     return uniaxial | {name: subject.gradient(F) for name, F in others.items()}
 
 
-def tangents(subject: Subject) -> tuple[Body, dict[str, Tangent]]:
-    """Return a regular body and its tangents in all `states`, by name, computed only once for a force model."""
-
-    def make() -> tuple[Body, dict[str, Tangent]]:
-        body = subject.body(*CELLS)
-        return body, {name: tangent(subject.bind(body), body.points @ F.T) for name, F in states(subject).items()}
-
-    return subject.once("tangents", make)
-
-
-def least_of_a_continuum(body: Body, shear_modulus: float) -> float:
-    """Return the least stiffness of a continuum between the held points, d pi^2 mu V/L^2, of a mode with half a wave in each direction."""
-    length = np.ptp(body.points[:, 0])
-    return body.dimension * np.pi**2 * shear_modulus * body.volumes[0] / length**2
+@cache
+def tangents(subject: Subject) -> dict[str, Tangent]:
+    """Return the tangents of a regular body in all `states`, by name, computed only once for a force model."""
+    return {name: tangent_at(subject, subject.body(*CELLS), F) for name, F in states(subject).items()}
 
 
 def share_of_rest(subject: Subject, F: np.ndarray) -> float:
@@ -103,14 +108,13 @@ def share_of_rest(subject: Subject, F: np.ndarray) -> float:
     return float(least)
 
 
-def _over_springs(subject: Subject, stiffness: Callable[[Body, Tangent], float]) -> dict[str, float]:
+def _over_springs(subject: Subject, stiffness: Callable[[Tangent], float]) -> dict[str, float]:
     """Return, for every state by name, the ratio of a tangent's stiffness to the stiffness if all bonds were springs.
 
     The springs are as stiff as the rubber in that state (`share_of_rest`).
     """
-    body, found = tangents(subject)
-    springs, applied = spring_stiffness(body, subject.law.shear_modulus), states(subject)
-    return {name: stiffness(body, formed) / (springs * share_of_rest(subject, applied[name])) for name, formed in found.items()}
+    springs, applied = spring_stiffness(subject.body(*CELLS), subject.law.shear_modulus), states(subject)
+    return {name: stiffness(formed) / (springs * share_of_rest(subject, applied[name])) for name, formed in tangents(subject).items()}
 
 
 @case("single point displaced (Fig. 2)", "held with 0.1 of its bonds' springs, in six states")
@@ -120,9 +124,9 @@ def single_point(subject: Subject) -> Outcome:
     The unit is the resistance if the bonds of the point were springs, as stiff as the rubber in that state; `HELD` is required.
     """
 
-    def resisted(body: Body, formed: Tangent) -> float:
-        at = body.dimension * int(np.flatnonzero(formed.free == middle_point(body))[0])
-        own = slice(at, at + body.dimension)
+    def resisted(formed: Tangent) -> float:
+        at = subject.dimension * int(np.flatnonzero(formed.free == middle_point(formed.force.body))[0])
+        own = slice(at, at + subject.dimension)
         return np.linalg.eigvalsh(formed.symmetric[own, own])[0]
 
     return Outcome.above(_over_springs(subject, resisted), HELD, "zero-energy modes")
@@ -135,8 +139,9 @@ def checkerboard(subject: Subject) -> Outcome:
     The unit and the limit are those of `single_point`, although such modes stretch the bonds even more.
     """
 
-    def resisted(body: Body, formed: Tangent) -> float:
-        cell, d = np.rint((body.points - body.points.min(axis=0)) / body.spacing).astype(int)[formed.free], body.dimension
+    def resisted(formed: Tangent) -> float:
+        body, d = formed.force.body, subject.dimension
+        cell = np.rint((body.points - body.points.min(axis=0)) / body.spacing).astype(int)[formed.free]
         signs = [(-1.0) ** (cell @ axes) for axes in list(product((0, 1), repeat=d))[1:]]
         modes = [np.outer(sign, direction).ravel() for sign in signs for direction in np.eye(d)]
         return min(mode @ formed.matrix @ mode / (mode @ mode) for mode in modes)
@@ -152,9 +157,7 @@ def least_eigenvalue(subject: Subject) -> Outcome:
     J), so the continuum's lowest mode is a lower bound. A horizon of three spacings reduces a mode of eleven spacings by up to half, and a
     horizon of 1.75 spacings a mode of six; hence a quarter.
     """
-    body, found = tangents(subject)
-    bound = least_of_a_continuum(body, subject.law.shear_modulus)
-    least = {name: formed.least / bound for name, formed in found.items()}
+    least = {name: formed.resistance for name, formed in tangents(subject).items()}
     return Outcome.above(least, 0.25, why_not_resisted(min(least.values()), 0.25))
 
 
@@ -186,13 +189,7 @@ def symmetry(subject: Subject) -> Outcome:
 
     Rounding and differences leave 1e-9; the limit is 1e-6.
     """
-    _, found = tangents(subject)
-    return Outcome.below({name: formed.asymmetry for name, formed in found.items()}, 1e-6, "not conservative")
-
-
-def resistance(subject: Subject, body: Body, F: np.ndarray) -> float:
-    """Return the least resistance of a body in a homogeneous state with deformation gradient F, over that of a continuum at rest."""
-    return tangent(subject.bind(body), body.points @ F.T).least / least_of_a_continuum(body, subject.law.shear_modulus)
+    return Outcome.below({name: formed.asymmetry for name, formed in tangents(subject).items()}, 1e-6, "not conservative")
 
 
 CASES = cases_of(globals())

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
 from ..arguments import check_path
 from ..scenes import MaterialSpec, SceneError, scene_names
 from ..scenes.problems import explain, suggestion
-from ..scenes.reading import read_description
+from ..scenes.reading import leaves, read_description
 from ..scenes.strict_model import Finite, Positive, StrictModel, Whole
 
 MOST_RUNS = 100_000
@@ -96,18 +96,18 @@ class Fit(StrictModel):
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 
-def _flattened(table: Any, before: str = "") -> Any:
+def _flattened(table: Any) -> Any:
     """Return a flat dictionary with dotted keys from the nested tables that TOML makes of unquoted dotted keys.
 
     The table of a distribution stays whole.
     """
     if not isinstance(table, Mapping):
         return table
-    flat: dict[str, Any] = {}
-    for step, value in table.items():
-        nested = isinstance(value, Mapping) and "distribution" not in value
-        flat |= _flattened(value, f"{before}{step}.") if nested else {f"{before}{step}": value}
-    return flat
+    return dict(leaf for key, entry in table.items() for leaf in leaves(entry, _is_value, str(key)))
+
+
+def _is_value(entry: Any) -> bool:
+    return not isinstance(entry, Mapping) or "distribution" in entry
 
 
 def _values(values: Any) -> Any:

@@ -6,7 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -26,7 +26,7 @@ from ..problem.materials import checked_models
 from ..results import Result, checkpoint
 from ..results.contents import digest_of_mesh
 from ..results.files import write_json
-from ..results.folder import LOCK, SUMMARY, FolderTaken, occupied
+from ..results.folder import LOCK, SUMMARY, occupied
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
 from ..scenes.problems import explain
@@ -320,8 +320,7 @@ def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int 
     if study is not None and os.getpid() != study:
         _end_without(study)
     try:
-        with ExitStack() as held:
-            _hold(folder, held)
+        with occupied(folder, SECONDS_TO_LEAVE):
             failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
             write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
     except SimulationInterrupted as stopped:
@@ -333,18 +332,6 @@ def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int 
     except Exception as error:  # a failed run must not stop the others
         failure = f"{type(error).__name__}: {error}"
     return Outcome(folder.name, failure)
-
-
-def _hold(folder: Path, held: ExitStack) -> None:
-    """Reserve a run's folder until `held` closes; wait a while for a worker of a killed study, which will soon end, to release it."""
-    until = time.monotonic() + SECONDS_TO_LEAVE
-    while True:
-        try:
-            return held.enter_context(occupied(folder))
-        except FolderTaken:
-            if time.monotonic() > until:
-                raise
-            time.sleep(0.2)
 
 
 @cache

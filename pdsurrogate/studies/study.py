@@ -13,9 +13,8 @@ from ..arguments import check_seconds
 from ..discretisation import memory_here
 from ..ranks import communicator
 from ..results import figures
-from ..results.contents import differences_of, told
 from ..results.files import check_writable, remove_leftovers, write_json, write_text
-from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
+from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, differences_from, occupied
 from ..run.interruption import heard
 from .description import Study, load_study, parameters_of_runs
 from .runs import NOT_DONE, OUTCOME, FitTask, SceneTask, Workers, tasks_of
@@ -248,13 +247,8 @@ def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool)
         raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
     if overwrite or not described:
         return
-    try:
-        written = json.loads((folder / DESCRIPTION).read_text("utf-8"))
-        there, lost = written["study"], set(written["runs"]) - set(places)
-        differences = told(differences_of(there, study.model_dump(mode="json")))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise FolderTaken(f"{folder / DESCRIPTION} is not a valid description of a study and would be replaced; {WAY_OUT}") from None
-    if lost:
+    written, differences = differences_from(folder / DESCRIPTION, "study", study.model_dump(mode="json"))
+    if lost := set(written.get("runs", ())) - set(places):
         why = f": {differences}" if differences else ": its force or mesh differs"
         raise FolderTaken(f"{folder} holds the table of a study with {len(lost)} runs that this one has not{why}; {WAY_OUT}")
 

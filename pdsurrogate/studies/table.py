@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import matplotlib
@@ -13,6 +13,7 @@ from ..results import tables
 from ..results.figures import STYLE
 from ..scenes import SceneError
 from ..scenes.problems import suggestion
+from ..scenes.reading import leaves
 from .description import Study
 
 _ALL = ("fraction_outside_domain", "n_force_evaluations", "seconds_total")
@@ -83,20 +84,15 @@ def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str
         names = OF_FITS if "levels" not in summary else OF_STEPS if "t" in last else OF_GRIPS
     found: dict[str, Any] = {}
     for name in names:
-        steps = name.split(".")
-        found |= dict(_leaves(summary, steps)) or dict(_leaves(last, steps))
+        found |= _below(summary, name) or _below(last, name)
     return found
 
 
-def _leaves(place: Any, steps: list[str], before: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the dotted key and the value of every entry that is no table, list or None, below the keys `steps`; ``*`` matches any key."""
-    entries = dict(place) if isinstance(place, dict) else dict(enumerate(place)) if isinstance(place, list) else None
-    if entries is not None:
-        for key, inner in entries.items():
-            if not steps or steps[0] in ("*", str(key)):
-                yield from _leaves(inner, steps[1:], f"{before}.{key}" if before else str(key))
-    elif not steps and place is not None:
-        yield before, place
+def _below(table: dict, name: str) -> dict[str, Any]:
+    """Return by dotted key the entries of nested tables and lists, but None, whose key is a name or begins with it; ``*`` is any key."""
+    first, pattern = name.split(".")[0], re.escape(name).replace(r"\*", "[^.]+") + r"(\.|$)"
+    named = {key: inner for key, inner in table.items() if first in (key, "*")}
+    return {key: value for key, value in leaves(named) if value is not None and re.match(pattern, key)}
 
 
 def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:

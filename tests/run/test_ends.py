@@ -266,12 +266,9 @@ def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
     force = pds.load_surrogate("analytic")
     held, keys = Subject("analytic"), {"spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
 
-    def candidate():
-        return module.Candidate(force, "float64", None, "exact", ())
-
     calls = {
         "stress_test.case": lambda: held.run(held.scene((1.0, 1.0), **keys)),
-        "reports.compare": lambda: module.measure_scene(candidate(), pds.materials.NeoHookean(), 0.25, lambda share, text: None),
+        "reports.compare": lambda: module.measure_scene(module.TimedModel(force, "float64", None), pds.materials.NeoHookean(), 0.25),
     }
     with pytest.raises(KeyboardInterrupt):
         calls[where]()

@@ -390,7 +390,7 @@ def test_the_table_of_another_study_is_not_replaced_unasked(tmp_path):
     assert len(pds.study(other, tmp_path, jobs=1, overwrite=True).rows) == 2
     assert len(list(tmp_path.glob("runs/*"))) == 3
     (tmp_path / "study.json").write_text("{}")
-    with pytest.raises(FolderTaken, match="not a valid description of a study"):
+    with pytest.raises(FolderTaken, match="does not tell what it answers"):
         pds.study(other, tmp_path, jobs=1)
 
 
