@@ -15,7 +15,7 @@ from ..forces import Domain, EnergyNetwork, IsochoricNetwork, NetworkForce, Poly
 from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from ..scenes import MaterialSpec
-from ..scenes.problems import PLAIN, explain
+from ..scenes.problems import PLAIN
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
 """Force models that can be stored, by the kind in their card."""
@@ -148,9 +148,9 @@ class Material(_Part):
     def build(self) -> Law:
         """Return the law, with the parameters for which the model was trained; raise ValueError for a wrong field or an unknown law."""
         try:
-            return MaterialSpec.model_validate(self.trained_with).build()
-        except ValidationError as error:
-            raise ValueError(f"material.trained_with: {explain(error)}") from None
+            return MaterialSpec(**self.trained_with).build()
+        except ValueError as error:
+            raise ValueError(f"material.trained_with: {error}") from None
 
 
 class Payload(_Part):
