@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from ..body import Body, ReflectionPlane
+from ..body.local_fit import text_of
 from ..forces import InvalidState
-from ..scenes import Load, Scene
+from ..scenes import Load, Scene, StepDynamics
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
 from ..solvers.conditions import Loading
@@ -18,7 +19,7 @@ from ..solvers.increments import Motion
 from ..solvers.loads import DeadLoad, Loads, Pressure
 from ..solvers.rigid import rigid_motions
 from .programme import Prescription, Stage
-from .regions import BodyRegions, text_of
+from .regions import BodyRegions
 
 RIGID = 1e3
 """Stiffness of rigid regions over that of the rest of the body in a first guess; the guess is then moved until they are rigid."""
@@ -211,16 +212,16 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
         inertia = stage.inertia
         if inertia is None:
             continue
-        speed, wave = _greatest_speed(loading, inertia.motion(begin, stage.to)), math.sqrt(modulus / inertia.density)
+        speed, wave = _greatest_speed(loading, stage.motion(begin)), math.sqrt(modulus / inertia.density)
         if speed <= wave:
             continue
-        if inertia.duration is None:
-            what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
-        else:
+        if isinstance(inertia, StepDynamics):
             what, least = "parts that are held", units.amount(inertia.duration * speed / wave, "time", ".4g")
             slowest = f"the least duration is {least}"
+        else:
+            what, slowest = "the grips", f"the greatest rate is {inertia.stretch_rate * wave / speed:.4g}"
         apart = f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}"
-        raise ValueError(f"{inertia.key}.{inertia.pace}: {apart}; {slowest}")
+        raise ValueError(f"{stage.key}.{inertia.pace}: {apart}; {slowest}")
 
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:

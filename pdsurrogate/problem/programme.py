@@ -9,51 +9,14 @@ import numpy as np
 
 from ..discretisation.planes import prescribed_components
 from ..forces import InvalidState
-from ..scenes import Rectangle, Region, Scene
+from ..scenes import Dynamics, Rectangle, Region, Scene, StepDynamics
 from ..scenes.amplitudes import amplitude_of
-from ..scenes.loading import DynamicsSettings
 from ..scenes.model import EDGES
 from ..scenes.references import reference_level
 from ..solvers.held import Held
 from ..solvers.increments import Motion
 from ..solvers.rigid import turn_by
 from .regions import BodyRegions
-
-
-@dataclass(frozen=True)
-class Inertia:
-    """Settings of a stage in dynamics: density, damping, and how fast the loading parameter changes.
-
-    Attributes
-    ----------
-    density, damping, safety : float
-        See `pdsurrogate.scenes.StepDynamics`.
-    viscosity : float or None
-        None if the scene does not set it.
-    duration : float or None
-        Duration of the stage.
-    rate : float or None
-        Rate of the loading parameter; either the duration or the rate is given.
-    key : str
-        Key of these settings in the scene.
-    """
-
-    density: float
-    damping: float
-    viscosity: float | None
-    safety: float
-    duration: float | None
-    rate: float | None
-    key: str
-
-    @property
-    def pace(self) -> str:
-        """Return the name of the setting, within the scene's table `key`, that sets how fast the loading parameter changes."""
-        return "stretch_rate" if self.duration is None else "duration"
-
-    def motion(self, begin: float, end: float) -> Motion:
-        """Return the loading parameter as a function of time, from the value `begin` to the value `end`."""
-        return Motion.at_rate(begin, end, self.rate) if self.duration is None else Motion.lasting(begin, end, self.duration)
 
 
 @dataclass(frozen=True)
@@ -68,35 +31,36 @@ class Stage:
         Number of states to record, evenly spaced, the last one at the end of the stage.
     largest_increment : float or None
         Greatest increment of the parameter between two equilibria; None where the first guess determines it.
-    inertia : Inertia or None
-        None for a stage in equilibrium.
+    inertia : Dynamics or StepDynamics or None
+        Settings of the scene for a stage in dynamics; None for a stage in equilibrium.
+    key : str
+        Key of these settings in the scene.
     """
 
     to: float
     outputs: int
     largest_increment: float | None
-    inertia: Inertia | None
+    inertia: Dynamics | StepDynamics | None
+    key: str
+
+    def motion(self, begin: float) -> Motion:
+        """Return the loading parameter in a stage in dynamics as a function of time, from the value `begin` on."""
+        if isinstance(self.inertia, StepDynamics):
+            return Motion.lasting(begin, self.to, self.inertia.duration)
+        return Motion.at_rate(begin, self.to, self.inertia.stretch_rate)
 
 
 def stages_of(scene: Scene) -> tuple[Stage, ...]:
     """Return the stages of a scene's programme: one for each step; or with grips, one for each stretch, and a last one for dynamics."""
     if not scene.stretched:
         return tuple(
-            Stage(step.to, step.outputs, step.largest_increment, _inertia(step.dynamics, f"steps.{number}.dynamics"))
+            Stage(step.to, step.outputs, step.largest_increment, step.dynamics, f"steps.{number}.dynamics")
             for number, step in enumerate(scene.steps)
         )
-    stages = [Stage(stretch, 1, scene.solver.largest_increment, None) for stretch in scene.stretches]
+    stages = [Stage(stretch, 1, scene.solver.largest_increment, None, "stretches") for stretch in scene.stretches]
     if scene.dynamics is not None:
-        stages.append(Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, _inertia(scene.dynamics, "dynamics")))
+        stages.append(Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, scene.dynamics, "dynamics"))
     return tuple(stages)
-
-
-def _inertia(spec: DynamicsSettings | None, key: str) -> Inertia | None:
-    """Return the settings of a stage in dynamics from the scene's settings under `key`; None for a stage in equilibrium."""
-    if spec is None:
-        return None
-    pace = getattr(spec, "duration", None), getattr(spec, "stretch_rate", None)
-    return Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, *pace, key)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
+from ..scenes import StepDynamics
 from ..solvers.dynamics import ExplicitDynamics
 from ..solvers.equilibrium import Diverging
 from .account import STEPS_PER_ROW, Bookkeeping
@@ -44,9 +45,8 @@ class Transient:
     """
 
     def __init__(self, run: Run, stage: Stage) -> None:
-        self.run, self.most_outputs = run, stage.outputs
-        self.spec = spec = stage.inertia
-        self.motion, self.viscosity = spec.motion(run.state.begin, stage.to), spec.viscosity
+        self.run, self.stage, self.most_outputs, spec = run, stage, stage.outputs, stage.inertia
+        self.motion, self.viscosity = stage.motion(run.state.begin), spec.viscosity
         if self.viscosity is None:
             of_cracks = CRACK_VISCOSITY * run.body.spacing * math.sqrt(spec.density / run.problem.law.shear_modulus)
             self.viscosity = 0.0 if run.damage is None else of_cracks
@@ -55,7 +55,7 @@ class Transient:
             run.force, self._hold, *at_rest, damping=spec.damping, viscosity=self.viscosity, safety=spec.safety, loads=run.loads
         )
         # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
-        self._timed = spec.duration is not None
+        self._timed = isinstance(spec, StepDynamics)
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)
         self.account = self._books.account
         self._cracks = None if run.damage is None else Cracks(run, self.integrator, self.account)
@@ -80,9 +80,9 @@ class Transient:
         if self._books.every_step and run.velocities is None:
             integrator.centre()
         if motion.duration > MOST_STEPS * integrator.time_step:
-            duration, key = run.problem.units.amount(motion.duration, "time", ".3g"), self.spec.key
+            duration, key = run.problem.scene.units.amount(motion.duration, "time", ".3g"), self.stage.key
             many = f"the dynamics take {duration} in steps of {integrator.time_step:.3g}, more than {MOST_STEPS:.0e} of them"
-            raise Diverging(f"{many}; check the units of {key}.density and {key}.{self.spec.pace}")
+            raise Diverging(f"{many}; check the units of {key}.density and {key}.{self.stage.inertia.pace}")
         run.state.dynamics.append({"step": run.state.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)
 
