@@ -8,13 +8,14 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, WrapValidator
+from pydantic import ConfigDict, Field, WrapValidator
 
 from ..arguments import kind_of
 from ..forces import EnergyNetwork, IsochoricNetwork, NetworkForce, PolynomialForce, SplineForce
 from ..html_tables import html_facts
-from ..scenes.problems import explain
+from ..scenes import SceneError
 from ..scenes.reading import leaves
+from ..scenes.strict_model import StrictModel
 from .shipped import SHIPPED_CARDS
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
@@ -66,16 +67,12 @@ class ArtifactError(ValueError):
     """
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-def _looked_at(part: type[_Part]) -> WrapValidator:
+def _looked_at(part: type[StrictModel]) -> WrapValidator:
     """Return a pydantic validator that checks a table of a card against the model `part`, and returns the table unchanged."""
     return WrapValidator(lambda value, _: part.model_validate(value) and value)
 
 
-class _Errors(_Part):
+class _Errors(StrictModel):
     """Relative errors of a surrogate over a set of states: RMS, greatest, and for energies the RMS of the energy."""
 
     rms: Share
@@ -87,7 +84,7 @@ class _Bin(_Errors):
     strain: tuple[Share, Share]
 
 
-class _Report(_Part):
+class _Report(StrictModel):
     """Errors of a surrogate as `pdsurrogate.evaluate` reports them; fields that are not declared here are finite numbers."""
 
     model_config = ConfigDict(extra="allow")
@@ -100,7 +97,7 @@ class _Report(_Part):
     by_strain: tuple[_Bin, ...] = ()
 
 
-class _Reports(_Part):
+class _Reports(StrictModel):
     """Reports of errors by title; all have that over the domain, the box of stretches."""
 
     model_config = ConfigDict(extra="allow")
@@ -109,7 +106,7 @@ class _Reports(_Part):
     box: _Report
 
 
-class _Features(_Part):
+class _Features(StrictModel):
     set: str
     names: tuple[str, ...]
     come_from: Annotated[tuple[str, ...], Field(alias="from")]
@@ -117,7 +114,7 @@ class _Features(_Part):
     units: str
 
 
-class _Identification(_Part):
+class _Identification(StrictModel):
     """Identification of the law from test data: programs read the declared fields, `data` and `law`; further fields inform people."""
 
     model_config = ConfigDict(extra="allow")
@@ -126,7 +123,7 @@ class _Identification(_Part):
     law: dict[str, Any]
 
 
-class _Training(_Part):
+class _Training(StrictModel):
     """How the surrogate was trained: a simulation reads only `identification`, the fit of the law to test data; the rest informs people."""
 
     design: dict[str, Any]
@@ -144,7 +141,7 @@ Features = Annotated[dict[str, Any], _looked_at(_Features)]
 Training = Annotated[dict[str, Any], _looked_at(_Training)]
 
 
-class Material(_Part):
+class Material(StrictModel):
     """Entry of a card for the material: the law with its parameters in training, and the dimensionless ones that the force depends on."""
 
     law: str
@@ -152,7 +149,7 @@ class Material(_Part):
     shape: dict[str, Finite]
 
 
-class Payload(_Part):
+class Payload(StrictModel):
     """Entry of a card for a file of the artefact: contents in words, SHA-256, and size in bytes."""
 
     contains: str
@@ -160,7 +157,7 @@ class Payload(_Part):
     bytes: Count
 
 
-class DomainSpec(_Part):
+class DomainSpec(StrictModel):
     """Entry of a card for the domain of states in which the surrogate holds; see `pdsurrogate.forces.Domain`."""
 
     least_stretch: Positive
@@ -170,7 +167,7 @@ class DomainSpec(_Part):
     hull: Annotated[tuple[tuple[Finite, Finite, Share], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
 
 
-class MemberSpec(_Part):
+class MemberSpec(StrictModel):
     """Entry of a card for a member of the committee, a further surrogate in the artefact: material, domain and errors."""
 
     material: Material
@@ -178,7 +175,7 @@ class MemberSpec(_Part):
     errors: Reports
 
 
-class Card(_Part):
+class Card(StrictModel):
     """Card of an artefact, the contents of ``card.json``: kind, material, features, training, domain, errors and files."""
 
     format: Literal["pdsurrogate artefact"]
@@ -269,9 +266,9 @@ def checked_card(content: Mapping[str, Any]) -> Card:
     """Return a card made of plain values (numbers, text, lists and tables); raise ArtifactError with the field for a wrong value."""
     check_plain(content)
     try:
-        card = Card.model_validate(content)
-    except ValidationError as error:
-        raise ArtifactError(explain(error)) from None
+        card = Card(**content)
+    except SceneError as error:
+        raise ArtifactError(str(error)) from None
     if card.schema_version > OLDEST_SCHEMA and card.digest is None:
         raise ArtifactError("digest: is missing")
     return card

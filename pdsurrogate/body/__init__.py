@@ -6,25 +6,3 @@ from .division import HALO, divided, rows_of
 from .ghosts import Ghosts, ReflectionPlane
 from .local_fit import fields_at, interpolation
 from .surface import Following, Surface, encloses
-
-__all__ = [
-    "HALO",
-    "MOST_BONDS",
-    "MOST_POINTS",
-    "WEIGHT_FUNCTIONS",
-    "Body",
-    "Bonds",
-    "CellMesh",
-    "Cells",
-    "Following",
-    "Ghosts",
-    "ReflectionPlane",
-    "Surface",
-    "WeightFunction",
-    "divided",
-    "encloses",
-    "fields_at",
-    "grid",
-    "interpolation",
-    "rows_of",
-]

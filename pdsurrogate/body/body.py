@@ -126,7 +126,7 @@ class Body:
         if self.weight not in WEIGHT_FUNCTIONS:
             raise ValueError(f"unknown weight function {self.weight!r}; there are {', '.join(WEIGHT_FUNCTIONS)}")
         if self.cell is None and self.mesh_cells is None:  # those of a grid or a mesh lie apart
-            _check_apart(points, COINCIDING * self.horizon)
+            _check_apart(cKDTree(points), COINCIDING * self.horizon)
         object.__setattr__(self, "points", points)
         if self.share is None:
             object.__setattr__(self, "share", Share.whole(len(points)))
@@ -304,10 +304,6 @@ def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.nda
     return np.bincount(first, values, n) + sign * np.bincount(second[within], values[within], n)
 
 
-MOST_TOGETHER = 1_000_000
-"""Number of bonds whose lengths are computed at a time, which bounds the memory for them."""
-
-
 @dataclass(frozen=True)
 class Bonds:
     """Bonds of a body: neighbour lists of all points (directed bonds), and a list of pairs.
@@ -366,7 +362,9 @@ class Bonds:
                 "take a smaller horizon"
             )
         # The tolerance includes points at exactly the horizon, whose computed distance may exceed it by rounding.
-        pairs = cKDTree(points).query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")
+        tree = cKDTree(points)
+        _check_apart(tree, COINCIDING * body.horizon)
+        pairs = tree.query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")
         # Sorting one number per pair is five times as fast as sorting two.
         one, other = pairs.T
         keys = np.minimum(one, other) * len(points) + np.maximum(one, other)
@@ -382,12 +380,6 @@ class Bonds:
             first, second = first[~separated], second[~separated]
         if len(first) == 0:
             raise ValueError(f"the horizon {body.horizon:g} reaches no neighbour; the spacing is {body.spacing:g}")
-        for begin in range(0, len(first), MOST_TOGETHER):
-            some = slice(begin, begin + MOST_TOGETHER)
-            length = np.linalg.norm(points[second[some]] - points[first[some]], axis=1)
-            if length.min() < COINCIDING * body.horizon:
-                i, j = first[some][length.argmin()], second[some][length.argmin()]
-                raise ValueError(f"points {i} and {j} coincide at {points[i]}")
         numbers = np.arange(len(first), dtype=np.uint32)
 
         within = np.flatnonzero(second < n).astype(np.uint32)
@@ -416,15 +408,13 @@ def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
 
 
-def _check_apart(points: np.ndarray, least: float) -> None:
-    """Raise ValueError if two of the points (n, d) are nearer to each other than `least`."""
-    if len(points) == 1:
-        return
-    distances, numbers = cKDTree(points).query(points, k=2)
+def _check_apart(points: cKDTree, least: float) -> None:
+    """Raise ValueError if two points are nearer to each other than `least`."""
+    distances, numbers = points.query(points.data, k=2, distance_upper_bound=least)
     nearest = int(distances[:, 1].argmin())
-    if distances[nearest, 1] < least:
+    if np.isfinite(distances[nearest, 1]):
         other = next(int(number) for number in numbers[nearest] if number != nearest)
-        raise ValueError(f"points {nearest} and {other} coincide at {points[nearest]}")
+        raise ValueError(f"points {nearest} and {other} coincide at {points.data[nearest]}")
 
 
 def _check_distance_of_planes(body: Body) -> None:

@@ -86,10 +86,9 @@ class Ghosts:
         Raise ValueError if points lie beyond a plane, or if a plane belongs to another dimension.
         """
         n, dimension = points.shape
-        source, places = np.arange(n), points
-        parity, reflection = np.ones((2, n, dimension))
-        number, lever = np.full(n, -1), np.zeros((n, len(planes), dimension))
-        axes, image, parent = np.full(n, -1), np.zeros(n, dtype=np.int64), np.arange(n)
+        source, places, number, image, parent = np.arange(n), points, np.full(n, -1), np.zeros(n, dtype=np.int64), np.arange(n)
+        parity, reflection, lever = np.ones((n, dimension)), np.ones((n, dimension)), np.zeros((n, len(planes), dimension))
+        axes = np.array([*(plane.axis for plane in planes), -1])  # of the plane of each image; -1 for the points
         for added, plane in enumerate(planes):
             if len(plane.parity) != dimension:
                 raise ValueError(f"the parity of a plane must be given for {dimension} components, not {plane.parity}")
@@ -97,30 +96,18 @@ class Ghosts:
             if inward[:n].min() < 0:
                 raise ValueError(f"points lie beyond the plane x{plane.axis + 1} = {plane.position:g} in which they would be reflected")
             # Images of images in two parallel planes are farther away than a horizon, as the body is at least that long.
-            near = np.flatnonzero((inward <= horizon * (1 + 1e-9)) & (axes != plane.axis))
+            near = np.flatnonzero((inward <= horizon * (1 + 1e-9)) & (axes[number] != plane.axis))
             images, own = places[near].copy(), np.asarray(plane.parity, float)
             images[:, plane.axis] = 2 * plane.position - images[:, plane.axis]
             flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
             carried = own * lever[near]
             carried[:, added] += 1 - own
-            held = source, places, parity, reflection, number, lever, axes, image, parent
-            joined = source[near], images, own * parity[near], flip * reflection[near], np.full(len(near), added), carried
-            joined += np.full(len(near), plane.axis), image[near] + 2**added, near  # an image's number is a sum over its planes
-            source, places, parity, reflection, number, lever, axes, image, parent = map(np.concatenate, zip(held, joined, strict=True))
-        parity, reflection = np.ascontiguousarray(parity[n:]), np.ascontiguousarray(reflection[n:])
-        return cls(
-            source[n:].astype(np.uint32),
-            np.ascontiguousarray(places[n:]),
-            parity,
-            reflection,
-            number[n:].astype(np.int64),
-            image[n:],
-            np.ascontiguousarray(lever[n:]),
-            parity,
-            reflection,
-            parent[n:].astype(np.int64),
-            planes,
-        )
+            held = source, places, number, image, parent, parity, reflection, lever
+            joined = source[near], images, np.full(len(near), added), image[near] + 2**added, near  # an image's number sums its planes
+            joined += own * parity[near], flip * reflection[near], carried
+            source, places, number, image, parent, parity, reflection, lever = map(np.concatenate, zip(held, joined, strict=True))
+        made = (source.astype(np.uint32), places, parity, reflection, number, image, lever, parity, reflection, parent)
+        return cls(*(np.ascontiguousarray(each[n:]) for each in made), planes)
 
     def __len__(self) -> int:
         return len(self.source)

@@ -141,20 +141,16 @@ def _polynomials(
     far = distance > OUTSIDE * body.cell.max()
     if far.any():
         place = int(np.argmax(distance))
-        raise ValueError(
-            f"{_text(places[place])} lies outside the body; its nearest point is {nearest[place]} at {_text(body.points[nearest[place]])}, "
-            f"{distance[place]:.3g} away"
-        )
+        near = f"its nearest point is {nearest[place]} at {text_of(body.points[nearest[place]])}, {distance[place]:.3g} away"
+        raise ValueError(f"{text_of(places[place])} lies outside the body; {near}")
     own = None if portion_of is None else portion_of[nearest]
     quadratic = _Surroundings(body, places, mirrors=mirrors).of(portion_of, own).fit(2)
     rest = np.flatnonzero(empty_rows(quadratic[0]))
     linear = _Surroundings(body, places[rest], mirrors=mirrors).of(portion_of, None if own is None else own[rest]).fit(1)
     lost = empty_rows(linear[0])
     if lost.any():
-        raise ValueError(
-            f"{_text(places[rest[lost.argmax()]])}: the deformation there is undefined, since the points near it, no hole or cut between, "
-            f"are fewer than {too_few(body)}; take {body.finer}"
-        )
+        few = f"the points near it, no hole or cut between, are fewer than {too_few(body)}"
+        raise ValueError(f"{text_of(places[rest[lost.argmax()]])}: the deformation there is undefined, since {few}; take {body.finer}")
     return [_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True)]
 
 
@@ -324,5 +320,6 @@ class _Surroundings:
         return rows(0), *(rows(1 + axis) / self.reach for axis in range(dimension))
 
 
-def _text(place: np.ndarray) -> str:
+def text_of(place: np.ndarray) -> str:
+    """Return the coordinates of a place as text for messages."""
     return f"({', '.join(f'{coordinate:.4g}' for coordinate in place)})"

@@ -3,5 +3,3 @@
 from .points import discretise, grip_areas
 from .size import check_size, memory_here
 from .surfaces import surface_of
-
-__all__ = ["check_size", "discretise", "grip_areas", "memory_here", "surface_of"]

@@ -4,13 +4,20 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..body import encloses
-from .places import same_places
+from ..ranks.share import connected
 
 ROUNDING = 1e-9
 """Distance, divided by the extent of a body, within which places coincide."""
 
 BESIDE = 1e-6
 """Distance from a facet, divided by the extent of a body, of the places that decide on which side of it there is material."""
+
+
+def same_places(places: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return for each place (k, d) the number of the first place that coincides with it, directly or through others, within a tolerance."""
+    _, labels = connected(len(places), *cKDTree(places).query_pairs(tolerance, output_type="ndarray").T)
+    _, first = np.unique(labels, return_index=True)
+    return first[labels]
 
 
 def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -8,17 +8,14 @@ from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from ..body import CellMesh
 from ..body.cell_mesh import FACES, side_numbers
 from ..scenes import Mesh
-from .places import same_places
+from .chains import same_places
 
 CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
 """Accepted types of cells by dimension, by their names in meshio."""
@@ -256,43 +253,3 @@ def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if cells.shape[1:] == (4, 2) and ((volumes.prod(axis=1) < 0) & (volumes_of(np.roll(cells, 1, axis=1)).prod(axis=1) < 0)).any():
         raise ValueError("body.file: the sides of a quadrilateral cross each other; its corners must be in order around it")
     return (volumes[..., None] * simplices_of(cells).mean(axis=2)).sum(axis=1) / volume[:, None], np.abs(volume)
-
-
-SECTIONS = {
-    2: ((1, ((0, 1), (0, 2))), (2, ((2, 0), (2, 1)))),
-    3: ((1, ((0, 1), (0, 2), (0, 3))), (3, ((3, 0), (3, 1), (3, 2))), (2, ((0, 2), (0, 3), (1, 3), (1, 2)))),
-}
-"""Edges of triangles and tetrahedra that a cut crosses, by the dimension and the number of corners below; corners rise in height."""
-
-
-def section_area(cells: np.ndarray, axis: int, position: float) -> float:
-    """Return the area (length in the plane) of the section of cells by the plane on which coordinate `axis` equals `position`."""
-    dimension, heights = cells.shape[2], cells[..., axis] - position
-    parts = simplices_of(cells[(heights.min(axis=1) <= 0) & (heights.max(axis=1) > 0)]).reshape(-1, dimension + 1, dimension)
-    heights = parts[..., axis] - position
-    order = np.argsort(heights, axis=1)
-    parts, heights = np.take_along_axis(parts, order[..., None], axis=1), np.take_along_axis(heights, order, axis=1)
-    below = (heights <= 0).sum(axis=1)
-
-    def crossing(chosen: np.ndarray, one: int, other: int) -> np.ndarray:
-        low, high = heights[chosen, one], heights[chosen, other]
-        share = (low / (low - high))[:, None]
-        return parts[chosen, one] + share * (parts[chosen, other] - parts[chosen, one])
-
-    area = 0.0
-    for count, edges in SECTIONS[dimension]:
-        chosen = np.flatnonzero(below == count)
-        first, *others = (crossing(chosen, *edge) for edge in edges)
-        sides = [place - first for place in others]
-        sizes = sides[0] if dimension == 2 else sum(np.cross(one, other) for one, other in pairwise(sides)) / 2
-        area += float(np.linalg.norm(sizes, axis=1).sum())
-    return area
-
-
-def loops_of(corners: np.ndarray) -> np.ndarray:
-    """Return for each side, given by its corners (b, corners), the number of the connected polygon or surface that contains it."""
-    names, compact = np.unique(corners, return_inverse=True)
-    compact = compact.reshape(corners.shape)
-    pairs = np.concatenate([compact[:, [0, other]] for other in range(1, corners.shape[1])])
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(names), len(names)))
-    return connected_components(graph, directed=False)[1][compact[:, 0]]

@@ -28,38 +28,27 @@ def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
     return tuple(component for component in range(dimension) if entry.rotation is not None or entry.displacement[component] is not None)
 
 
-def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, tuple[int, ...]]:
-    """Return the edges of a scene that reflection planes hold, each with the numbers of the entries of `prescribed` that hold it.
+def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, set[int]]:
+    """Return the edges of a scene that reflection planes hold, each with the displacement components that are held there, 0 for x1.
 
-    Reflection holds an edge if an entry names it as a whole, or by the group of a mesh that is all of it, and its normal component is
-    prescribed, alone or as part of a rotation.  All other edges hold their outermost points.
+    Reflection holds the edges of grips, and an edge that entries of `prescribed` name as a whole, or by the group of a mesh that is all of
+    it, if they prescribe its normal component, alone or as part of a rotation.  All other edges hold their outermost points.
     """
     if scene.support != "reflected":
         return {}
-    named: dict[str, list[int]] = {}
-    for number, entry in enumerate(scene.prescribed):
+    every = range(scene.dimension)
+    held = {grip.edge: {EDGES[grip.edge][0]} if grip.holds == "normal" else set(every) for grip in scene.grips}
+    for entry in scene.prescribed:
         edge = whole_edge(scene, entry.region, faces)
         if edge is not None:
-            named.setdefault(edge, []).append(number)
-    reflected = {}
-    for edge, numbers in named.items():
-        entries = [scene.prescribed[number] for number in numbers]
-        held = {component for entry in entries for component in prescribed_components(entry, scene.dimension)}
-        if EDGES[edge][0] in held:
-            reflected[edge] = tuple(numbers)
-    return reflected
+            held.setdefault(edge, set()).update(prescribed_components(entry, scene.dimension))
+    return {edge: components for edge, components in held.items() if EDGES[edge][0] in components}
 
 
 def reflection_planes(scene: Scene, lower, upper, faces: Mapping[str, str]) -> tuple[ReflectionPlane, ...]:
-    """Return the reflection planes at the grips and the `reflected_edges` of a scene; none if the scene holds points instead."""
-    if scene.support != "reflected":
-        return ()
-    held = {grip.edge: (EDGES[grip.edge][0],) if grip.holds == "normal" else tuple(range(scene.dimension)) for grip in scene.grips}
-    for edge, numbers in reflected_edges(scene, faces).items():
-        entries = [scene.prescribed[number] for number in numbers]
-        held[edge] = tuple({component for entry in entries for component in prescribed_components(entry, scene.dimension)})
+    """Return the reflection planes at the `reflected_edges` of a scene."""
     planes = []
-    for edge, components in held.items():
+    for edge, components in reflected_edges(scene, faces).items():
         axis, side = EDGES[edge]
         parity = tuple(-1 if component in components else 1 for component in range(scene.dimension))
         planes.append(ReflectionPlane(axis, (lower, upper)[side > 0][axis], side, parity))

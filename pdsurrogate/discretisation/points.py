@@ -14,7 +14,7 @@ from ..scenes import Box, Circle, Ellipse, Mesh, Rectangle, Scene, SceneError, S
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from ..scenes.solids import Prism
-from .meshes import centroids, mesh_of, section_area
+from .meshes import Sides, mesh_of
 from .planes import reflected_edges, reflection_planes
 
 RASTER = 16
@@ -75,7 +75,7 @@ def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
         If the spacing does not fit the body, the holes leave nothing of it, or a hole or precut misses it.
     """
     try:
-        points, volumes, spacing, cell, lower, upper, groups = _points_of(scene)
+        points, volumes, spacing, cell, lower, upper, groups, mesh_cells = _points_of(scene)
         faces = faces_of_groups(scene, lower, upper)
         planes = reflection_planes(scene, lower, upper, faces)
         # Measured by the smaller side, a horizon takes in the same neighbours as with squares where the sides differ by little: by the
@@ -83,7 +83,7 @@ def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
         # large again.
         horizon = scene.horizon_ratio * (spacing if isinstance(scene.body, Mesh) else min(cell))
         cuts = _cuts(scene, horizon, cell, lower, upper)
-        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups, _mesh_cells(scene), faces)
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups, mesh_cells, faces)
         if part_of is not None:
             body = part_of(body)
         _check_precuts(scene, body)
@@ -106,22 +106,16 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
     SceneError
         If the body has no straight edge or flat face at such an end, or no material there.
     """
-    areas, cells, faces = {}, None, {}
-    if isinstance(scene.body, Mesh):
-        cells = [block[_outside_holes(scene, centroids(block)[0])] for block in mesh_of(scene.body).corners()]
-        faces = faces_of_groups(scene, lower, upper)
-
-    def cut(axis: int, position: float) -> float:
-        if cells is not None:
-            return sum(section_area(block, axis, position) for block in cells)
-        return _section_inside(scene, axis, position, lower, upper)
-
+    areas, faces = {}, faces_of_groups(scene, lower, upper)
     for edge in [grip.edge for grip in scene.grips] or reflected_edges(scene, faces):
-        axis, side = EDGES[edge]
-        shift = CUT_SHIFT * (upper - lower).max()
-        near, far = (cut(axis, (lower, upper)[side > 0][axis] - side * times * shift) for times in (1, 2))
-        # Linear in the distance below a straight edge; below a round or a pointed end all of it is due to the distance.
-        areas[edge] = 2 * near - far
+        if isinstance(scene.body, Mesh):
+            areas[edge], near = _area_of_sides(scene, edge, lower, upper), 0.0
+        else:
+            axis, side = EDGES[edge]
+            shifts = side * CUT_SHIFT * (upper - lower).max() * np.array([1, 2])
+            near, far = (_section_inside(scene, axis, (lower, upper)[side > 0][axis] - shift, lower, upper) for shift in shifts)
+            # Linear in the distance below a straight edge; below a round or a pointed end all of it is due to the distance.
+            areas[edge] = 2 * near - far
         if not areas[edge] > 0.9 * near:
             key = "grips" if scene.grips else "prescribed"
             raise SceneError(f"scene {scene.name}: {key}: the body has no straight edge with material at its {edge} end to be held by")
@@ -135,40 +129,29 @@ def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray,
         return float(np.prod((upper - lower)[others]))
     low, high = lower[others[0]], upper[others[0]]
     count = int(np.ceil(RASTER * (high - low) / scene.spacing))
+    # A round body may end between the last place of the raster and the end of its box.
+    asked = np.concatenate([[low], low + (high - low) * (np.arange(count) + 0.5) / count, [high]])
+
+    def inside(along: np.ndarray, strips: np.ndarray) -> np.ndarray:
+        places = np.empty((len(along), scene.dimension))
+        places[:, axis], places[:, others[0]], places[:, others[1:]] = position, along, strips
+        return material_at(scene, places)
 
     def lengths(strips: np.ndarray) -> np.ndarray:
         """Return the length of material on parallel lines of the section, one for a row of `strips`: its third coordinate, none in 2D."""
-
-        def inside(along: np.ndarray, line: np.ndarray) -> np.ndarray:
-            places = np.empty((len(along), scene.dimension))
-            places[:, axis], places[:, others[0]], places[:, others[1:]] = position, along, strips[line]
-            return material_at(scene, places)
-
-        return _lengths_inside(inside, low, high, count, len(strips))
+        there = inside(np.tile(asked, len(strips)), np.repeat(strips, len(asked), axis=0)).reshape(len(strips), -1)
+        line, ends = np.nonzero(there[:, 1:] != there[:, :-1])
+        starts, stops, before = asked[ends], asked[ends + 1], there[line, ends]
+        for _ in range(50):  # bisection, to rounding
+            halves = (starts + stops) / 2
+            same = inside(halves, strips[line]) == before
+            starts, stops = np.where(same, halves, starts), np.where(same, stops, halves)
+        found = np.bincount(line, np.where(before, stops, -stops), len(strips))
+        return found + np.where(there[:, -1], high, 0) - np.where(there[:, 0], low, 0)
 
     if scene.dimension == 2:
         return float(lengths(np.zeros((1, 0)))[0])
     return _integral(lambda strips: lengths(strips[:, None]), lower[others[1]], upper[others[1]])
-
-
-def _lengths_inside(inside, low: float, high: float, count: int, lines: int) -> np.ndarray:
-    """Return the length of material between coordinates `low` and `high` on each of several lines; `inside(along, line)` marks material."""
-    asked = low + (high - low) * (np.arange(count) + 0.5) / count
-    if lines > 1:  # among them are some that a round body ends on between the last place and the end of its box
-        asked = np.concatenate([[low], asked, [high]])
-    there = inside(np.tile(asked, lines), np.repeat(np.arange(lines), len(asked))).reshape(lines, -1)
-    line, ends = np.nonzero(there[:, 1:] != there[:, :-1])
-    starts, stops, before = asked[ends], asked[ends + 1], there[line, ends]
-    for _ in range(50):  # bisection, to rounding
-        halves = (starts + stops) / 2
-        same = inside(halves, line) == before
-        starts, stops = np.where(same, halves, starts), np.where(same, stops, halves)
-    found = np.empty(lines)
-    last = np.searchsorted(line, np.arange(1, lines))
-    for number, (bounds, ending) in enumerate(zip(np.split((starts + stops) / 2, last), np.split(before, last), strict=True)):
-        pieces = np.diff(np.concatenate([[low], bounds, [high]]))
-        found[number] = pieces[np.concatenate([[there[number, 0]], ~ending])].sum()
-    return found
 
 
 def _integral(values, low: float, high: float) -> float:
@@ -197,7 +180,7 @@ def _integral(values, low: float, high: float) -> float:
 
 
 def _points_of(scene: Scene):
-    """Return points and volumes of the body of a scene, spacing, sides of a cell, lower and upper corner of the box, and point groups."""
+    """Return the points and volumes of a scene's body, its spacing, cell sides, lower and upper corner, point groups, and mesh cells."""
     if isinstance(scene.body, Mesh):
         mesh = mesh_of(scene.body)
         cells = mesh.corners()
@@ -213,14 +196,15 @@ def _points_of(scene: Scene):
                 f"scene {scene.name}: spacing: {scene.spacing:g} is not taken; the mesh has its own, {spacing:.4g}: leave spacing out",
                 stacklevel=5,
             )
-        return points[kept], volumes[kept], spacing, (cell,) * scene.dimension, corners.min(axis=0), corners.max(axis=0), groups
+        of_mesh = corners.min(axis=0), corners.max(axis=0), groups, CellMesh.of_mesh(mesh.nodes, mesh.cells, kept)
+        return points[kept], volumes[kept], spacing, (cell,) * scene.dimension, *of_mesh
     lower, upper = scene.body.bounds()
     cells = Cells.filling(lower, upper, scene.spacing)
     points = cells.centres()
     if isinstance(scene.body, Rectangle | Box) and not scene.holes:
-        return points, np.full(len(points), cells.volume), cells.spacing, cells.sides, lower, upper, {}
+        return points, np.full(len(points), cells.volume), cells.spacing, cells.sides, lower, upper, {}, None
     kept = _in_material(scene, points, _within_outline(scene, points))
-    return *_material_of_cells(points, kept, cells, partial(material_at, scene)), cells.spacing, cells.sides, lower, upper, {}
+    return *_material_of_cells(points, kept, cells, partial(material_at, scene)), cells.spacing, cells.sides, lower, upper, {}, None
 
 
 def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray) -> tuple[float, float]:
@@ -239,23 +223,35 @@ def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[
     mesh = mesh_of(scene.body) if isinstance(scene.body, Mesh) and scene.prescribed else None
     if mesh is None or not mesh.side_groups:
         return {}
-    sides = mesh.sides()
-    outer, _ = sides.boundary(_outside_holes(scene, mesh.centroids()[0]))
-    places, found = mesh.nodes[sides.corners[outer]], {}
-    members = {name: sides.among(corners)[outer] for name, corners in mesh.side_groups.items()}
+    sides, outer, places = _outer_sides(scene)
+    members, found = {name: sides.among(corners)[outer] for name, corners in mesh.side_groups.items()}, {}
     for edge in edge_names(scene.dimension):
-        axis, side = EDGES[edge]
-        flat = (np.abs(places[..., axis] - (lower, upper)[side > 0][axis]) <= CUT_SHIFT * (upper - lower).max()).all(axis=1)
+        flat = _on_edge(places, edge, lower, upper)
         found |= {name: edge for name, inside in members.items() if flat.any() and (inside == flat).all()}
     return found
 
 
-def _mesh_cells(scene: Scene) -> CellMesh | None:
-    """Return the cells outside holes of a scene's mesh, one for each point; None if the points lie on a lattice."""
-    if not isinstance(scene.body, Mesh):
-        return None
+def _area_of_sides(scene: Scene, edge: str, lower: np.ndarray, upper: np.ndarray) -> float:
+    """Return the area (in the plane the length) of the sides of a mesh's cells that lie on an edge of the bounding box."""
+    _, _, corners = _outer_sides(scene)
+    corners = corners[_on_edge(corners, edge, lower, upper)]
+    diagonals = corners[:, corners.shape[1] // 2 :] - corners[:, : corners.shape[1] // 2]
+    vectors = diagonals[:, 0] if scene.dimension == 2 else np.cross(diagonals[:, 0], diagonals[:, 1]) / 2
+    return float(np.linalg.norm(vectors, axis=1).sum())
+
+
+def _outer_sides(scene: Scene) -> tuple[Sides, np.ndarray, np.ndarray]:
+    """Return the sides of a mesh's cells, the numbers of those on the boundary outside holes, and the positions of their corners."""
     mesh = mesh_of(scene.body)
-    return CellMesh.of_mesh(mesh.nodes, mesh.cells, _outside_holes(scene, mesh.centroids()[0]))
+    sides = mesh.sides()
+    outer, _ = sides.boundary(_outside_holes(scene, mesh.centroids()[0]))
+    return sides, outer, mesh.nodes[sides.corners[outer]]
+
+
+def _on_edge(places: np.ndarray, edge: str, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Return flags of the sides, given by the positions of their corners, shape (s, corners, d), that lie on an edge of the box."""
+    axis, side = EDGES[edge]
+    return (np.abs(places[..., axis] - (lower, upper)[side > 0][axis]) <= CUT_SHIFT * (upper - lower).max()).all(axis=1)
 
 
 def _within_outline(scene: Scene, places: np.ndarray) -> np.ndarray:

@@ -16,8 +16,7 @@ from ..body import Surface, encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
 from ..scenes.shapes import Outline
 from ..scenes.solids import Prism, Solid, Straight
-from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
-from .places import same_places
+from .chains import BESIDE, ROUNDING, between_material_and_none, pieces, same_places
 
 AWAY = 0.6
 """Distance, in cells, from the boundary of a section within which a cap has no nodes other than those on the boundary."""

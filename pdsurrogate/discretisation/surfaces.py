@@ -9,11 +9,12 @@ import numpy as np
 from ..body import Body, Following, Surface
 from ..body.cell_mesh import side_numbers
 from ..body.local_fit import boundary_rows
+from ..ranks.share import connected
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
-from .meshes import loops_of, mesh_of
+from .meshes import mesh_of
 from .solid_surfaces import boundary_of_solids, quarters
 
 EDGE = 0.8
@@ -113,7 +114,7 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
     outer, beyond = sides.boundary(hole < 0)
     facets, owners = sides.corners[outer], sides.owners[outer]
     parts = np.where(beyond < 0, "outline", np.char.add("holes.", hole[beyond].astype(str)))
-    loop = loops_of(facets)
+    loop = connected(len(mesh.nodes), np.repeat(facets[:, 0], facets.shape[1] - 1), facets[:, 1:].ravel())[1][facets[:, 0]]
     first = mesh.nodes[facets[:, 0]]
     if scene.dimension == 2:
         second = mesh.nodes[facets[:, 1]]

@@ -2,5 +2,3 @@
 
 from .problem import Problem, compile_scene
 from .programme import Stage
-
-__all__ = ["Problem", "Stage", "compile_scene"]

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..body import Body, ReflectionPlane
+from ..body.local_fit import text_of
 from ..forces import InvalidState
 from ..scenes import Load, Scene
 from ..scenes.amplitudes import amplitude_of
@@ -18,7 +19,7 @@ from ..solvers.increments import Motion
 from ..solvers.loads import DeadLoad, Loads, Pressure
 from ..solvers.rigid import rigid_motions
 from .programme import Prescription, Stage
-from .regions import BodyRegions, text_of
+from .regions import BodyRegions
 
 RIGID = 1e3
 """Stiffness of rigid regions over that of the rest of the body in a first guess; the guess is then moved until they are rigid."""
@@ -214,13 +215,13 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
         speed = _greatest_speed(loading, motion)
         if speed <= wave:
             continue
-        if stage.pace == "stretch_rate":
+        if stage.inertia.pace == "stretch_rate":
             what, slowest = "the grips", f"the greatest rate is {motion.rate * wave / speed:.4g}"
         else:
             what, least = "parts that are held", units.amount(motion.duration * speed / wave, "time", ".4g")
             slowest = f"the least duration is {least}"
         apart = f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}"
-        raise ValueError(f"{stage.key}.{stage.pace}: {apart}; {slowest}")
+        raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
 
 
 def _greatest_speed(loading: Loading, motion: Motion) -> float:

@@ -8,11 +8,12 @@ import numpy as np
 
 from .. import artifacts
 from ..body import Body
+from ..body.local_fit import text_of
 from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
 from ..scenes import Part, Scene, SceneError
 from ..scenes.tip_diameter import tip_diameter
-from .regions import BodyRegions, text_of
+from .regions import BodyRegions
 
 LEAST_CELLS = 3
 """Thickness in cells of a region of one material below which the run warns: at a horizon of 3.15 cells bonds reach through the region."""

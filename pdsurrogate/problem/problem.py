@@ -7,12 +7,13 @@ from functools import cached_property
 import numpy as np
 
 from ..body import HALO, Body, Surface, divided
+from ..body.local_fit import text_of
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interfaces import SIGHT
 from ..materials import Law
 from ..ranks import ALONE, Communicator
-from ..scenes import Mesh, Part, Scene, SolverSpec, Units
+from ..scenes import Part, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
@@ -22,7 +23,7 @@ from .conditions import check_speeds, conditions_of, loads_of
 from .fracture import critical_stretch_in
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .programme import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
-from .regions import BodyRegions, text_of
+from .regions import BodyRegions
 
 
 @dataclass(frozen=True)
@@ -69,26 +70,6 @@ class Problem:
     measures: Measures
     critical_stretch: float | None
 
-    @property
-    def name(self) -> str:
-        """Return the name of the scene."""
-        return self.scene.name
-
-    @property
-    def units(self) -> Units:
-        """Return the names of the units of the scene."""
-        return self.scene.units
-
-    @property
-    def solver(self) -> SolverSpec:
-        """Return the scene's settings of the solver for equilibrium."""
-        return self.scene.solver
-
-    @property
-    def meshed(self) -> bool:
-        """Return whether the body is read from a mesh file."""
-        return isinstance(self.scene.body, Mesh)
-
     @cached_property
     def law(self) -> Law:
         """Return the material law of the body, except in regions of other materials."""
@@ -98,7 +79,7 @@ class Problem:
         """Return the entries of a run's summary that follow from the scene alone."""
         units = self.scene.units
         return {
-            "scene": self.name,
+            "scene": self.scene.name,
             "material": self.law.describe(),
             "support": self.scene.support,
             "units": {**units.model_dump(), "force": units.force, "energy": units.energy},

@@ -9,9 +9,8 @@ import numpy as np
 
 from ..discretisation.planes import prescribed_components
 from ..forces import InvalidState
-from ..scenes import Rectangle, Region, Scene
+from ..scenes import Dynamics, Rectangle, Region, Scene, StepDynamics
 from ..scenes.amplitudes import amplitude_of
-from ..scenes.loading import DynamicsSettings, StepDynamics
 from ..scenes.model import EDGES
 from ..scenes.references import reference_level
 from ..solvers.held import Held
@@ -32,8 +31,8 @@ class Stage:
         Number of states to record, evenly spaced, the last one at the end of the stage.
     largest_increment : float or None
         Greatest increment of the parameter between two equilibria; None where the first guess determines it.
-    inertia : DynamicsSettings or None
-        The scene's settings of the dynamics; None for a stage in equilibrium.
+    inertia : Dynamics or StepDynamics or None
+        Settings of the scene for a stage in dynamics; None for a stage in equilibrium.
     key : str
         Key of these settings in the scene.
     """
@@ -41,18 +40,13 @@ class Stage:
     to: float
     outputs: int
     largest_increment: float | None
-    inertia: DynamicsSettings | None
+    inertia: Dynamics | StepDynamics | None
     key: str = "dynamics"
-
-    @property
-    def pace(self) -> str:
-        """Return the name of the setting, within the scene's table `key`, that sets how fast the loading parameter changes."""
-        return "duration" if isinstance(self.inertia, StepDynamics) else "stretch_rate"
 
     def motion(self, begin: float) -> Motion:
         """Return the loading parameter as a function of time in dynamics, from the value `begin` to the end of the stage."""
-        pace, change = getattr(self.inertia, self.pace), self.to - begin
-        rate, duration = (change / pace, pace) if self.pace == "duration" else (pace, change / pace)
+        pace, change = getattr(self.inertia, self.inertia.pace), self.to - begin
+        rate, duration = (change / pace, pace) if self.inertia.pace == "duration" else (pace, change / pace)
         return Motion(begin, self.to, rate, duration)
 
 
@@ -63,7 +57,7 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
             Stage(step.to, step.outputs, step.largest_increment, step.dynamics, f"steps.{number}.dynamics")
             for number, step in enumerate(scene.steps)
         )
-    stages = [Stage(stretch, 1, scene.solver.largest_increment, None) for stretch in scene.stretches]
+    stages = [Stage(stretch, 1, scene.solver.largest_increment, None, "stretches") for stretch in scene.stretches]
     if scene.dynamics is not None:
         stages.append(Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, scene.dynamics))
     return tuple(stages)

@@ -3,13 +3,12 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..body import Body, Surface
-from ..body.local_fit import too_few
+from ..body.local_fit import text_of, too_few
 from ..discretisation.planes import whole_edge
 from ..scenes import Region, Scene
 from ..scenes.model import EDGES
@@ -39,26 +38,17 @@ ALIKE = 1e-3
 Such points lie on either side of an axis of symmetry, where a support at one of the points alone would turn the body."""
 
 
-class Found(NamedTuple):
-    """Result of a search for the points or facets in a region: which are inside, and the distance of each, infinite if undefined."""
-
-    inside: np.ndarray
-    distance: np.ndarray
-
-
 class _Parts:
-    """Base class of the things that regions contain, each with a place: the points of a body, or the facets of its boundary."""
+    """Base class of the things that regions contain, each with a place: the points of a body, or the facets of its boundary.
+
+    A search for those in a region returns the distance of each from it: 0 for those that are in it, infinite if undefined.
+    """
 
     def __init__(self, regions: "BodyRegions", places: np.ndarray, groups: Mapping[str, np.ndarray]) -> None:
         self.body, self.surface, self.places, self.groups = regions.body, regions.surface, places, groups
-        self._corners = {-1: regions.lower, 1: regions.upper}
+        self.corners = regions.lower, regions.upper
 
-    def from_edge(self, name: str) -> np.ndarray:
-        """Return the distance of every point or facet from an edge or face of the bounding box, positive inside."""
-        axis, side = EDGES[name]
-        return -side * (self.places[:, axis] - self._corners[side][axis])
-
-    def group(self, name: str) -> Found:
+    def group(self, name: str) -> np.ndarray:
         """Return the points or facets in a physical group of the mesh file."""
         if not self.groups:
             raise ValueError(f"there is no group {name!r}: the body is of no mesh with physical groups of cells or lines")
@@ -66,11 +56,11 @@ class _Parts:
             raise ValueError(f"the mesh has no group {name!r}; {suggestion(name, self.groups, 'it has')}")
         return self.numbered(self.groups[name])
 
-    def numbered(self, numbers: np.ndarray) -> Found:
-        """Return the points or facets with the given numbers, as the result of a search."""
-        inside = np.zeros(len(self.places), dtype=bool)
-        inside[numbers] = True
-        return Found(inside, np.where(inside, 0.0, np.inf))
+    def numbered(self, numbers: np.ndarray) -> np.ndarray:
+        """Return the result of a search that found the points or facets with the given numbers."""
+        distance = np.full(len(self.places), np.inf)
+        distance[numbers] = 0.0
+        return distance
 
 
 class _Points(_Parts):
@@ -81,16 +71,17 @@ class _Points(_Parts):
     def describe(self, number: int) -> str:
         return f"point {number} at {text_of(self.places[number])}"
 
-    def edge(self, name: str) -> Found:
-        distance = self.from_edge(name)
-        return Found(distance < LAYER * self.body.cell[EDGES[name][0]], distance)
+    def edge(self, name: str) -> np.ndarray:
+        axis, side = EDGES[name]
+        distance = side * (self.corners[side > 0][axis] - self.places[:, axis])
+        return np.where(distance < LAYER * self.body.cell[axis], 0.0, distance)
 
-    def boundary(self, name: str) -> Found:
+    def boundary(self, name: str) -> np.ndarray:
         surface, reach = self.surface(), LAYER * self.body.cell.max()
         distance = surface.distances(self.places, reach, _facets_of(surface, name))
-        return Found(distance < reach, distance)
+        return np.where(distance < reach, 0.0, distance)
 
-    def listed(self, region: Region) -> Found:
+    def listed(self, region: Region) -> np.ndarray:
         """Return the points whose numbers a region lists, or those nearest to its place `near`: several if equally near."""
         share = self.body.share
         if region.near is not None:
@@ -115,13 +106,13 @@ class _Facets(_Parts):
     def describe(self, number: int) -> str:
         return f"a facet of {self.surface().parts[number]} with its middle at {text_of(self.places[number])}"
 
-    def edge(self, name: str) -> Found:
-        return Found(self.surface().parts == name, np.abs(self.from_edge(name)))
+    def edge(self, name: str) -> np.ndarray:
+        return self.numbered(self.surface().parts == name)
 
-    def boundary(self, name: str) -> Found:
+    def boundary(self, name: str) -> np.ndarray:
         return self.numbered(_facets_of(self.surface(), name))
 
-    def listed(self, region: Region) -> Found:
+    def listed(self, region: Region) -> np.ndarray:
         key = "near" if region.points is None else "points"
         raise ValueError(f"points have no boundary for a load to act on; in the place of {key} give an edge, outline, holes or a box")
 
@@ -224,8 +215,8 @@ class BodyRegions:
 
     def _found(self, reference: str | Region, key: str | None, parts: _Points | _Facets) -> np.ndarray:
         try:
-            inside, distance = self._resolved(reference, parts)
-            numbers = np.flatnonzero(inside)
+            distance = self._resolved(reference, parts)
+            numbers = np.flatnonzero(distance == 0)
             if not self.body.share.any(len(numbers)):
                 raise ValueError(f"{parts.what}{self._nearby(reference, parts, distance)}")
         except ValueError as error:
@@ -238,19 +229,17 @@ class BodyRegions:
             reference = self._scene.regions[reference]
         return reference
 
-    def _resolved(self, reference: str | Region, parts: _Points | _Facets) -> Found:
+    def _resolved(self, reference: str | Region, parts: _Points | _Facets) -> np.ndarray:
+        """Return the distance of each of the parts from a region, 0 for those that are in it."""
         region = self._unnamed(reference)
         if isinstance(region, str):
             if region in edge_names(self._scene.dimension):
                 return parts.edge(region)
             return parts.numbered(np.arange(len(parts.places))) if region == "body" else parts.boundary(region)
         if members := [self._resolved(member, parts) for _, member in region.members()]:
-            inside, distances = zip(*members, strict=True)
-            if region.both is not None:
-                return Found(np.all(inside, axis=0), np.max(distances, axis=0))
-            if region.either is not None:
-                return Found(np.any(inside, axis=0), np.min(distances, axis=0))
-            return Found(~inside[0], np.full(len(parts.places), np.inf))
+            if region.other is not None:
+                return parts.numbered(members[0] > 0)
+            return np.min(members, axis=0) if region.both is None else np.max(members, axis=0)
         if region.edge is not None:
             return parts.edge(region.edge)
         if region.group is not None:
@@ -258,13 +247,13 @@ class BodyRegions:
         if region.points is not None or region.near is not None:
             return parts.listed(region)
         distance = _distance(region, parts.places)
-        return Found(distance <= self._tolerance, distance)
+        return np.where(distance <= self._tolerance, 0.0, distance)
 
     def _nearby(self, reference: str | Region, parts: _Points | _Facets, distance: np.ndarray) -> str:
         """Return, for the message about an empty region, which point or facet is nearest, or why there is none."""
         region = self._unnamed(reference)
         if isinstance(region, Region) and region.both is not None:
-            counts = [f"{key} {self._resolved(member, parts).inside.sum()}" for key, member in region.members()]
+            counts = [f"{key} {(self._resolved(member, parts) == 0).sum()}" for key, member in region.members()]
             return f": of {len(parts.places)} there are in {', in '.join(counts)}, and none in all of them"
         edge = self.edge(region)
         if edge is not None and parts is not self._points:
@@ -292,8 +281,3 @@ def _distance(region: Region, places: np.ndarray) -> np.ndarray:
         return np.maximum(0, np.linalg.norm(places - np.array(round_one.centre), axis=1) - round_one.radius)
     normal = np.array(side.normal)
     return np.maximum(0, (np.array(side.point) - places) @ (normal / np.linalg.norm(normal)))
-
-
-def text_of(place: np.ndarray) -> str:
-    """Return the coordinates of a place as text for messages."""
-    return f"({', '.join(f'{coordinate:.4g}' for coordinate in place)})"

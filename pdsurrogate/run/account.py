@@ -246,6 +246,6 @@ class Bookkeeping:
 
     def _words_for_gap(self, gap: float) -> str:
         put_in = max(self.account.most_put_in, self._rounding)
-        amount = self._run.problem.units.amount(put_in, "energy", ".3g")
+        amount = self._run.problem.scene.units.amount(put_in, "energy", ".3g")
         share, what = 100 * abs(gap) / put_in, "gained from nothing" if gap > 0 else "lost"
         return f"the account of energy is off by {share:.2g} %: {amount} were put in, and {abs(gap):.3g} were {what}"

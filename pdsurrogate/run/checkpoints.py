@@ -197,6 +197,6 @@ class Record:
             **({"n_steps": state.steps} if "n_steps" in self._summary else {}),
             **({"critical_stretch": run.problem.critical_stretch, "crack": state.crack} if state.crack is not None else {}),
         }
-        write_tables(run.folder, self._summary | reached, state.history, state.convergence, run.problem.units)
+        write_tables(run.folder, self._summary | reached, state.history, state.convergence, run.problem.scene.units)
         ended = time.monotonic()
         self._earliest = ended + TABLES_SHARE * (ended - began)

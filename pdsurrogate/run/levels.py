@@ -66,12 +66,12 @@ def solver_of(run: Run) -> EquilibriumSolver:
     SceneError
         If the solver does not support the run's force.
     """
-    spec = run.problem.solver
+    spec = run.problem.scene.solver
     solver = SOLVERS[spec.method]
     if solver.needs_energy and not run.loaded.has_energy:
         why = run.loaded.no_energy_because if run.force.has_energy else f"{run.model.name} has none"
         needs = f"solver.method={spec.method} needs a force that has an energy, as bond-energy does, and {why}"
-        raise SceneError(f"scene {run.problem.name}: {needs}; take another solver.method")
+        raise SceneError(f"scene {run.problem.scene.name}: {needs}; take another solver.method")
     return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.body.share)
 
 
@@ -158,7 +158,7 @@ class Equilibria:
                 patience = min(patience - taken, max(LEAST_PATIENCE, PATIENCE * np.mean(self._evaluations or 0)))
                 if isinstance(error, RanAway) and ran_away is None:
                     ran_away = error  # with short increments from just below a limit load solvers fail in other ways
-                spent = patience <= 0 or run.state.wasted >= min(MOST_WASTED, run.problem.solver.most_evaluations)
+                spent = patience <= 0 or run.state.wasted >= min(MOST_WASTED, run.problem.scene.solver.most_evaluations)
                 self._take_back(increments, error, ran_away or error, spent)
                 continue
             ran_away, patience, taken, easy = None, np.inf, run.force.evaluations - began, True
@@ -177,7 +177,7 @@ class Equilibria:
         """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations, and check it."""
         run, state, target = self.run, self.run.state, increments.target
         guess = self._best(self._course.guesses(run.positions, state.parameter, target, run.earlier), target)
-        tolerance = run.problem.solver.tolerance
+        tolerance = run.problem.scene.solver.tolerance
         if not increments.ends:
             tolerance = max(tolerance, COARSE if run.loaded.nearly_incompressible else FINE)
         start, self._iterate = guess if self._iterate is None else self._best([guess, self._iterate], target), None
@@ -235,7 +235,7 @@ class Equilibria:
         target, run.target = run.target, run.state.parameter
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
-            self._record(self._solve(run.target, run.problem.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
+            self._record(self._solve(run.target, run.problem.scene.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
         run.target = target
 
     def _solve(

@@ -110,7 +110,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
         row["rigid"] = {region.name: region.describe(run.positions, internal) for region in regions}
     if time is None:
         # A pull that rounding of the residual may show is no push.
-        least = run.problem.solver.tolerance * run.problem.law.shear_modulus * min(run.problem.measures.areas.values(), default=0.0)
+        least = run.problem.scene.solver.tolerance * run.problem.law.shear_modulus * min(run.problem.measures.areas.values(), default=0.0)
         if run.loading.course.pushes(run.loaded, least):
             row["stability"] = "checked" if run.loaded.has_energy else "not checked"
         if declared.lateral is not None:

@@ -19,7 +19,7 @@ from ..ranks import Communicator, communicator
 from ..results import measures
 from ..results.contents import contents_of
 from ..results.states import Moment, States, StatesInFiles
-from ..scenes import Scene
+from ..scenes import Mesh, Scene
 from .checkpoints import Checkpoints, Record, State
 from .damage import Damage
 from .interruption import Interruption
@@ -178,13 +178,13 @@ class Run:
         writer = self.body if self._in_pieces else self.whole
         if writer is None or self.folder is None:
             return States(moments)
-        return StatesInFiles(self.folder, self.problem.name, writer, moments)
+        return StatesInFiles(self.folder, self.problem.scene.name, writer, moments)
 
     @property
     def _in_pieces(self) -> bool:
         """Return whether every rank writes the states of its own points, as for bodies that are too large for one rank to write."""
         large = self.body.share.size > MOST_GATHERED
-        return large and self.ranks.size > 1 and self.folder is not None and not self.problem.meshed
+        return large and self.ranks.size > 1 and self.folder is not None and not isinstance(self.problem.scene.body, Mesh)
 
     def report(self, event: str, *details) -> None:
         """Call the method of `Progress` named `event` with the details, and write the tables in the folder if they are due."""

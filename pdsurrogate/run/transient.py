@@ -54,7 +54,7 @@ class Transient:
             run.force, self._hold, *at_rest, damping=spec.damping, viscosity=self.viscosity, safety=spec.safety, loads=run.loads
         )
         # A stage with a duration ends, and is recorded, exactly at that time. A stage at a rate ends at the first step past an output.
-        self._timed = stage.pace == "duration"
+        self._timed = stage.inertia.pace == "duration"
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)
         self.account = self._books.account
         self._cracks = None if run.damage is None else Cracks(run, self.integrator, self.account)
@@ -79,9 +79,9 @@ class Transient:
         if self._books.every_step and run.velocities is None:
             integrator.centre()
         if motion.duration > MOST_STEPS * integrator.time_step:
-            duration, key = run.problem.units.amount(motion.duration, "time", ".3g"), self.stage.key
+            duration, key = run.problem.scene.units.amount(motion.duration, "time", ".3g"), self.stage.key
             many = f"the dynamics take {duration} in steps of {integrator.time_step:.3g}, more than {MOST_STEPS:.0e} of them"
-            raise Diverging(f"{many}; check the units of {key}.density and {key}.{self.stage.pace}")
+            raise Diverging(f"{many}; check the units of {key}.density and {key}.{self.stage.inertia.pace}")
         run.state.dynamics.append({"step": run.state.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)
 

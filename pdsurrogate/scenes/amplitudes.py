@@ -37,13 +37,12 @@ def _checked(value: Any) -> Any:
         for t in (0.0, 1.0):
             amplitude_of(value)(t)
     elif isinstance(value, list | tuple):
-        times = [row[0] for row in value if isinstance(row, list | tuple) and len(row) == 2]
-        if len(times) != len(value) or len(times) < 2:
-            raise ValueError("a table needs two rows [t, value] or more")
-        numbers = [number for row in value for number in row]
-        if not all(isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n) for n in numbers):
-            raise ValueError("a table holds numbers alone, in rows [t, value]")
-        if any(later <= earlier for earlier, later in pairwise(times)):
+        rows = [row for row in value if isinstance(row, list | tuple) and len(row) == 2]
+        numbers = [number for row in rows for number in row]
+        valid = all(isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n) for n in numbers)
+        if len(rows) < max(2, len(value)) or not valid:
+            raise ValueError("a table needs two rows [t, value] or more, and holds numbers alone")
+        if any(later[0] <= earlier[0] for earlier, later in pairwise(value)):
             raise ValueError("the t of a table must rise from row to row")
     else:
         raise ValueError(f"must be ramp, sine, an expression of t, or a table of rows [t, value], not {value!r}")

@@ -60,27 +60,28 @@ def _dimension(scene: Scene) -> None:
             what = f"a {part.shape}" if key.startswith("holes") else "this cut"
             raise ValueError(f"{key}: {what} belongs to {there}, and the body, a {body}, to {here}")
     for key, entry in _entries(scene, "prescribed"):
-        for name in ("x3", "axis"):
-            if dimension == 2 and getattr(entry, name) is not None:
-                raise ValueError(f"{key}.{name}: a body in the plane has x1 and x2, and turns about a place alone; leave it out")
         if dimension == 3 and entry.rotation is not None and entry.axis is None:
             raise ValueError(f"{key}.axis: a rotation of a solid needs the direction of its axis, as axis=[1, 0, 0]")
-    for key, hold in _entries(scene, "holds"):
-        if dimension == 2 and "x3" in (hold.components or ()):
-            raise ValueError(f"{key}.components: a body in the plane has x1 and x2, and no x3")
-    for key, grip in _entries(scene, "grips"):
-        if grip.edge not in edge_names(dimension):
-            raise ValueError(f"{key}.edge: a body in the plane has no {grip.edge}; it has {', '.join(edge_names(2))}")
+    for key, name in _of_solids_alone(scene) if dimension == 2 else ():
+        raise ValueError(f"{key}: a body in the plane has no {name}, only x1, x2 and the edges {', '.join(edge_names(2))}")
     for key, region in _references(scene):
         for pair in (("disc", "ball"), ("half_plane", "half_space")):
             own, other = pair if dimension == 2 else pair[::-1]
             if getattr(region, other, None) is not None:
                 raise ValueError(f"{key}: {other} is a region of {there}; in {here} give {own}")
-        if getattr(region, "edge", None) not in (None, *edge_names(dimension)):
-            raise ValueError(f"{key}: a body in the plane has no {region.edge}; its edges are {', '.join(edge_names(dimension))}")
     for key, vector in vectors_in(scene):
         if len(vector) != dimension:
             raise ValueError(f"{key}: needs {dimension} components for a body in {here}, not {len(vector)}")
+
+
+def _of_solids_alone(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Yield the name of each component, axis or face in a scene that only solids have, preceded by its dotted key."""
+    for key, entry in _entries(scene, "prescribed"):
+        yield from ((f"{key}.{name}", name) for name in ("x3", "axis") if getattr(entry, name) is not None)
+    for key, hold in _entries(scene, "holds"):
+        yield from ((f"{key}.components", name) for name in hold.components or () if name == "x3")
+    edges = [*((f"{key}.edge", grip) for key, grip in _entries(scene, "grips")), *_references(scene)]
+    yield from ((key, holder.edge) for key, holder in edges if getattr(holder, "edge", None) in FACES[4:])
 
 
 def _way_of_loading(scene: Scene) -> None:

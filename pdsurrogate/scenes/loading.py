@@ -157,6 +157,9 @@ class StepDynamics(DynamicsSettings):
     0.5
     """
 
+    pace: ClassVar[str] = "duration"
+    """Name of the setting that sets how fast the loading parameter changes."""
+
     duration: Positive
 
 

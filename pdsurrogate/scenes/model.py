@@ -3,7 +3,7 @@
 import dataclasses
 import json
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
@@ -189,6 +189,9 @@ class Dynamics(DynamicsSettings):
     outputs : int
         Number of states recorded, evenly over the programme.
     """
+
+    pace: ClassVar[str] = "stretch_rate"
+    """Name of the setting that sets how fast the loading parameter changes."""
 
     stretch: Level
     stretch_rate: Positive

@@ -8,11 +8,9 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from ..arguments import check_path
 from .model import Scene
-from .problems import SceneError, explain
+from .problems import SceneError
 
 MOST_BYTES = 16 * 2**20
 """Greatest size of the file of a scene, enough for an outline of half a million corners."""
@@ -66,9 +64,9 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
         # A scene file names its mesh from where it stands itself.
         body["file"] = str(Path(reference).parent / body["file"])
     try:
-        return Scene.model_validate(data)
-    except ValidationError as error:
-        raise SceneError(f"{source}: {explain(error, Scene)}") from None
+        return Scene(**data)
+    except SceneError as error:
+        raise SceneError(f"{source}: {error}") from None
 
 
 def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
@@ -136,12 +134,9 @@ def apply_change(data: dict, key: str, value: Any) -> None:
             inner = list(inner)
         elif inner is None and not following.isdecimal():
             inner = {}
-        if inner is None:
-            raise SceneError(f"{key}: the scene has no {name}")
-        if not isinstance(inner, dict | list) and following.isdecimal():
-            raise SceneError(f"{key}: {name} is no list but {inner!r}, which has no entries; change it whole: {name}=...")
         if not isinstance(inner, dict | list):
-            raise SceneError(f"{key}: {name} is not a table")
+            why = f"{name} is {inner!r}, which has no keys or entries; change it whole: {name}=..."
+            raise SceneError(f"{key}: {'the scene has no ' + name if inner is None else why}")
         place[number] = inner
         place = inner
     place[_entry(place, last, key, path)] = copy.deepcopy(value)

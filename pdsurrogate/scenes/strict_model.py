@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from .problems import SceneError, explain
+from .problems import Problems, SceneError
 
 
 def refused(wrong: Callable[[Any], bool], message: str) -> Callable[[Any], Any]:
@@ -46,21 +46,29 @@ Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3), AfterV
 
 
 class _PartType(type(BaseModel)):
-    def __call__(cls, *args: Any, **fields: Any) -> Any:
+    def __call__(cls, /, *args: Any, **fields: Any) -> Any:
         try:
             return super().__call__(*args, **fields)
         except ValidationError as error:
-            raise SceneError(explain(error, cls)) from None
+            raise SceneError(str(error.errors()[0]["ctx"]["error"])) from None
 
 
 class StrictModel(BaseModel, metaclass=_PartType):
     """Base class of all parts of a scene: unknown keys are errors, and fields cannot be changed after reading.
 
-    Invalid parts composed in Python raise SceneError with the message that they would cause in a file. Subclasses check fields against
-    each other in `model_post_init`: Pydantic reports a ValueError from there with the key of the part.
+    Invalid parts raise SceneError with the same message, whether they are composed in Python or read from a file. Subclasses check fields
+    against each other in `model_post_init`: Pydantic reports a ValueError from there with the key of the part.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _explained(cls, value: Any, read: Callable[[Any], Any]) -> Any:
+        try:
+            return read(value)
+        except ValidationError as error:
+            raise Problems(error, cls) from None
 
 
 def vectors_in(value: Any, key: str = "") -> Iterator[tuple[str, Components]]:

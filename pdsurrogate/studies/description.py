@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BeforeValidator, ConfigDict, Field
 
 from ..arguments import check_path
 from ..scenes import MaterialSpec, SceneError, scene_names
-from ..scenes.problems import explain, suggestion
+from ..scenes.problems import suggestion
 from ..scenes.reading import leaves, read_description
 from ..scenes.strict_model import Finite, Positive, StrictModel, Whole
 
@@ -212,9 +212,9 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
         source, folder = str(given), Path(given).parent
         data = read_description(Path(given), "study")
     try:
-        return Study.model_validate(data), source, folder
-    except ValidationError as error:
-        raise SceneError(f"{source}: {explain(error, Study)}") from None
+        return Study(**data), source, folder
+    except SceneError as error:
+        raise SceneError(f"{source}: {error}") from None
 
 
 def scene_of(study: Study, folder: Path) -> str:

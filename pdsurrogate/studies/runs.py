@@ -15,7 +15,6 @@ from typing import Any, NamedTuple, Self
 import joblib
 import numba
 from joblib.externals.loky.process_executor import TerminatedWorkerError
-from pydantic import ValidationError
 
 from .. import artifacts
 from ..arguments import check_whole_number
@@ -29,7 +28,6 @@ from ..results.files import write_json
 from ..results.folder import LOCK, SUMMARY, occupied
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, Mesh, Scene, SceneError, load_scene
-from ..scenes.problems import explain
 from ..scenes.reading import apply_change
 from .description import FORCE, Fit, Study, scene_of
 
@@ -187,10 +185,10 @@ def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
     for key, value in parameters.items():
         apply_change(data, key, value)
     try:
-        fit = Fit.model_validate(data)
+        fit = Fit(**data)
         settings = FitSettings(**{key: value for key, value in fit if key != "material"})
     except ValueError as error:
-        raise SceneError(f"fit: {explain(error, Fit) if isinstance(error, ValidationError) else error}") from None
+        raise SceneError(f"fit: {error}") from None
     return FitTask(fit.material, settings, digest_of(fit.model_dump(mode="json")))
 
 

@@ -65,7 +65,7 @@ def test_anchor_and_flat_are_exact(random):
 
 @pytest.fixture(scope="module")
 def fitted():
-    # With 3200 samples fits of 20 seeds were off by at most 0.7 %; with 800 some were off by 400 % between samples, depending on the processor.
+    # With 3200 samples fits of 20 seeds are off by at most 0.7 %; with 800 some are off by 400 % on some processors.
     samples = pds.training_samples(LAW, 3200, target="sheet-energy")
     return pds.surrogate_pipeline(pds.learning.SobolevRegressor(8, max_iter=200, random_state=0), "sheet-energy").fit(
         samples.X, samples.y

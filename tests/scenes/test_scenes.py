@@ -111,10 +111,10 @@ def test_parsing_of_changes(change, key, value):
         (["body.size=1,-2"], "body.size.1"),
         (["spacing"], "a change is written key=value"),
         (["=3"], "a change is written key=value"),
-        (["spacing.deep=3"], "spacing is not a table"),
+        (["spacing.deep=3"], "spacing is 0.02, which has no keys or entries; change it whole"),
         (
             ["stretches=1.5", "stretches.0=1.2"],
-            "stretches.0: stretches is no list but 1.5, which has no entries; change it whole: stretches=",
+            "stretches.0: stretches is 1.5, which has no keys or entries; change it whole: stretches=",
         ),
         (["solver.tolerance=1e300"], "solver.tolerance: Input should be less than or equal to 0.01"),
     ],
@@ -131,7 +131,7 @@ def test_bad_changes_name_the_key(changes, message):
     ("changes", "message"),
     [
         ({"grips": [{"edge": "lft"}, {"edge": "right", "travel": 1.0}]}, "grips.0.edge: Input should be 'left', 'right', 'bottom'"),
-        ({"holds": [{"points": [1], "components": ["x3"]}]}, "holds.0.components: a body in the plane has x1 and x2, and no x3"),
+        ({"holds": [{"points": [1], "components": ["x3"]}]}, "holds.0.components: a body in the plane has no x3, only x1, x2"),
     ],
 )
 def test_one_mistake_is_one_problem(changes, message):
