@@ -33,8 +33,9 @@ WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
 
 ALL = "all"
 
-MOST_BYTES = 64 * 2**20
-"""Greatest size of a payload in bytes."""
+MOST_PAYLOAD = 64 * 2**20
+"""Greatest size of a payload in bytes. Chosen: eight times the largest spline, of `MOST_COEFFICIENTS` doubles; larger files are refused
+before they are read into memory."""
 
 
 @contextmanager
@@ -210,7 +211,7 @@ def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
 def _card_of(folder: Path) -> Card:
     try:
         with (folder / CARD).open("rb") as file:
-            data = file.read(2**20 + 1)
+            data = file.read(MOST_PAYLOAD)  # too much for a card, which `read_card` refuses
     except OSError as error:
         raise ArtifactError(f"{folder}: cannot read the card: {error.strerror}") from None
     return read_card(data, str(folder / CARD))
@@ -293,7 +294,7 @@ def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate
 
 def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
     try:
-        return payload_of(_checked_payload(folder, card, file, MOST_BYTES))
+        return payload_of(_checked_payload(folder, card, file, MOST_PAYLOAD))
     except DamagedFile as error:
         raise ArtifactError(f"{called(folder, card)}: {file}: {error}") from None
 

@@ -7,7 +7,9 @@ from typer import Argument, Option
 from .. import learning
 from ..artifacts import load_card, load_surrogate
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
+from ..forces.agreement import WIDEST
 from ..learning.sampling import checked_range
+from ..learning.target import REPORT_SEED, REPORTED_STATES
 from ..scenes import MaterialSpec
 from .command import law_of
 from .terminal import out, print_json, print_table
@@ -17,8 +19,8 @@ def evaluate(
     reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")],
     least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,
     greatest: Annotated[float | None, Option(help="Greatest principal stretch, above 1.")] = None,
-    samples: Annotated[int, Option(help="States in each set.", min=100)] = 20_000,
-    seed: Annotated[int, Option(help="Seed of the states.", min=0)] = 2_000_003,
+    samples: Annotated[int, Option(help="States in each set.", min=100)] = REPORTED_STATES,
+    seed: Annotated[int, Option(help="Seed of the states.", min=0)] = REPORT_SEED + 1_000_000,
     law: Annotated[str | None, Option(help="Law to compare with; the artefact's own by default.")] = None,
 ) -> None:
     """Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."""
@@ -32,7 +34,7 @@ def evaluate(
     model.check_material(material)
     if reference in FORCES and isinstance(model, ForceSurrogate):
         model.law = material
-    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else (0.5, 4.0)
+    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else WIDEST
     stretches = checked_range((low if least is None else least, high if greatest is None else greatest))
     report = learning.evaluate(model, material, stretches, samples, seed)
     print_json(report)

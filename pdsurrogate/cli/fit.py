@@ -23,10 +23,11 @@ from .evaluate import print_errors
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, status, warn, writing
 
 DIGITS = 16
-"""Number of digits of the digest by which a report identifies its test data."""
+"""Number of hexadecimal digits of the digest by which a report identifies its test data: two tests do not share sixteen by chance."""
 
 LARGE_GROWTH = 1.05
-"""Volume ratio of a law in the tests above which the user is warned: the volume of rubber grows by a per cent or so."""
+"""Volume ratio of a law in the tests above which the user is warned: the volume of rubber grows by a per cent or so. Chosen just above the
+4 % to which the default bulk modulus leads at Treloar's greatest stretch (`BULK_RATIO`)."""
 
 FOLDER_HELP = "Folder of artefacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS."
 

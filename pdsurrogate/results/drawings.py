@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from .result import Result
 
 FRAMES_PER_SECOND = 8
+"""Frames of an animation per second. Chosen: single states can be told apart, and the usual number of them takes some seconds."""
 
 SHOWN_SHARE = 1e-3
-"""Share of the greatest force above which a component of force is drawn: smaller components are residuals."""
+"""Share of the greatest force above which a component of force is drawn or printed. Chosen: smaller components may be residuals, which an
+equilibrium leaves up to a thousandth of the forces that drive the body."""
 
 
 def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:

@@ -20,10 +20,12 @@ PAGE = Path(__file__).with_name("page.html")
 """Template of the page."""
 
 MOST_OUTPUTS = 40
-"""Greatest number of states on a page; of a longer run they are spread evenly."""
+"""Greatest number of states on a page; of a longer run they are spread evenly. Chosen: the page holds a picture of every state and field,
+so that its size grows with both."""
 
 MOST_ROWS = 200
-"""Greatest number of rows of the history on a page."""
+"""Greatest number of rows of the history on a page; of more rows every second, third and so on is shown. Chosen: the table stays readable,
+and the file of the history has all rows."""
 
 USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
 """Fields that a page shows by default, where the last state has them."""
