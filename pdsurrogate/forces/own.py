@@ -34,7 +34,8 @@ DIFFERENCE = 1e-3
 
 MOST_OFF, NOTED = 1e-2, 1e-4
 """Errors, relative to the greatest derivative or force of a trial (at rest, to the shear modulus), beyond which a derivative or a force is
-refused, and beyond which there is a warning."""
+refused, and beyond which there is a warning. Chosen: a wrong formula is off by a factor or a term, far more than the first; a right one by
+rounding, far less than the second."""
 
 NOTED_OF_QUOTIENTS = 2e-3
 """Error of a derivative beyond which there is a warning: a difference quotient in single precision may itself be off by half of it."""

@@ -42,7 +42,8 @@ the model's own sizes.
 """
 
 MOST_SIZES = 4096
-"""Length of the array view of a model's `sizes`, an upper bound for all models; each model reads only its own."""
+"""Length of the array view of a model's `sizes`, an upper bound for all models: compiled code needs some length, does not check it, and
+reads only the model's own entries."""
 
 LEAST_NORMAL_STRETCH = 0.1
 """Value of U_nn below which the tangent of 1/U_nn replaces 1/U_nn: rubber is never compressed so far."""
