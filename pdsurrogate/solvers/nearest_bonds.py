@@ -24,46 +24,59 @@ With the diagonal bonds too, a factorisation has four times the entries and cost
 """
 
 ELONGATION = 6.0
-"""Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa."""
+"""Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa. With `SHEAR_SHARE`, in the mean over all directions of bonds, the
+network has the stiffness of rubber in pure shear in the plane, and 0.9 of it in three dimensions."""
 
 SHEAR_SHARE = 1 / 3
-"""Stiffness of a spring across its bond over that along it; the true tangent has both."""
+"""Stiffness of a spring across its bond over that along it; the true tangent has both. Chosen: without springs across, the network of a
+square grid has no stiffness against shear; with equal ones it is a Laplacian, which does not couple the components."""
 
 SHIFT = 1e-6
-"""Fraction of its mean that is added to a matrix's diagonal, so that the matrix of a body that can drift can be factorised too."""
+"""Fraction of its mean that is added to a matrix's diagonal, so that the matrix of a body that can drift can be factorised too. Chosen: ten
+digits above rounding; the slowest mode of a sheet a thousand points across, held all around, becomes some 20 % stiffer, which does not
+harm a preconditioner."""
 
 MOST_FACTORISED = {2: 300_000, 3: 5_000}
-"""Greatest number of points, by dimension, for which a Laplacian is factorised; multigrid replaces larger factors, which fill in."""
+"""Greatest number of points, by dimension, for which a Laplacian is factorised; multigrid replaces larger factors, which fill in. Chosen:
+entries grow as n log n in the plane, and as n^(4/3) in three dimensions."""
 
 RAISED = 4 / 3
-"""Factor on the Laplacian with which it approximates the tangent of a nearly incompressible body, relative to that of rubber at rest.
+"""Stiffness of the springs of the Laplacian with which it approximates the tangent of a nearly incompressible body, in units of
+mu w V_i V_j/kappa.
 
-Stretch and pressure stiffen the tangent. Of 1, 1.25, 1.5 and 2 (bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu) the
-middle two need a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
+Springs of stiffness k have the energy k mu/4 |grad u|^2; without the pressures rubber at rest has mu/2 |grad u|^2, which is k = 2. Of 1,
+1.25, 1.5 and 2 (bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu) the middle two need a fifth to a quarter fewer evaluations
+than 1, and 2 no fewer.
 """
 
 
 SOLVED, EXACTLY = 0.05, 1e-6
-"""Residual over the given forces at which inner conjugate gradients end: in general, and where they replace a factorisation.
+"""Residual over the given forces at which inner conjugate gradients end: in general, and where they replace a factorisation. Chosen: a
+preconditioner may be off by a twentieth, and each further digit costs inner steps; first guesses, which the second serves, follow held
+parts.
 
 Restricted Schwarz alone, which exchanges less, was tried for few parts: a ring under pressure then needs 173 evaluations on two
 ranks and 273 on three, while one rank needs 76, and two with conjugate gradients 78."""
 
 MOST_STEPS_IN_PARTS = 200
+"""Maximum number of conjugate-gradient steps for a body divided among ranks: it ends a solution that rounding keeps from its residual."""
 
 LEFT_BY_CHEBYSHEV = 0.2
 """Fraction of any component of an error that Chebyshev's method may leave. A multigrid cycle, which replaces a factorisation of large
 bodies on one rank, leaves as much."""
 
 LANCZOS_STEPS = 20
-"""Number of Lanczos steps that determine the ends of a spectrum accurately enough for Chebyshev's method."""
+"""Number of Lanczos steps that determine the ends of a spectrum accurately enough for Chebyshev's method. Chosen: the preconditioned
+spectrum is short; what is missing at its upper end `MARGIN` covers."""
 
 MARGIN = 1.1
-"""Safety factor on the greatest Ritz value, since Chebyshev's method magnifies components beyond the end of its interval."""
+"""Safety factor on the greatest Ritz value, since Chebyshev's method magnifies components beyond the end of its interval. Chosen: Ritz
+values are less than the eigenvalues; a greater factor costs steps in proportion to its root."""
 
 
-UNDEFORMED = 1000
-"""Greatest bond strain, over the strain that rounding of positions causes, at which a body counts as not deformed."""
+RESOLVED = 1000
+"""Greatest bond strain, over the strain that rounding of positions causes, at which a body counts as not deformed: smaller strains would
+have errors above 0.1 %."""
 
 
 class Preconditioner:
@@ -181,8 +194,8 @@ def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
 def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs whose stiffness is a Laplacian for each component, times the shear modulus and `RAISED`.
 
-    Apart from the contribution of the pressures it is the tangent of an incompressible neo-Hookean body in every state. Over a full horizon
-    the sum of w V l^2 is d kappa.
+    Apart from the contribution of the pressures the tangent of an incompressible neo-Hookean body is such a Laplacian in every state. Over
+    a full horizon the sum of w V l^2 is d kappa.
     """
     return NearestBonds(body, shear_moduli, RAISED, RAISED)
 
@@ -451,7 +464,7 @@ def strain_rounding(body: Body) -> float:
 
 def is_rigid(force: InternalForce) -> bool:
     """Return whether the body has moved without deformation, up to rounding, in the state last evaluated."""
-    return strain_of(force) <= UNDEFORMED * strain_rounding(force.body)
+    return strain_of(force) <= RESOLVED * strain_rounding(force.body)
 
 
 def strain_of(force: InternalForce) -> float:
