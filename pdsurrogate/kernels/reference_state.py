@@ -25,7 +25,7 @@ LEAST_TILT_STIFFNESS = 0.01
 """Regularisation epsilon of `bond_shares`: at an edge the mean bond shrinks from 0.42 to some 0.08 horizons. Chosen: with a smaller epsilon
 the mean bond shrinks further, but the tilt, at most 1/epsilon, grows, and a few bonds carry all of a point's volume."""
 
-MOST_NEWTON_STEPS = 100
+MOST_NEWTON_STEPS = round(1 / LEAST_TILT_STIFFNESS)
 """Greatest number of Newton steps, each of at most 1, for the tilt a in `bond_shares`. The tilt is at most 1/`LEAST_TILT_STIFFNESS`, since
 epsilon times the tilt is the mean bond, at most 1.
 """

@@ -80,6 +80,7 @@ class ChebyshevRegressor(BaseRegressor):
         if weights is not None:
             root = np.sqrt(weights)[:, None]
             terms, Y = terms * root, Y * root
+        # Terms that the samples do not determine within rounding are left out.
         self.coef_ = np.linalg.lstsq(terms, Y, rcond=1e-13)[0]
         return self
 

@@ -11,7 +11,7 @@ from ..forces import InvalidState
 from ..scenes import Load, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
-from ..solvers.conditions import Loading
+from ..solvers.conditions import ON_A_PLANE, Loading
 from ..solvers.course import Paths, Pull
 from ..solvers.held import Held
 from ..solvers.increments import Motion
@@ -30,10 +30,6 @@ amplitudes are smooth or tables, and two different ones that agree at five value
 
 LEAST_SPREAD = 1e-6
 """Singular value of the constraints below which a rigid motion counts as free: two points a thousandth of the body apart yield more."""
-
-ON_A_PLANE = 1e-6
-"""Distance in spacings within which a facet counts as lying in a plane of reflection. Chosen above the rounding of coordinates in single
-precision, and far below a spacing."""
 
 
 def conditions_of(

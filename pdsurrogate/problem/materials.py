@@ -23,7 +23,7 @@ off, with 3 cells 20 %. At a free side the count is one too many, so that five m
 
 MOST_CONTRAST = 30.0
 """Ratio of the shear moduli of two materials beyond which the run warns of a force model that has no energy: stresses are then 2 to 7 % off
-and thin soft layers lock, while at a contrast of three they are at most 0.2 % off (theory, section 16)."""
+and thin soft layers lock."""
 
 NOT_CONFINED = 2.0
 """Bulk modulus of a soft material over the shear modulus of a stiff one, beyond which the run warns of confined parts in plane strain.

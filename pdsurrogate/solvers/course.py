@@ -342,6 +342,7 @@ def affine_extension(
         normals = [_normal(np.array(directions)) for directions in told]
         wanted = _normal(np.array(told[0]) @ gradient.T)
         length = np.linalg.norm(wanted)
+        # Normals that agree within eight degrees.
         if all(abs(normals[0] @ normal) > 0.99 for normal in normals[1:]) and length > 0:
             change = np.outer(wanted / length - gradient @ normals[0], normals[0])
             shift -= (change * middles).sum(axis=1)

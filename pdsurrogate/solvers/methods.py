@@ -72,6 +72,7 @@ class QuasiNewton(EquilibriumSolver):
             evaluations = force.evaluations - began
             change = forces - following
             curvature = self.share.dot(step, change)
+            # Below it rounding decides the sign.
             if curvature > 1e-10 * np.sqrt(self.share.dot(step, step) * self.share.dot(change, change)):
                 history.append((step, change, 1 / curvature))
             forces = following

@@ -44,9 +44,9 @@ RAISED = 4 / 3
 """Stiffness of the springs of the Laplacian with which it approximates the tangent of a nearly incompressible body, in units of
 mu w V_i V_j/kappa.
 
-Springs of stiffness k have the energy k mu/4 |grad u|^2; without the pressures rubber at rest has mu/2 |grad u|^2, which is k = 2. Of 1,
-1.25, 1.5 and 2 (bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu) the middle two need a fifth to a quarter fewer evaluations
-than 1, and 2 no fewer.
+Springs of stiffness k in a full horizon have the energy k mu/4 |grad u|^2; without the pressures rubber at rest has mu/2 |grad u|^2,
+which is k = 2. Of 1, 1.25, 1.5 and 2 (bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu) the middle two need a fifth to a
+quarter fewer evaluations than 1, and 2 no fewer.
 """
 
 
