@@ -7,7 +7,6 @@ from typer import Argument, Option
 from .. import learning
 from ..artifacts import load_card, load_surrogate
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
-from ..forces.agreement import WIDEST
 from ..learning.sampling import checked_range
 from ..learning.target import REPORT_SEED, REPORTED_STATES
 from ..scenes import MaterialSpec
@@ -34,7 +33,7 @@ def evaluate(
     model.check_material(material)
     if reference in FORCES and isinstance(model, ForceSurrogate):
         model.law = material
-    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else WIDEST
+    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else learning.reachable_stretches(material)
     stretches = checked_range((low if least is None else least, high if greatest is None else greatest))
     report = learning.evaluate(model, material, stretches, samples, seed)
     print_json(report)

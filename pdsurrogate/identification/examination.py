@@ -22,12 +22,12 @@ share of its range (Treloar's stresses below 0.2 MPa are 0.03 MPa off)."""
 OUTLIER = 5.0
 """Residual of an outlier, in standard deviations of all rows: one in two million of normal residuals is greater."""
 
-NEAR_REST = 0.02
-"""Share of the greatest stress of a mode, and log-stretch, below which the sign of a stress is noise. Chosen: twice the scatter `NOISE`."""
+NEAR_REST = 2 * NOISE
+"""Share of the greatest stress of a mode, and log-stretch, below which the sign of a stress is noise. Chosen: twice the scatter."""
 
-AT_REST = 1e-3
+AT_REST = NOISE / 10
 """Share of the greatest stress of a mode above which a stress at rest is reported, and log-stretch up to which a state is at rest. Chosen:
-a tenth of `NOISE`, so that a smaller offset is lost in the scatter."""
+a smaller offset is lost in the scatter."""
 
 BETTER, MENDED, MENDED_IF_POOR = 5.0, 3.0, 2.0
 """Ratios of residuals from which a remark is made: by another law, by a change of the data, and by such a change if the law describes a

@@ -164,6 +164,7 @@ class SolverSpec(StrictModel):
     method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
     most_evaluations: Annotated[Whole, Field(gt=0)] = 50_000
+    # Greatest strain of a bond in a first guess: at 1 a bond would vanish.
     largest_increment: Annotated[Finite, Field(ge=1e-4)] = 0.5
 
 
