@@ -31,18 +31,24 @@ DIGESTED = ("kind", "material", "features", "domain", "errors", "payloads", "mem
 NAME_PATTERN = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 VERSION_PATTERN = r"^[0-9]{1,9}(\.[0-9]{1,9}){0,2}$"
 SHA256 = r"^[0-9a-f]{64}$"
-MOST_BYTES = 2**20
+MOST_CARD = 2**20
+"""Greatest size of a card in bytes. Chosen: shipped cards have 3 to 9 kB, and 1 kB is left for each of 999 members; a larger limit would
+let a foreign file fill memory before it is refused."""
+
 MOST_PLANES = 1000
-"""Most planes of the hull of test data."""
+"""Most planes of the hull of test data. Chosen: the hull is a polygon through the outermost states, which has some tens of sides; every
+plane is evaluated for every state that is compared with the data."""
 
 MOST_MEMBERS = 999
-"""Most members of a committee."""
+"""Most members of a committee: `WHICH_MEMBER` reads member numbers of up to three digits, as in ``NAME#999``."""
 
 MOST_STORED = 0.1
-"""RMS error on the plane-stress surface, relative to the force, above which a surrogate is not stored."""
+"""RMS error on the plane-stress surface, relative to the force, above which a surrogate is not stored. Chosen to catch mistakes, such as
+another law: coarse fits pass with a warning (`NOTED`)."""
 
 NOTED = 0.01
-"""RMS error, as for `MOST_STORED`, beyond which storing or running a surrogate warns."""
+"""RMS error, as for `MOST_STORED`, beyond which storing or running a surrogate warns. Chosen: forces in a run are off by about as much, and
+fits of the default sizes reach a thirtieth of it or less."""
 
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
 """Files of an artefact other than its card."""
@@ -243,7 +249,7 @@ def read_card(data: bytes, where: str) -> Card:
     ArtifactError
         If the card is damaged, incomplete, or of a schema that this version does not read; the message gives the remedy.
     """
-    if len(data) > MOST_BYTES:
+    if len(data) > MOST_CARD:
         raise ArtifactError(f"{where}: the card has {len(data)} bytes, which is not a card")
     try:
         content = json.loads(data)

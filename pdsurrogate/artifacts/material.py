@@ -51,7 +51,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     rms = card.errors["box"]["on_surface"]["rms"]
     if rms > NOTED:
         off = f"{model.name} is off by {100 * rms:.2g} % RMS from {card.material.law}, the law that it was stored as"
-        warnings.warn(f"{off}: what it gives is off as well", stacklevel=3)
+        warnings.warn(f"{off}: what it gives is off as well; force=analytic is exact", stacklevel=3)
     is_example = scene.name in scene_names() and scene.material == load_scene(scene.name).material
     try:
         if own is None:

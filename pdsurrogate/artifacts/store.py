@@ -32,8 +32,9 @@ WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
 
 ALL = "all"
 
-MOST_BYTES = 64 * 2**20
-"""Greatest size of a payload in bytes."""
+MOST_PAYLOAD = 64 * 2**20
+"""Greatest size of a payload in bytes. Chosen: eight times the largest spline, of `MOST_COEFFICIENTS` doubles; larger files are refused
+before they are read into memory."""
 
 
 @contextmanager
@@ -205,7 +206,7 @@ def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
 def _card_of(folder: Path) -> Card:
     """Return the card in an artefact's folder; raise ArtifactError if its digest shows that it was changed after it was stored."""
     with _reading(), (folder / CARD).open("rb") as file:
-        card = read_card(file.read(2**20 + 1), str(folder / CARD))
+        card = read_card(file.read(MOST_PAYLOAD), str(folder / CARD))
     if card.stated_digest() not in (None, card.found_digest()):
         raise ArtifactError(
             f"{folder / CARD}: digest: what the card says of {', '.join(DIGESTED)} or training.identification is not what was stored with "
@@ -277,7 +278,7 @@ def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[Surrogate
 
 def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
     try:
-        return payload_of(_checked_payload(folder, card, file, MOST_BYTES))
+        return payload_of(_checked_payload(folder, card, file, MOST_PAYLOAD))
     except DamagedFile as error:
         raise ArtifactError(f"{called(folder, card)}: {file}: {error}") from None
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from ..ranks import Halo, Share
 from .cell_mesh import CellMesh
-from .ghosts import Ghosts, ReflectionPlane
+from .ghosts import WITH_ROUNDING, Ghosts, ReflectionPlane
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,8 @@ WEIGHT_FUNCTIONS = {
 
 
 COINCIDING = 1e-9
-"""Distance of two points, over the horizon, below which the points are refused as coinciding: a bond between them has no direction."""
+"""Distance of two points, over the horizon, below which the points are refused as coinciding: a bond between them has no direction. Chosen
+far above the rounding of positions and far below any spacing."""
 
 
 @dataclass(frozen=True)
@@ -364,7 +365,7 @@ class Bonds:
         # The tolerance includes points at exactly the horizon, whose computed distance may exceed it by rounding.
         tree = cKDTree(points)
         _check_apart(tree, COINCIDING * body.horizon)
-        pairs = tree.query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")
+        pairs = tree.query_pairs(body.horizon * WITH_ROUNDING, output_type="ndarray")
         # Sorting one number per pair is five times as fast as sorting two.
         one, other = pairs.T
         keys = np.minimum(one, other) * len(points) + np.maximum(one, other)
@@ -424,7 +425,7 @@ def _check_distance_of_planes(body: Body) -> None:
             distance = abs(plane.position - other.position)
             # Reflected in one plane and then in the other, a point has moved by twice their distance.
             nearest = 2 * distance - np.ptp(body.points[:, plane.axis])
-            if plane.axis == other.axis and nearest <= body.horizon * (1 + 1e-9):
+            if plane.axis == other.axis and nearest <= body.horizon * WITH_ROUNDING:
                 enough = f"a spacing of {distance * body.spacing / body.horizon:.3g} or less" if body.mesh_cells is None else body.finer
                 raise ValueError(
                     f"the body is {distance:g} long between its reflected grips, too short for a horizon of {body.horizon:g}, "

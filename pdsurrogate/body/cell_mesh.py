@@ -26,8 +26,8 @@ FACES = {
 TORN = 0.5
 """Relative distance between the two positions that neighbouring cells predict for their common side, above which the side is drawn as open.
 The distance is divided by the length from one cell through the side to the other. In a smooth deformation it is of second order in that
-length; across an open crack it is the opening.
-"""
+length; across an open crack it is the opening. Chosen: with a smaller value strong gradients at a crack tip are drawn as cracks, with a
+greater one cracks appear only once they are wide open."""
 
 
 @dataclass(frozen=True)

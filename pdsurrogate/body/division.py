@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from ..ranks import Communicator, Rows, Share, bisected, bond_counts
 from .body import Body
+from .ghosts import WITH_ROUNDING
 
 HALO = 1.0
 """Width of the halo in horizons.
@@ -38,10 +39,10 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     if n < 4 * ranks.size:
         raise ValueError(f"{n} points are too few for {ranks.size} ranks; take fewer")
     part = slice(n * ranks.rank // ranks.size, n * (ranks.rank + 1) // ranks.size)
-    weights = np.concatenate(ranks.everywhere(bond_counts(body.points, body.horizon, part)))
+    weights = np.concatenate(ranks.everywhere(bond_counts(body.points, body.horizon * WITH_ROUNDING, part)))
     owners = bisected(body.points, weights, ranks.size)
     own = np.flatnonzero(owners == ranks.rank)
-    reach = halo * body.horizon * (1 + 1e-9)
+    reach = halo * body.horizon * WITH_ROUNDING
     lower, upper = body.points[own].min(axis=0) - 2 * reach, body.points[own].max(axis=0) + 2 * reach
     near = np.flatnonzero(((body.points >= lower) & (body.points <= upper)).all(axis=1))
     distance, _ = cKDTree(body.points[own]).query(body.points[near], distance_upper_bound=2 * reach)

@@ -8,6 +8,10 @@ import numpy as np
 
 from ..kernels import ghosts as kernels
 
+WITH_ROUNDING = 1 + 1e-9
+"""Factor on a horizon wherever points within it are found: points at exactly the horizon, whose computed distance may exceed it by
+rounding, are then included everywhere, so that bonds, images and halo agree."""
+
 
 @dataclass(frozen=True)
 class ReflectionPlane:
@@ -96,7 +100,7 @@ class Ghosts:
             if inward[:n].min() < 0:
                 raise ValueError(f"points lie beyond the plane x{plane.axis + 1} = {plane.position:g} in which they would be reflected")
             # Images of images in two parallel planes are farther away than a horizon, as the body is at least that long.
-            near = np.flatnonzero((inward <= horizon * (1 + 1e-9)) & (axes[number] != plane.axis))
+            near = np.flatnonzero((inward <= horizon * WITH_ROUNDING) & (axes[number] != plane.axis))
             images, own = places[near].copy(), np.asarray(plane.parity, float)
             images[:, plane.axis] = 2 * plane.position - images[:, plane.axis]
             flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)

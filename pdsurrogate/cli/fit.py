@@ -17,16 +17,18 @@ from ..learning.fitting import TooInexact
 from ..learning.levenberg_marquardt import listening
 from ..learning.sampling import checked_range
 from ..learning.settings import FitSettings
+from ..learning.target import REPORT_SEED, REPORTED_STATES
 from ..results import figures
 from ..results.files import write_json
 from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
 
 DIGITS = 16
-"""Number of digits of the digest by which a report identifies its test data."""
+"""Number of hexadecimal digits of the digest by which a report identifies its test data: two tests do not share sixteen by chance."""
 
 LARGE_GROWTH = 1.05
-"""Volume ratio of a law in the tests above which the user is warned: the volume of rubber grows by a per cent or so."""
+"""Volume ratio of a law in the tests above which the user is warned: the volume of rubber grows by a per cent or so. Chosen just above the
+4 % to which the default bulk modulus leads at Treloar's greatest stretch (`BULK_RATIO`)."""
 
 FOLDER_HELP = "Folder of artefacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS."
 
@@ -217,8 +219,8 @@ def evaluate(
     reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")],
     least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,
     greatest: Annotated[float | None, Option(help="Greatest principal stretch, above 1.")] = None,
-    samples: Annotated[int, Option(help="States in each set.", min=100)] = 20_000,
-    seed: Annotated[int, Option(help="Seed of the states.", min=0)] = 2_000_003,
+    samples: Annotated[int, Option(help="States in each set.", min=100)] = REPORTED_STATES,
+    seed: Annotated[int, Option(help="Seed of the states.", min=0)] = REPORT_SEED + 1_000_000,
     law: Annotated[str | None, Option(help="Law to compare with; the artefact's own by default.")] = None,
 ) -> None:
     """Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."""
@@ -232,7 +234,7 @@ def evaluate(
     model.check_material(material)
     if reference in FORCES and isinstance(model, ForceSurrogate):
         model.law = material
-    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else (0.5, 4.0)
+    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else learning.reachable_stretches(material)
     stretches = checked_range((low if least is None else least, high if greatest is None else greatest))
     report = learning.evaluate(model, material, stretches, samples, seed)
     print_json(report)

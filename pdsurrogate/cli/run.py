@@ -23,11 +23,9 @@ from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, err, note, out, 
 
 FORCE_HELP = "analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); default: chosen for the scene."
 
-CAUTION = 0.01
-"""Relative RMS error on the card of an artefact above which the user is warned."""
-
 LEAST_SHARE = 0.01
-"""Share of the moment over the extent of the body below which a force is not printed: a part that is turned has smaller ones."""
+"""Share of the moment over the extent of the body below which a force is not printed: a part that is turned has smaller ones. Chosen: with
+a smaller share tables have columns of such forces, with a greater one small forces that are meant are missing."""
 
 LEAST_SHOWN = 5e-6
 """Force that is printed as zero, relative to the greatest one where that is below 1: tables have five decimals."""
@@ -55,9 +53,6 @@ def run(
     described, model = (asked, default_force(asked)) if force is None else with_material(asked, force)
     if described is not asked:
         err.print(f"Material of {model.name}: {in_words(described.material.build())}", soft_wrap=True, markup=False)
-    if model.stated and model.stated["rms"] > CAUTION:
-        error = f"The card of {model.name} states an RMS error of {100 * model.stated['rms']:.2g} %"
-        warn(f"{error}: results will be off by as much; force=analytic is exact.")
     folder = None if out_folder is None else Path(out_folder)
     writes = folder if ranks.rank == 0 else None
     check_folder(writes)

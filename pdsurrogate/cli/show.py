@@ -7,8 +7,8 @@ from typing import Annotated
 from typer import Argument, Option
 
 from ..results import Result, figures, load_result
-from ..results.drawings import html_page
-from ..results.files import write_text
+from ..results.drawings import SHOWN_SHARE, html_page
+from ..results.files import head_of, write_text
 from ..results.folder import RUNNING
 from ..results.tables import column_title
 from .command import check_folder
@@ -16,11 +16,8 @@ from .terminal import WARNING, Bar, bad_input, complain, note, out, print_json, 
 
 FIELD_HELP = "Field to draw, such as von_mises or stress_22; may be repeated; default: chosen."
 
-MARK, MARK_WITHIN = b'content="pdsurrogate show"', 400
-"""Bytes by which a page of a result is known, and the number of first bytes that have them."""
-
-ZERO_FORCE = 1e-4
-"""Share of the greatest force below which a component counts as zero: the tolerance of an equilibrium leaves less."""
+MARK = b'content="pdsurrogate show"'
+"""Bytes in the head of a page of a result, by which it is known."""
 
 
 def show(
@@ -34,7 +31,7 @@ def show(
     with bad_input(OSError):
         if html is not None and (pictures is not None or level is not None):
             raise ValueError("--html writes one page with all outputs to a file of its own: leave out --out and --level")
-        if html is not None and html.is_file() and MARK not in html.read_bytes()[:MARK_WITHIN]:
+        if html is not None and html.is_file() and MARK not in head_of(html):
             raise ValueError(f"--html {html} is no page of a result and would be replaced; give another name")
         result = load_result(folder)
     pictures, level = pictures or Path(), -1 if level is None else level
@@ -65,7 +62,7 @@ def _print_history(result: Result) -> None:
         return
     greatest = {column: max(abs(row.get(column, 0)) for row in rows) for column in dict.fromkeys(key for row in rows for key in row)}
     forces = [column for column in greatest if column.startswith("force_")]
-    zero = dict.fromkeys(forces, ZERO_FORCE * max((greatest[column] for column in forces), default=0.0))
+    zero = dict.fromkeys(forces, SHOWN_SHARE * max((greatest[column] for column in forces), default=0.0))
     # Moments and displacements are on the page and in the file.
     columns = [
         column for column, value in greatest.items() if not column.startswith(("moment_", "displacement_")) and value > zero.get(column, 0)

@@ -13,7 +13,8 @@ from .command import MaxTime
 from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, err, note, print_json, warn, writing
 
 MOST_FAILURES = 5
-"""Number of failures printed one by one; the table lists them all."""
+"""Number of failures printed one by one; the table lists them all. Chosen: enough to see whether runs fail for one reason, and few enough
+for one screen."""
 
 
 def study(

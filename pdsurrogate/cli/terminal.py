@@ -33,10 +33,12 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses; the last one is 128 and the number of the signal, as shells have it."""
 
 SECONDS_BEFORE_THE_OTHERS = 5.0
-"""Seconds that the ranks have to end the command together; the ranks that have not ended by then are killed."""
+"""Seconds that the ranks have to end the command together; the ranks that have not ended by then are killed. Chosen: a rank at work hears
+of an error after its present force evaluation; a longer wait only blocks the cores of a failed run."""
 
 SECONDS_TO_END = 1.7
-"""Time after Ctrl-C until the process is ended; a run that has noticed it takes the time that it needs to save its state."""
+"""Time after Ctrl-C until the process is ended; a run that has noticed it takes the time that it needs to save its state. Chosen above
+`SECONDS_TO_HEAR` of `run.interruption`, and below the two seconds that the guide promises."""
 
 _INTERRUPTED_IN_A_CALL = b"pdsurrogate: interrupted in the middle of a calculation; what had been saved before is kept\n"
 

@@ -10,7 +10,8 @@ ROUNDING = 1e-9
 """Distance, divided by the extent of a body, within which places coincide."""
 
 BESIDE = 1e-6
-"""Distance from a facet, divided by the extent of a body, of the places that decide on which side of it there is material."""
+"""Distance from a facet, divided by the extent of a body, of the places that decide on which side of it there is material. Chosen between
+`ROUNDING`, within which a place is on the facet, and the least cell, beyond which it may be past the material."""
 
 
 def same_places(places: np.ndarray, tolerance: float) -> np.ndarray:

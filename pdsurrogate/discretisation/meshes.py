@@ -15,7 +15,7 @@ import numpy as np
 from ..body import CellMesh
 from ..body.cell_mesh import FACES, side_numbers
 from ..scenes import Mesh
-from .chains import same_places
+from .chains import ROUNDING, same_places
 
 CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
 """Accepted types of cells by dimension, by their names in meshio."""
@@ -61,7 +61,7 @@ class MeshFile:
         """Return the sides of the cells: edges in two dimensions, faces in three."""
         extent = np.ptp(self.nodes, axis=0).max()
         # Nodes at one place are one: scenes state cracks as precuts, and bonds need no common nodes.
-        number = same_places(self.nodes, 1e-9 * extent)
+        number = same_places(self.nodes, ROUNDING * extent)
         blocks = self.cells
         if self.nodes.shape[1] == 2:
             clockwise = [volumes_of(places).sum(axis=1) < 0 for places in self.corners()]

@@ -19,7 +19,8 @@ would not have fitted.
 """
 
 SAMPLED = 32
-"""Sampled places along each side of the box around a body."""
+"""Sampled places along each side of the box around a body: 1,024 of a sheet and 32,768 of a solid estimate its share of material, which
+suffices for a bound on memory."""
 
 
 def memory_here() -> float:

@@ -19,7 +19,8 @@ from ..scenes.solids import Prism, Solid, Straight
 from .chains import BESIDE, ROUNDING, between_material_and_none, pieces, same_places
 
 AWAY = 0.6
-"""Distance, in cells, from the boundary of a section within which a cap has no nodes other than those on the boundary."""
+"""Distance, in cells, from the boundary of a section within which a cap has no nodes other than those on the boundary. Chosen: the nodes
+within are a cell apart; a smaller distance makes flat triangles at the boundary, a greater one long ones."""
 
 MOST_ROUNDS = 20
 """Maximum number of times that sides of a section are halved until they are sides of its triangles; three suffice but for acute corners."""

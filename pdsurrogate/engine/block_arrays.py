@@ -24,6 +24,8 @@ SCRATCH_ROWS = 9
 """Rows of doubles for a stress response: three for its states, five for its result, one of working memory."""
 
 CACHE_LINE = 64
+"""Bytes of a cache line of x86-64 processors, and of their widest vectors (AVX-512): aligned rows are loaded without crossing a line, and
+threads that write to different lines do not slow each other."""
 
 
 def power_of_two(size: float) -> float:

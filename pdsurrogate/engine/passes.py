@@ -23,8 +23,6 @@ from .block_arrays import CACHE_LINE, add_to, aligned_rows, array_over
 from .compile import compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
 from .threads import Chunks, chunks_of, threads_are_lost
 
-WORDS_PER_LINE = CACHE_LINE // 8
-
 CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int64, types.int64)
 """Signature ``function(arguments, thread, chunk, chunks)`` of the functions that the driver calls; they return a count."""
 
@@ -233,7 +231,7 @@ class Chain:
         self._passes = passes  # they keep code and arrays alive
         (threads,) = {bound.threads for bound in passes}
         self._calls = np.array([bound.call for bound in passes], dtype=np.int64)
-        self._following = aligned_rows((threads, WORDS_PER_LINE), np.int64)
+        self._following = aligned_rows((threads, CACHE_LINE // 8), np.int64)  # the counter of each thread has a cache line
         self._counts = np.zeros((len(passes), threads), dtype=np.int64)
         self._found = np.zeros(len(passes), dtype=np.int64)
 

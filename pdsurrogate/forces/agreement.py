@@ -14,23 +14,27 @@ from .bond_force import exact_bond_force
 MOST_OF_STATED = 5.0
 """Greatest accepted error of a model with a card, relative to the maximum error that the card states.
 
-The card states the maximum over thousands of states in the whole box, edges included; a dozen states within the box stay below it.
+The card states the maximum over thousands of states in the whole box, edges included; a dozen states within the box stay below it. Chosen:
+five times leaves room for parameters that a scene states with fewer digits; a model of another material is off by far more.
 """
 
 MOST_UNSTATED = 0.05
-"""Greatest accepted error of a model without a card, relative to the greatest force."""
+"""Greatest accepted error of a model without a card, relative to the greatest force. Chosen to catch mistakes, such as a model of another
+material; errors between `NOTED` and this limit are the user's choice."""
 
 NOTED = 0.01
-"""Error of a model without a card, relative to the greatest force, beyond which the check warns."""
+"""Error of a model without a card, relative to the greatest force, beyond which the check warns: as for the error on a card."""
 
 ROUNDING = 1e-6
 """Least stated error that the check uses: smaller errors on a card are rounding of the machine that made the card."""
 
 WIDEST = (0.5, 4.0)
-"""Range of stretches to which the trial states are limited, however wide the domain."""
+"""Range of stretches of default training samples, to which the trial states are limited, however wide the domain: beyond it laws may end,
+and forces grow so large that errors of the rest do not show. The card of a surrogate trained on less states errors over it as well."""
 
 PLACES = np.stack([0.07 + 0.86 * (np.arange(1, 13) * step % 1) for step in (0.7548776662, 0.5698402910)], axis=1)
-"""Positions of the trial states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
+"""Positions of the trial states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence) and 7 % within
+the edges, where fits are least exact."""
 
 
 def bond_states(law: Law, first, second):

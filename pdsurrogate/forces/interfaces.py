@@ -7,17 +7,21 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ..body import Body
+from ..body.ghosts import WITH_ROUNDING
 from ..kernels.reference_state import shape_rows
 from .kinematics import Kinematics
 
 NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
-"""Trial radii, in cells, of the neighbourhood that interpolates the value at a place: the first with enough points is used."""
+"""Trial radii, in cells, of the neighbourhood that interpolates the value at a place: the first with enough points is used. Chosen: a
+circle of 1.6 cells holds some eight points of a grid, each further one about twice as many, and points beyond 6 cells say little."""
 
 WORST_SPREAD = 1e4
-"""Condition number up to which points are spread enough to determine a linear function."""
+"""Condition number of the scaled normal equations up to which points are spread enough to determine a linear function. Chosen: it costs
+four of sixteen digits; points on one line have an infinite one."""
 
 CENTRINGS = 3
-"""Number of fits of the straight interface next to a point, each centred on the place that the previous one found."""
+"""Number of fits of the straight interface next to a point, each centred on the place that the previous one found. Chosen: the first one is
+one-sided, the second is centred, and the third corrects its place."""
 
 REACH = 2
 """Radius, in horizons, about a place on an interface within which the motion of either side is fitted; farther points count less.
@@ -28,23 +32,27 @@ converges.
 """
 
 FARTHEST = 1.5
-"""Greatest distance of a point from its interface, in horizons: the point is bonded to points beyond it, the nearest within one horizon."""
+"""Greatest distance of a point from its interface, in horizons. The point is bonded to points beyond it, the nearest within one horizon;
+half a horizon more is room for planes that are fitted obliquely."""
 
 SIGHT = FARTHEST + REACH
 """Radius, in horizons, around a point of a divided body within which all points must be present to compute its jump."""
 
 ASTRAY = 0.06
-"""Share of a horizon's volume on the wrong side of a plane beyond which an interface is not straight, such as at a corner."""
+"""Share of a horizon's volume on the wrong side of a plane beyond which an interface is not straight, such as at a corner. Chosen: of some
+30 points in a horizon (3.15 spacings in the plane, 1.75 in three dimensions) one may lie on the wrong side and two may not."""
 
 SECTOR = 0.5
-"""Sine of the angle by which a point may lie beyond the plane that touches an interface, on the side of the other material."""
+"""Sine of the angle by which a point may lie beyond the plane that touches an interface, on the side of the other material. Chosen: 30
+degrees admit interfaces that curve or turn a little, and exclude material behind a thin layer."""
 
 YIELDING = 4.0
 """Contrast of the shear moduli beyond which the energy of the stiffer material depends on its own points only.
 
 Otherwise the error of the fitted motion of the softer material, times the stiffer modulus, acts as a force on the softer one: a layer of 4
 cells moves 33 % too little between halves ten times as stiff, and 83 % between halves a hundred times as stiff. Below this contrast the
-energies of both sides depend on each other's points. That is more accurate: homogeneous states are in equilibrium.
+energies of both sides depend on each other's points. That is more accurate: homogeneous states are in equilibrium. Chosen below ten, where
+the error is a third.
 """
 
 WORST_CONDITION = 1e6
@@ -115,7 +123,7 @@ class Interfaces:
                 continue
             depth, normal, other, _ = found
             place, reach = body.points[i] + depth * normal, REACH * body.horizon
-            around = np.array(tree.query_ball_point(place, reach * (1 + 1e-9), return_sorted=True), dtype=np.int64)
+            around = np.array(tree.query_ball_point(place, reach * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
             around = around[(portion_of[around] == portion_of[i]) | (portion_of[around] == other)]
             x, beyond = (body.points[around] - place) / reach, portion_of[around] == other
             # Beyond a thin layer or a gap there may be more of the same material, which does not belong to this interface.
@@ -305,7 +313,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
-        around = np.array(tree.query_ball_point(place, body.horizon * (1 + 1e-9), return_sorted=True), dtype=np.int64)
+        around = np.array(tree.query_ball_point(place, body.horizon * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
         others = portion_of[around] != own
         kinds = np.unique(portion_of[around[others]])
         if len(kinds) != 1 or others.all():
@@ -333,7 +341,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
 
 def _nearest_softer(body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int) -> Near | None:
     """Return the interface near point i, placed half a cell before the nearest points of a much softer material; None without such."""
-    around = np.array(tree.query_ball_point(body.points[i], body.horizon * (1 + 1e-9), return_sorted=True), dtype=np.int64)
+    around = np.array(tree.query_ball_point(body.points[i], body.horizon * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
     softer = around[moduli[around] * YIELDING < moduli[i]]
     if not len(softer):
         return None

@@ -12,7 +12,7 @@ from .agreement import check_agreement
 from .protocol import Domain, ForceModel, Member
 
 CHUNK = 65_536
-"""Bonds or points evaluated at once, so that their features and outputs need little memory."""
+"""Bonds or points evaluated at once. Chosen: a feature or an output of so many takes 0.5 MB; larger numbers only take more memory."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -10,7 +10,8 @@ from ..engine.threads import Chunks
 from ..kernels import dilatation, selective_energy
 
 SLAB = 4_000_000
-"""Number of pairs that are prepared together, so that temporary arrays stay small in comparison with the body's own."""
+"""Number of pairs that are prepared together. Chosen: each temporary array of doubles then takes 32 MB, little beside what so many pairs
+hold anyway."""
 
 
 class Smoothing:

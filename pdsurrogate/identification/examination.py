@@ -22,24 +22,27 @@ share of its range (Treloar's stresses below 0.2 MPa are 0.03 MPa off)."""
 OUTLIER = 5.0
 """Residual of an outlier, in standard deviations of all rows: one in two million of normal residuals is greater."""
 
-NEAR_REST = 0.02
-"""Share of the greatest stress of a mode, and log-stretch, below which the sign of a stress is noise."""
+NEAR_REST = 2 * NOISE
+"""Share of the greatest stress of a mode, and log-stretch, below which the sign of a stress is noise. Chosen: twice the scatter."""
 
-AT_REST = 1e-3
-"""Share of the greatest stress of a mode above which a stress at rest is reported, and log-stretch up to which a state is at rest."""
+AT_REST = NOISE / 10
+"""Share of the greatest stress of a mode above which a stress at rest is reported, and log-stretch up to which a state is at rest. Chosen:
+a smaller offset is lost in the scatter."""
 
 BETTER, MENDED, MENDED_IF_POOR = 5.0, 3.0, 2.0
 """Ratios of residuals from which a remark is made: by another law, by a change of the data, and by such a change if the law describes a
-mode poorly anyway."""
+mode poorly anyway. Chosen: a more flexible law always fits somewhat better, so that it earns a remark last; smaller ratios name faults
+where there are none, greater ones leave faults unnamed."""
 
 MOST_ROWS = 3
-"""Most rows that are named for the same fault."""
+"""Most rows that are named for the same fault. Chosen: three show the pattern, and the message stays one line."""
 
 LEAST_FACTOR = 1.5
 """Ratio of the stresses of two modes from which their units may differ: units of stress differ by more."""
 
 POOR = 0.9
-"""R^2 of a mode below which a fit is called poor."""
+"""R^2 of a mode below which a fit is called poor. Chosen: the residuals are then a third of the scatter of the stresses, which a plot shows
+at a glance."""
 
 TERMS = terms_of(dictionary(POSITIVE[-1], NEGATIVE[-1]), INVARIANTS[1])
 """Terms of an energy that represents all physically admissible ones: powers of stretches, of their inverses, and of the first invariant."""

@@ -14,14 +14,16 @@ from ..materials import LAWS, Law, Ogden, Polyconvex
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, incompressible_stress, nominal_stress
 
 STARTS = 5
-"""Number of candidates of the search, the best ones, that are refined."""
+"""Number of candidates of the search, the best ones, that are refined. Chosen: the best point of a coarse grid need not lie in the basin of
+the least error, and each start costs one more refinement."""
 
 N_TERMS = 3
 """Number of terms of Ogden's law by default, as many as Ogden (1972) took for Treloar's rubber."""
 
 
 EXPONENTS = -8.0, -5.0, -3.0, -2.0, -1.0, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 11.0
-"""Exponents of Ogden's law in the coarse search."""
+"""Exponents of Ogden's law in the coarse search, about evenly spaced in the logarithm of their size. Chosen: the refinement moves them, so
+that they need only be denser than its basins."""
 
 
 def fitted_laws() -> list[str]:
@@ -44,7 +46,7 @@ class LawRegressor(StressRegressor):
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     greatest_exponent : float, default=12
-        Bound of the absolute value of Ogden's exponents.
+        Bound of the absolute value of Ogden's exponents; the default is just above the greatest of the coarse search.
     bulk_ratio : float, default=1000
         K/mu of the law, which such tests do not determine. Rubber has about one thousand. Give the ratio of the simulation: parameters that
         are fitted with another ratio are off at large stretches.

@@ -18,7 +18,9 @@ from .reference_state import LEAST_SHAPE_QUALITY
 plane = algebra_of(2)
 
 TILE = 64
-"""Points per tile. Tiles do not depend on the number of threads, so neither does the grouping of bonds into blocks."""
+"""Points per tile. Tiles do not depend on the number of threads, so neither does the grouping of bonds into blocks. Chosen: the bonds of 64
+points (28 each in the plane) fill seven blocks, so that the last, partly filled one costs little; smaller bodies have tiles for each
+thread."""
 
 
 @kernel

@@ -21,7 +21,8 @@ from .elementary import exponential, inverse_square_root, like, select
 from .feature_sets import MOST_SHARED, N_OUTPUTS, FeatureSet, write_tractions
 
 GROUP = 4
-"""Units that are evaluated together: a state is loaded, and an accumulator written, once for all of them."""
+"""Units that are evaluated together: a state is loaded, and an accumulator written, once for all of them. Chosen: a smaller group loads
+each state more often, and a larger one pads narrow layers with more units."""
 
 SQUARE = GROUP * GROUP
 """Weights between a group of inputs and a group of units."""
@@ -33,7 +34,7 @@ PAIR_WEIGHTS = (PAIR + 2) * GROUP
 """Weights of a group of units with a pair of inputs and one output: biases, weights of both inputs, output weights."""
 
 MOST_HIDDEN = 3
-"""Greatest number of hidden layers, whose widths `N_SIZES` provides for."""
+"""Greatest number of hidden layers, whose widths `N_SIZES` provides for. Chosen: two to four features need no more."""
 
 N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2
 """Places in a network's sizes: rows of working memory, hidden layers, then the widths of inputs and hidden layers."""

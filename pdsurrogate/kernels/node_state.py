@@ -15,7 +15,8 @@ MOST_ITERATIONS = 40
 """
 
 SWELLING = 0.02
-"""Relative growth of J3 in an iteration in which J3 is below the least that the law allows."""
+"""Relative growth of J3 in an iteration in which J3 is below the least that the law allows. Chosen: `MOST_ITERATIONS` of them double J3; a
+greater one carries states just below the limit farther beyond it."""
 
 
 @ByDimension

@@ -17,6 +17,8 @@ from ..engine.compile import compile_bond_force, inlined
 from .feature_sets import N_OUTPUTS, FeatureSet
 
 MOST_DEGREE = 24
+"""Greatest degree of a polynomial in either feature. Chosen: fits of rubber take degrees of about twelve, and the kernel is written out
+term by term, up to 625 for each output."""
 
 SCALING = 4
 """Number of constants before the coefficients: centres and inverse half widths of both features."""

@@ -13,7 +13,8 @@ plane = algebra_of(2)
 
 LEAST_SHAPE_QUALITY = 1e-3
 """Shape quality below which the bonds of a point do not span the plane or space. It is 1 for a full horizon, and about 0.6 at an intact
-corner: 0.59 in the plane, 0.61 in three dimensions at 1.75 spacings and 0.58 at 3.015.
+corner: 0.59 in the plane, 0.61 in three dimensions at 1.75 spacings and 0.58 at 3.015. Chosen far below these, and above 0, the value of a
+single row or layer.
 """
 
 SCALAR_CORRECTION, TENSOR_CORRECTION = 1, 2
@@ -21,9 +22,10 @@ CORRECTIONS = {"none": 0, "scalar": SCALAR_CORRECTION, "tensor": TENSOR_CORRECTI
 """Corrections of the bond force at incomplete horizons, by the names that settings use."""
 
 LEAST_TILT_STIFFNESS = 0.01
-"""Regularisation epsilon of `bond_shares`: at an edge the mean bond shrinks from 0.42 to some 0.08 horizons."""
+"""Regularisation epsilon of `bond_shares`: at an edge the mean bond shrinks from 0.42 to some 0.08 horizons. Chosen: with a smaller epsilon
+the mean bond shrinks further, but the tilt, at most 1/epsilon, grows, and a few bonds carry all of a point's volume."""
 
-MOST_NEWTON_STEPS = 100
+MOST_NEWTON_STEPS = round(1 / LEAST_TILT_STIFFNESS)
 """Greatest number of Newton steps, each of at most 1, for the tilt a in `bond_shares`. The tilt is at most 1/`LEAST_TILT_STIFFNESS`, since
 epsilon times the tilt is the mean bond, at most 1.
 """

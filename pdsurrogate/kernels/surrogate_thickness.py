@@ -19,7 +19,8 @@ from .node_state import rotation, solve_volume_ratios, thickness_squared
 plane = algebra_of(2)
 
 MOST_ITERATIONS = 20
-"""Steps at most. Each changes J3 by at most a factor of two: J3 that twenty do not reach is left to the law."""
+"""Steps at most. Each changes J3 by at most a factor of two: J3 that twenty do not reach, a factor of a million away, is left to the
+law."""
 
 BUFFER_ROWS = STATE_ROWS + TRACTION_ROWS
 """Rows of the buffer in the precision of the model: bond states and tractions."""

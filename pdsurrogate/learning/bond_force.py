@@ -8,6 +8,7 @@ import numpy as np
 from ..arguments import check_seed, check_whole_number
 from ..body import WEIGHT_FUNCTIONS
 from ..forces import AnalyticBondForce, Domain
+from ..forces.agreement import WIDEST
 from ..materials import Law
 from ..materials.law import check_number, checked_law
 from . import sampling
@@ -23,12 +24,9 @@ LENGTHS, ORIENTATIONS = 2, 5
 """Bond lengths for each deformation gradient of Algorithm 1, and orientations for each length: enough for both to be spread, and few
 enough for a thousand gradients among 10,000 samples."""
 
-WIDE = (0.5, 4.0)
-"""Principal stretches of the default samples; the card of a surrogate trained on a smaller range states errors over this range as well."""
-
 
 class _BondForce(Target):
-    name, columns, outputs, stretch_range, n_samples = "bond-force", COLUMNS, OUTPUTS, WIDE, 8_000
+    name, columns, outputs, stretch_range, n_samples = "bond-force", COLUMNS, OUTPUTS, WIDEST, 8_000
     units = "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa"
     weight_function = "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS)
 
@@ -69,8 +67,8 @@ class _BondForce(Target):
         }
 
     def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
-        wider = stretch_range[0] > WIDE[0] and self.reached(law, *np.log(WIDE))
-        return {"outside_box": self.report(surrogate, law, WIDE)} if wider else {}
+        wider = stretch_range[0] > WIDEST[0] and self.reached(law, *np.log(WIDEST))
+        return {"outside_box": self.report(surrogate, law, WIDEST)} if wider else {}
 
     def scaling(self, model) -> dict:
         scaling, _, target = scaled_parts(model)

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from sklearn.utils._param_validation import Interval
 
+from ..kernels.polynomial import MOST_DEGREE
 from .base import BaseRegressor
 
 MOST_TERMS = 10_000
@@ -44,7 +45,7 @@ class ChebyshevRegressor(BaseRegressor):
     True
     """
 
-    _parameter_constraints: ClassVar = {"degree": [Interval(Integral, 0, 24, closed="both"), tuple]}
+    _parameter_constraints: ClassVar = {"degree": [Interval(Integral, 0, MOST_DEGREE, closed="both"), tuple]}
 
     def __init__(self, degree=6):
         self.degree = degree
@@ -79,6 +80,7 @@ class ChebyshevRegressor(BaseRegressor):
         if weights is not None:
             root = np.sqrt(weights)[:, None]
             terms, Y = terms * root, Y * root
+        # Terms that the samples do not determine within rounding are left out.
         self.coef_ = np.linalg.lstsq(terms, Y, rcond=1e-13)[0]
         return self
 
@@ -88,11 +90,11 @@ class ChebyshevRegressor(BaseRegressor):
     def _checked_powers(self, n_features):
         """Return the degree of each feature in each term, shape (n_terms, n_features); raise ValueError for invalid or too high degrees."""
         degrees = [self.degree] * n_features if isinstance(self.degree, Integral) else list(self.degree)
-        if len(degrees) != n_features or not all(isinstance(value, Integral) and 0 <= value <= 24 for value in degrees):
-            raise ValueError(f"degree must be one number from 0 to 24 for each of the {n_features} features, not {self.degree}")
+        if len(degrees) != n_features or not all(isinstance(value, Integral) and 0 <= value <= MOST_DEGREE for value in degrees):
+            raise ValueError(f"degree must be one number from 0 to {MOST_DEGREE} for each of the {n_features} features, not {self.degree}")
         powers = list(islice(_powers([int(value) for value in degrees], 1.0), MOST_TERMS + 1))
         if len(powers) > MOST_TERMS:
-            most = max(degree for degree in range(25) if comb(n_features + degree, degree) <= MOST_TERMS)
+            most = max(degree for degree in range(MOST_DEGREE + 1) if comb(n_features + degree, degree) <= MOST_TERMS)
             raise ValueError(
                 f"degree {self.degree} makes more than {MOST_TERMS} terms of {n_features} features: take a degree of at most {most}, "
                 "or lower degrees of single features"

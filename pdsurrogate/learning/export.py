@@ -33,7 +33,8 @@ AGREEMENT = 1e-5
 """Greatest difference of the layers from the predictions of the estimator, relative to the RMS: single precision of torch."""
 
 STATES = 4000
-"""Most training states at which a surrogate is compared with the model that it was made of: the RMS difference is accurate to 1 %."""
+"""Most training states at which a surrogate is compared with the model that it was made of: the RMS of n normal errors is known to
+1/sqrt(2 n), here to about 1 %."""
 
 
 def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntBondForce, dict]:

@@ -16,6 +16,7 @@ from ..arguments import check_estimator, check_jobs, check_kind, check_seed, che
 from ..artifacts import load_surrogate
 from ..artifacts.card import MOST_STORED, NOTED
 from ..forces import AnalyticBondForce, Domain, ForceModel, ForceSurrogate, IsochoricNetwork, LearntBondForce, LearntEnergy
+from ..forces.agreement import WIDEST
 from ..forces.bond_energy import EnergySurrogate
 from ..materials import Law
 from ..materials.law import checked_law
@@ -24,14 +25,14 @@ from .energy import SHEET_ENERGY
 from .export import best_of
 from .isochoric import ISOCHORIC_ENERGY
 from .sampling import checked_range, random_order
-from .target import InputAwareTargetRegressor, Samples, Target, relative_errors
+from .target import REPORT_SEED, REPORTED_STATES, InputAwareTargetRegressor, Samples, Target, relative_errors
 
 TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
 """Targets, the quantities to learn, by their names in public functions."""
 
 MEMBER_STATES = 5_000
-"""States in each set at which members of a committee, and fitted pipelines in a run, are compared with their laws: their RMS
-is accurate to a percent, which suffices to reject a model."""
+"""States in each set at which members of a committee, and fitted pipelines in a run, are compared with their laws: the RMS of n normal
+errors is known to 1/sqrt(2 n), here to a percent, which suffices to reject a model."""
 
 
 def target_called(name: str) -> Target:
@@ -113,7 +114,7 @@ def training_samples(
     return samples.take(random_order(n_samples, near_rest, random_state))
 
 
-def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), target: str = "bond-force") -> tuple[float, float]:
+def reachable_stretches(law: Law, stretch_range: tuple[float, float] = WIDEST, target: str = "bond-force") -> tuple[float, float]:
     """Return the part of a range of principal stretches in which a law is finite in all states of `training_samples`.
 
     For a law that locks within the range, the logarithms of both bounds are reduced by a common factor until the most extreme training
@@ -395,7 +396,7 @@ def _errors_left_out(model, train: Samples, test: Samples) -> dict[str, float]:
 
 
 def evaluate(
-    model, law: Law, stretch_range: tuple[float, float] | None = None, n_samples: int = 20_000, random_state: int = 1_000_003
+    model, law: Law, stretch_range: tuple[float, float] | None = None, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED
 ) -> dict:
     """Compare a model with the exact bond force or energy of a law, in double precision.
 

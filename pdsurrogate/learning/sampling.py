@@ -81,7 +81,7 @@ PERTURBATION = {"log_stretch": 0.15, "rotation": 0.08, "log_C33": 0.35, "full_fr
 """Greatest perturbations of a bond off the plane-stress surface, and the log-strain from which perturbations have their full size.
 
 In a run J and C33 of a bond are means over two points, so that bonds leave the plane-stress surface, the farther the greater the strain is
-(theory, section 5).
+(theory, section 5). Chosen: with smaller perturbations more bonds leave the domain of a surrogate; greater ones cost accuracy everywhere.
 """
 
 

@@ -21,8 +21,9 @@ from .fitting import MEMBER_STATES, check_worth_storing, checked_surrogate
 from .pipeline import feature_set_of
 from .target import REPORTED_STATES, Samples, Target
 
-MOST_WORDS = 200
-"""Most characters of a parameter on a card: a nested estimator is written as its ``repr``, which may run to pages."""
+MOST_CHARACTERS = 200
+"""Most characters of a parameter on a card: a nested estimator is written as its ``repr``, which may run to pages. Chosen: they hold the
+name and the first parameters of an estimator."""
 
 
 @dataclass(frozen=True)
@@ -229,7 +230,7 @@ def _plain(parameters: dict) -> dict:
             words = f"{features} features, {getattr(last, 'regressor', last)!r}"
         except ValueError:
             words = repr(value)
-        return words[:MOST_WORDS]
+        return words[:MOST_CHARACTERS]
 
     return {key: plain(value) for key, value in parameters.items()}
 

@@ -10,7 +10,8 @@ import numpy as np
 from .law import InvariantLaw, Law
 
 STEPS = 1e-3 * np.array([1.0, 0.5, 0.25])
-"""Steps of the central differences, relative to the size of the argument."""
+"""Steps of the central differences, relative to the size of the argument. Chosen: the error of a step, its square, is 1e-6 and less, while
+rounding is 1e-13; halving twice shows whether the differences converge."""
 
 RELATIVE = 1e-4
 """Relative deviation allowed between a derivative and its differences.

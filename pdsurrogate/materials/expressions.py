@@ -190,6 +190,7 @@ def _solid_stretches(state):
     skew = mean * (mean * mean - cofactor_trace / 2) + J * J / 2
     c = abs(skew) / (spread * root)
     c = select(c < 1, c, 1.0)
+    # Exact in value and slope at c = 0; 0.0327 = sqrt(3/4) + 1/6 - 1 makes it exact at c = 1.
     y = np.sqrt(0.75) + c * (1 / 6 - 0.0327 * c)
     for _ in range(3):
         y = y - (y * (4 * y * y - 3) - c) / (12 * y * y - 3)

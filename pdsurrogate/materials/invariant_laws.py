@@ -54,7 +54,8 @@ class MooneyRivlin(InvariantLaw):
     bulk_modulus : float
         K, same unit.
     second_share : float
-        C01/(C10 + C01), in [0, 1]: outside it one of the two constants is negative, and large strains are unstable.
+        C01/(C10 + C01), in [0, 1]: outside it one of the two constants is negative, and large strains are unstable. The default is
+        an example, not a fit.
 
     References
     ----------
@@ -100,6 +101,7 @@ class Yeoh(InvariantLaw):
         K, same unit.
     second, third : float
         C20/C10 and C30/C10.  The stress rises with the stretch at all strains only if third >= 0 and second > -sqrt(3 third).
+        The defaults are an example that meets this with room, not a fit.
 
     References
     ----------

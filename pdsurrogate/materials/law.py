@@ -26,7 +26,7 @@ class Law(ABC):
     shear_modulus : float
         Shear modulus in the undeformed state, in any unit of stress; energies and stresses are computed in units of the shear modulus.
     bulk_modulus : float
-        Bulk modulus in the undeformed state, in the same unit.
+        Bulk modulus in the undeformed state, in the same unit. The default, 100 shear moduli, is the paper's; rubber has about 1,000.
     """
 
     name: ClassVar[str]

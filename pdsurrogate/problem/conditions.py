@@ -12,7 +12,7 @@ from ..forces import InvalidState
 from ..scenes import Load, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
-from ..solvers.conditions import Loading
+from ..solvers.conditions import ON_A_PLANE, Loading
 from ..solvers.course import Paths, Pull
 from ..solvers.held import Held
 from ..solvers.increments import Motion
@@ -22,16 +22,15 @@ from .programme import Prescription, Stage
 from .regions import BodyRegions
 
 RIGID = 1e3
-"""Stiffness of rigid regions over that of the rest of the body in a first guess; the guess is then moved until they are rigid."""
+"""Stiffness of rigid regions over that of the rest of the body in a first guess; the guess is then moved until they are rigid. Chosen:
+strains of the regions are a thousandth of those beside them; a greater ratio costs digits of the factorisation."""
 
 SAMPLES = 5
-"""Number of values of the parameter in each stage at which prescribed motions are compared: if equal there, they count as equal."""
+"""Number of values of the parameter in each stage at which prescribed motions are compared: if equal there, they count as equal. Chosen:
+amplitudes are smooth or tables, and two different ones that agree at five values are not written by accident."""
 
 LEAST_SPREAD = 1e-6
 """Singular value of the constraints below which a rigid motion counts as free: two points a thousandth of the body apart yield more."""
-
-ON_A_PLANE = 1e-6
-"""Distance in spacings within which a facet counts as lying in a plane of reflection."""
 
 
 def conditions_of(

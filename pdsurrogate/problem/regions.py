@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from ..body import Body, Surface
 from ..body.local_fit import text_of, too_few
+from ..discretisation.chains import ROUNDING
 from ..discretisation.planes import whole_edge
 from ..scenes import Region, Scene
 from ..scenes.model import EDGES
@@ -21,19 +22,18 @@ LAYER = 0.99
 The outermost points lie half a cell inside; so do points along a boundary whose cells include a part of another, cut cell. Points of the
 second layer lie one and a half cells inside."""
 
-ROUNDING = 1e-9
-"""Distance, over the extent of a body, within which places count as lying on the boundary of a region."""
-
 RIM = 0.05
 """Distance in cells by which a place may lie outside the facets of the boundary and still count as inside the body.
 
 Facets of round outlines, half a cell long, lie up to 0.02 cells inside the outline."""
 
 NEAR = 2.0
-"""Greatest distance in cells between the place of a region `near` and the nearest point; an error beyond it."""
+"""Greatest distance in cells between the place of a region `near` and the nearest point; an error beyond it. Chosen: inside a body the
+nearest point lies 0.9 cells away at most; a place two cells away lies outside, and is a mistake in the scene."""
 
 ALIKE = 1e-3
-"""Difference of distance, in cells, within which points count as equally near to a place.
+"""Difference of distance, in cells, within which points count as equally near to a place. Chosen far above rounding, and far below the
+differences that points of a mesh have by chance.
 
 Such points lie on either side of an axis of symmetry, where a support at one of the points alone would turn the body."""
 

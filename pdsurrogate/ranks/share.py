@@ -250,9 +250,9 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
     return connected_components(graph, directed=False)
 
 
-def bond_counts(points: np.ndarray, horizon: float, chosen: slice = slice(None)) -> np.ndarray:
-    """Return the number of points within the horizon of each chosen point, itself included, as a measure of its cost of computation."""
-    counted = cKDTree(points).query_ball_point(points[chosen], horizon * (1 + 1e-9), return_length=True)
+def bond_counts(points: np.ndarray, radius: float, chosen: slice = slice(None)) -> np.ndarray:
+    """Return the number of points within a radius of each chosen point, itself included, as a measure of its cost of computation."""
+    counted = cKDTree(points).query_ball_point(points[chosen], radius, return_length=True)
     return np.asarray(counted, dtype=float)
 
 

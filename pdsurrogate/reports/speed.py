@@ -17,19 +17,24 @@ from ..forces import ForceModel, ForceSettings
 from ..materials import Law, homogeneous
 
 ENOUGH = 12
-"""Number of undisturbed timings required for every model."""
+"""Number of undisturbed timings required for every model. Chosen: the median of twelve hardly depends on single timings; more of them take
+longer to find on a busy machine."""
 
 UNDISTURBED = 1.1
-"""Ratio of the reference arithmetic's time around a timing to its shortest time, up to which the timing counts as undisturbed."""
+"""Ratio of the reference arithmetic's time around a timing to its shortest time, up to which the timing counts as undisturbed. Chosen:
+another process on the same core makes it 2; a ratio nearer to 1 rejects timings for nothing but noise."""
 
 TIMINGS = 4
-"""Timings in each turn of a model."""
+"""Timings in each turn of a model. Chosen: more turns instead of longer ones spread the timings of all models over the same quiet and busy
+moments; each turn costs `WARM_UP`."""
 
 WARM_UP = 8e-3
-"""Seconds for which a model runs before it is timed, since the caches first hold another model's data."""
+"""Seconds for which a model runs before it is timed, since the caches first hold another model's data. Chosen: some evaluations of the body
+that is timed; a longer one leaves less time for timings."""
 
 PIECE = 5e-4
-"""Seconds of reference arithmetic before and after each timing, on one thread of an undisturbed core."""
+"""Seconds of reference arithmetic before and after each timing, on one thread of an undisturbed core. Chosen: long against the resolution
+of the clock, short against the evaluation that it accompanies."""
 
 
 ROWS = 2

@@ -13,6 +13,9 @@ from .contents import contents_in, differences_between
 from .files import replacing
 
 FORMAT = 9
+"""Number of the format of checkpoints; it rises with every change that an older or newer version would misread, and other numbers are
+refused."""
+
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, RecursionError)

@@ -26,18 +26,22 @@ if TYPE_CHECKING:
     from .result import Result
 
 FRAMES_PER_SECOND = 8
+"""Frames of an animation per second. Chosen: single states can be told apart, and the usual number of them takes some seconds."""
 
 SHOWN_SHARE = 1e-3
-"""Share of the greatest force above which a component of force is drawn: smaller components are residuals."""
+"""Share of the greatest force above which a component of force is drawn or printed. Chosen: smaller components may be residuals, which an
+equilibrium leaves up to a thousandth of the forces that drive the body."""
 
 PAGE = Path(__file__).with_name("page.html")
 """Template of the page."""
 
 MOST_OUTPUTS = 40
-"""Greatest number of states on a page; of a longer run they are spread evenly."""
+"""Greatest number of states on a page; of a longer run they are spread evenly. Chosen: the page holds a picture of every state and field,
+so that its size grows with both."""
 
 MOST_ROWS = 200
-"""Greatest number of rows of the history on a page."""
+"""Greatest number of rows of the history on a page; of more rows every second, third and so on is shown. Chosen: the table stays readable,
+and the file of the history has all rows."""
 
 USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
 """Fields that a page shows by default, where the last state has them."""

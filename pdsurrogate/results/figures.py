@@ -29,9 +29,10 @@ STYLE: dict[Any, Any] = {
     "figure.dpi": 150,
     "savefig.bbox": "tight",
 }
+"""Settings of Matplotlib for all figures: letters of 9 points, as in print at the width of a page, and no frame where there is no axis."""
 
-INCHES_OF_A_LETTER = 0.075
-"""Mean width of a letter in the font of `STYLE`."""
+INCHES_OF_A_LETTER = 0.6 * STYLE["font.size"] / 72
+"""Mean width of a letter in the font of `STYLE`, 0.6 of its size."""
 
 ONE_COLOUR = 1e-4
 """Share of the greatest value: fields that vary by less are shown in one colour. Equilibria are found to some 1e-6."""

@@ -16,6 +16,8 @@ MARK = "pdsurrogate run"
 """Mark within the first `HEAD` bytes of every state file and picture that this package writes; it identifies them later."""
 
 HEAD = 2048
+"""First bytes of a file in which `MARK` stands. Chosen: the metadata of pictures and the header of a state file end before it, and no more
+is read of large files."""
 
 
 @contextmanager

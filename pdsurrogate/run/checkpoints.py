@@ -19,13 +19,16 @@ if TYPE_CHECKING:
     from .run import Run
 
 SECONDS_BETWEEN_CHECKPOINTS = 30.0
-"""Least time between two checkpoints in seconds, which bounds the work that is lost when a run is killed."""
+"""Least time between two checkpoints in seconds, which bounds the work that is lost when a run is killed. Chosen: half a minute is little
+to repeat; shorter intervals would mostly write files."""
 
-CHECKPOINT_SHARE = 20
-"""Least time between two checkpoints, over the time that writing one took."""
+PAUSE_SHARE = 20
+"""Least time between two checkpoints, or two writings of the tables, over the time that the last one took: a run spends a twentieth of its
+time on either at most."""
 
-SECONDS_BETWEEN_TABLES, TABLES_SHARE = 1.0, 20
-"""Pause after the tables were written: seconds, unless a state is recorded, plus a multiple of the time that writing took."""
+SECONDS_BETWEEN_TABLES = 1.0
+"""Seconds added to the pause after the tables were written, unless a state is recorded: a watched file shows increments, but fast runs do
+not write for each one."""
 
 ACCEPTED = "accepted_"
 """Prefix of the names of arrays in a checkpoint that belong to the last equilibrium on the way to an output."""
@@ -131,7 +134,7 @@ class Checkpoints:
         if run.ranks.rank == 0:
             Checkpoint({**common, **progress}, whole).write(run.folder, identity)
         ended = time.monotonic()
-        self.resumable, self._due = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, CHECKPOINT_SHARE * (ended - began))
+        self.resumable, self._due = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, PAUSE_SHARE * (ended - began))
 
     def restore(self) -> Checkpoint:
         """Restore the run from its checkpoint, except for the present stage, and return the checkpoint with this rank's rows of arrays."""
@@ -199,4 +202,4 @@ class Record:
         }
         write_tables(run.folder, self._summary | reached, state.history, state.convergence, run.problem.scene.units)
         ended = time.monotonic()
-        self._earliest = ended + TABLES_SHARE * (ended - began)
+        self._earliest = ended + PAUSE_SHARE * (ended - began)

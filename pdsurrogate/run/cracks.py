@@ -14,7 +14,8 @@ from .run import Run
 logger = logging.getLogger(__name__)
 
 LEAST_RATIO = 0.1
-"""Determinant of the deformation gradient below which a point that has lost bonds has failed: intact rubber in a tear stays above 0.5."""
+"""Determinant of the deformation gradient below which a point that has lost bonds has failed: intact rubber in a tear stays above 0.5.
+Chosen lower than for a bond (`COLLAPSED`), since all bonds of the point break."""
 
 
 class Cracks:

@@ -12,7 +12,7 @@ from ..scenes import SceneError
 from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, NoEquilibrium, NotConverged, RanAway, TooSmall, Unbalanced, note_of_modes
 from ..solvers.increments import Increments
 from ..solvers.methods import SOLVERS
-from ..solvers.nearest_bonds import is_rigid, strain_of, strain_rounding
+from ..solvers.nearest_bonds import RESOLVED, is_rigid, strain_of, strain_rounding
 from ..solvers.stability import check_branch
 from .checkpoints import ACCEPTED
 from .interruption import Interrupted
@@ -22,7 +22,8 @@ from .run import Run
 logger = logging.getLogger(__name__)
 
 HARD = 2.0
-"""Force evaluations of an increment, over the mean of earlier increments in its stage, beyond which the next one is not lengthened."""
+"""Force evaluations of an increment, over the mean of earlier increments in its stage, beyond which the next one is not lengthened. Chosen:
+an increment of twice the length that needs twice the evaluations gains nothing."""
 
 FARTHEST = 0.5
 """Greatest distance, over the extent of the body, by which loads may carry a point from the first guess of an increment.
@@ -32,27 +33,25 @@ distance are found with shorter increments too."""
 
 PATIENCE, LEAST_PATIENCE = 30, 2000
 """Force evaluations allowed after a failed increment until one succeeds: a multiple of the mean of earlier successful increments, and a
-minimum. Close below a limit load the stiffness vanishes and solvers make no progress."""
+minimum. Close below a limit load the stiffness vanishes and solvers make no progress. Chosen: six halvings (`LEAST_SHARE`) of five times
+the usual cost; the minimum is for runs whose first increments were easy."""
 
 MOST_WASTED = 5000
 """Force evaluations in failed increments beyond which the next failure ends a run: good runs need tens to some hundreds of them."""
 
 FINE, COARSE = 1e-3, 1e-2
-"""Tolerances of the solver in intermediate states, from which only the next increments start.
-
-The second tolerance is for nearly incompressible bodies, whose preconditioner corrects the remaining error (a fifth fewer evaluations of
-bonded blocks)."""
+"""Tolerances of the solver in intermediate states, from which only the next increments start. Chosen: the error of the start is then small
+compared with that of the extrapolation. The second tolerance is for nearly incompressible bodies, whose preconditioner corrects the
+remaining error (a fifth fewer evaluations of bonded blocks)."""
 
 PRECISION_NAMES = {"float32": "single", "float64": "double"}
-
-RESOLVED = 1000
-"""Least strain of the most strained bond over the rounding error of strains: smaller strains would have errors above 0.1 %."""
 
 FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
 """Strain whose stress equals the rounding error of the forces, by precision. In single, forces at a strain of 1e-4 were 0.03 % off."""
 
 MOST_OFF = 1e-3
-"""Greatest permitted sum of all loads and reactions of an equilibrium, over the forces that drive the body."""
+"""Greatest permitted sum of all loads and reactions of an equilibrium, over the forces that drive the body: twice what a solver may leave
+(`UNBALANCED`), so that only a fault, and not a converged state, exceeds it."""
 
 FAILURES = NoEquilibrium, InvalidState
 """Errors of an increment that a shorter increment may avoid."""

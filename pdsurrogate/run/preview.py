@@ -25,16 +25,21 @@ from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
+"""Colour of cells in no region, and the number of cells up to which their edges are drawn: with more cells the edges would cover the
+picture."""
+
 FEW = 8
 """Greatest number of points of a region that are marked by dots as well, since so few cells are hardly seen."""
 
 SIGHT, WITHIN = 0.75, 0.6
 """Distances in cells to decide whether a body hides a place: where the line of sight begins, and how near to it a point is in the way.
 
-Over a side that faces the eye, the line of sight begins 0.77 cells or more from the nearest point, which is half a cell below that side."""
+Over a side that faces the eye, the line of sight begins 0.77 cells or more from the nearest point, which is half a cell below that side;
+the second distance is less than that, and more than the half cell at which a line passes between two rows."""
 
 ARROW = 0.12
-"""Length of an arrow over the extent of the body."""
+"""Length of an arrow over the extent of the body. Chosen: long enough to show its direction, short enough that arrows of neighbouring
+regions stay apart."""
 
 
 class _Mark(NamedTuple):

@@ -255,7 +255,7 @@ def _compile_first(ranks: Communicator, model: ForceModel, problem: Problem) -> 
         cells = Cells.filling((0.0,) * dimension, (8.0 if dimension == 2 else 5.0,) * dimension, 1.0)
         points = cells.centres()
         planes = (ReflectionPlane(0, 0.0, -1, (-1,) * dimension),)
-        body = Body(points, np.full(len(points), cells.volume), 3.15 if dimension == 2 else 1.75, 1.0, planes=planes)
+        body = Body(points, np.full(len(points), cells.volume), problem.body.horizon / problem.body.spacing, 1.0, planes=planes)
         force = model.bind(body, problem.law, problem.settings)
         force(points.copy(), np.empty_like(points))
     ranks.barrier()

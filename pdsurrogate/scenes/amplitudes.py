@@ -27,7 +27,8 @@ NAMED = {"ramp": "t", "sine": "sin(2*pi*t)"}
 """Expressions of t for the amplitudes that have a name."""
 
 LONGEST = 200
-"""Greatest number of characters of an expression of t."""
+"""Greatest number of characters of an expression of t. Chosen: enough for sums of a few functions; longer functions are given as tables,
+and Python's parser is kept from endless text."""
 
 
 def _checked(value: Any) -> Any:

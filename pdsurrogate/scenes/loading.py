@@ -133,7 +133,8 @@ class DynamicsSettings(StrictModel):
         Retardation time tau of a Kelvin-Voigt solid: damps waves as short as bonds, where a crack lets material snap back.  With
         fracture by default 0.7 spacings over the speed of shear waves, else none.
     safety : float
-        Ratio of the time step to the critical time step.
+        Ratio of the time step to the critical time step. The default leaves room for a tangent that becomes twice as stiff between two
+        estimates of the highest frequency (0.7^2 = 1/2).
     """
 
     density: Positive

@@ -27,14 +27,18 @@ Level = Annotated[Positive, Field(le=100)]
 """Level of the loading programme: a stretch up to 100; rubber breaks below 10."""
 
 USUAL: dict[str, dict[int, Any]] = {"plane": {2: "stress", 3: "space"}, "horizon_ratio": {2: 3.15, 3: 1.75}}
-"""Defaults by the dimension of the body. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
+"""Defaults by the dimension of the body. A horizon of 3.15 spacings is the paper's, above three so that rounding does not decide which
+points it holds. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
 
 RIGID = "rigid"
 """Material of a region that moves as one body, in the place of a law."""
 
 LEAST_MODULUS, MOST_MODULUS = 1e-30, 1e30
+"""Limits of moduli: forces and their squares, which norms need, neither overflow nor vanish in double precision at any spacing that is
+allowed."""
+
 LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
-"""Limits of moduli and of the spacing: between them products of forces and of volumes neither overflow nor vanish in single precision."""
+"""Limits of the spacing: volumes of cells, 1e-36 to 1e36, are normal numbers in single precision."""
 
 
 class MaterialSpec(StrictModel):
@@ -160,6 +164,7 @@ class SolverSpec(StrictModel):
     method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
     most_evaluations: Annotated[Whole, Field(gt=0)] = 50_000
+    # Greatest strain of a bond in a first guess: at 1 a bond would vanish.
     largest_increment: Annotated[Finite, Field(ge=1e-4)] = 0.5
 
 

@@ -17,6 +17,10 @@ ONE_SIDED = 0.1
 """Distance in horizons, along a plane, between a point and the mean position of its neighbours, beyond which the point counts as next to a
 free side: the distance is 0 for a full horizon, and 0.4 for a half one."""
 
+ON_A_PLANE = 1e-6
+"""Distance in spacings from a plane of reflection within which a place counts as lying in it. Chosen above the rounding of coordinates in
+single precision, and far below a spacing."""
+
 
 class FoldedOver(InvalidState):
     """Error for a free side of the body that has bulged over the held plane next to it: the contact there is not computed."""
@@ -189,7 +193,7 @@ class Loading:
             place += displaced(motion, place)
             beyond = np.where(supported, plane.side * ((positions - place) @ (normal + motion[:, :-1] @ normal)), 0.0)
             worst, error = int(beyond.argmax()), None
-            if beyond[worst] > 1e-6 * self.body.spacing:
+            if beyond[worst] > ON_A_PLANE * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
                 error = InvalidState(at_point(self.body, worst, what))
                 if held.sum() > 1 and self._beside_free_side(worst, plane.axis):

@@ -21,7 +21,9 @@ COMPRESSED = 0.05
 free edges, whose horizons are incomplete, show less."""
 
 NO_STRESS = {"float32": 1e-5, "float64": 1e-10}
-"""Compressive stress over the shear modulus up to which it may be a rounding error of the forces, by precision."""
+"""Compressive stress over the shear modulus up to which it may be a rounding error of the forces, by precision. Chosen: a hundred times the
+rounding of single precision; in double precision there is room for a much wider margin, since rounding of a pressure is multiplied by
+K/mu."""
 
 LARGEST_TURN = 10.0
 """Greatest rotation of held parts in one step of a first guess, in degrees. Points between held parts move along chords, which shrinks the
@@ -37,8 +39,8 @@ velocities is then as small as their truncation error: the square root of the ro
 
 LEAST_SPREAD = 0.5
 """Least spread of held places along a direction, over the spread of the body, with which they determine an affine map's gradient along it.
-
-The spread of the places across a thin edge is noise."""
+The spread of the places across a thin edge is noise. Chosen: two opposite sides spread more than the body, one side by the width of its
+points."""
 
 
 class Pull:
@@ -340,6 +342,7 @@ def affine_extension(
         normals = [_normal(np.array(directions)) for directions in told]
         wanted = _normal(np.array(told[0]) @ gradient.T)
         length = np.linalg.norm(wanted)
+        # Normals that agree within eight degrees.
         if all(abs(normals[0] @ normal) > 0.99 for normal in normals[1:]) and length > 0:
             change = np.outer(wanted / length - gradient @ normals[0], normals[0])
             shift -= (change * middles).sum(axis=1)

@@ -18,7 +18,7 @@ FREQUENCY_MARGIN = 1.03
 
 MOST_TRAVEL = 0.5
 """Spacings that a point may move in a step. Waves move points by less; material that unloads behind the last bonds of a crack would move
-past the bonds that should stop it."""
+past the bonds that should stop it. Chosen: two points that meet cannot pass each other in one step."""
 
 
 class Power(NamedTuple):

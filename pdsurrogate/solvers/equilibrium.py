@@ -17,21 +17,23 @@ Report = Callable[[int, float], None]
 
 UNBALANCED = 5e-4
 """Greatest sum of the magnitudes of the residual forces on free points, over the sum for the loads or the reactions, whichever is greater.
+The bound holds for the error of every balance of forces, and of moments over the greatest lever arm. Chosen: half of the error of 0.1 % at
+which an output counts as not converged (`run.levels.MOST_OFF`)."""
 
-The bound holds for the error of every balance of forces, and of moments over the greatest lever arm."""
-
-PER_TOLERANCE = 500
-"""Permitted ratio of residual to driving forces, divided by the tolerance of the solver; used where stricter than `UNBALANCED`."""
+USUAL = 1e-6
+"""Tolerance of the solver below which the bound `UNBALANCED` becomes stricter in proportion; that of scenes by default."""
 
 SINGLE = 1e-7
 """Least residual that forces in single precision can reach: at rest their rounding error is some 1e-8."""
 
 ROUNDED = 100
 """Residual that may be due to rounding of the positions, over the stress that this rounding causes in a bond. Below that residual a search
-continues only while the residual forces fall by a third within `IDLE` evaluations."""
+continues only while the residual forces fall by a third within `IDLE` evaluations. Chosen: the errors of some thirty bonds of a point add
+up; with a greater value searches are only watched earlier."""
 
 IDLE = 5
-"""Number of evaluations within which the residual forces must fall by a third once they may be rounding errors (see `ROUNDED`)."""
+"""Number of evaluations within which the residual forces must fall by a third once they may be rounding errors (see `ROUNDED`). Chosen: a
+converging search gains a third in one or two evaluations, one at the level of rounding never."""
 
 
 def no_report(evaluations: int, residual: float) -> None:
@@ -125,12 +127,12 @@ class EquilibriumSolver(ABC):
     """Whether a faster method has failed on this body, so that it is not tried again; a solver keeps no other state between calls."""
 
     def __init__(
-        self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000, share: Share | None = None
+        self, free: np.ndarray, volumes: np.ndarray, tolerance: float = USUAL, most_evaluations: int = 50_000, share: Share | None = None
     ) -> None:
         self.free, self.volumes, self.share = free, volumes, share or Share.whole(len(free))
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
         # Permitted sum of the forces on free points, relative to the driving forces.
-        self._share_left = min(UNBALANCED, PER_TOLERANCE * tolerance)
+        self._share_left = UNBALANCED * min(1.0, tolerance / USUAL)
         self._held, self._drive = np.nonzero(free == 0), 0.0
         self._preconditioner: Preconditioner | None = None
 

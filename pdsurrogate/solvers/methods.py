@@ -35,11 +35,14 @@ class QuasiNewton(EquilibriumSolver):
     name = "quasi-newton"
     NO_STEP = "no step along the quasi-Newton direction brings the residual down"
 
+    # Pairs of steps and changes that L-BFGS keeps; 3 to 20 are usual. More cost memory, and the preconditioner has most of the curvature.
     MEMORY = 6
-    # Greatest change of a bond's stretch in one step: beyond it the tangent differs too much from the next one.
+    # Greatest change of a bond's stretch in one step: beyond it the tangent differs too much from the next one. A quarter is chosen so that
+    # no bond, even one pressed to half its length, turns inside out.
     LARGEST_STRAIN = 0.25
-    # Accepted growth of the residual's norm: from a rough start it need not fall in every step.
+    # Accepted growth of the residual's norm: from a rough start it need not fall in every step. A greater one accepts steps that diverge.
     MOST_GROWTH = 2.0
+    # Least fraction of a step that is tried, after some thirteen halvings: a direction that suits does not need a shorter one.
     LEAST_STEP = 1e-4
     # Evaluations after which a method that suits has converged, as it does in 20 to 60, or comes on, as on slender bodies that bend: the
     # least residual of the last `WINDOW` steps is a tenth of that of as many before.
@@ -69,6 +72,7 @@ class QuasiNewton(EquilibriumSolver):
             evaluations = force.evaluations - began
             change = forces - following
             curvature = self.share.dot(step, change)
+            # Below it rounding decides the sign.
             if curvature > 1e-10 * np.sqrt(self.share.dot(step, step) * self.share.dot(change, change)):
                 history.append((step, change, 1 / curvature))
             forces = following
@@ -139,10 +143,11 @@ class EnergyMinimiser(QuasiNewton):
     NO_STEP = "no step along the direction of descent brings the energy down"
     needs_energy = True
 
-    # Each step lowers the energy, so the method need not give up early.
+    # Each step lowers the energy, so the method need not give up before a run gives up an increment (`LEAST_PATIENCE`).
     PATIENCE = 2_000
+    # Share of the fall of the energy along the tangent that a step must reach (Armijo): the usual value, which refuses few steps.
     SUFFICIENT = 1e-4
-    # Rounding of the energy by precision of the pass, in units of shear modulus times volume.
+    # Rounding of the energy by precision of the pass, in units of shear modulus times volume: a hundred times that of a single number.
     ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
 
     def _criterion(self, force, step, forces):
@@ -171,7 +176,9 @@ class SteppingSolver(EquilibriumSolver):
     """Base class of solvers for equilibrium by damped motion in time steps, with one force evaluation per step."""
 
     # The iteration diverges if the residual exceeds this multiple of its first value (or of shear modulus / spacing).
+    # One that is not stable grows without bound; waves of a stable one exceed the first value by less.
     MOST_GROWTH = 1e3
+    # Searches with fictitious mass that doubles each time: the last allows for a tangent that becomes 32 times as stiff.
     MOST_RESTARTS = 6
     # In single precision a residual that has not fallen by a tenth for so many evaluations has reached its rounding error.
     # While it falls, the residual oscillates with the slowest mode, whose period is some hundreds of evaluations.
@@ -283,7 +290,7 @@ class Automatic(EquilibriumSolver):
 
     name = "automatic"
 
-    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor needs some 3 kB per point.
+    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor needs some 3 kB per point. A little less is allowed.
     MOST_POINTS = 1_000_000
 
     # Most evaluations of relaxation, over the spacings in the body's extent, and at least.  It takes some tens for each of them where the

@@ -15,10 +15,13 @@ Operator = Callable[[np.ndarray], np.ndarray]
 InnerProduct = Callable[[np.ndarray, np.ndarray], float]
 
 COARSENING = 3
-"""Mean distance of points on a multigrid level over that on the next finer level, along each axis."""
+"""Mean distance of points on a multigrid level over that on the next finer level, along each axis. Three is usual for smoothed aggregation
+(Vanek, Mandel, Brezina 1996): smoothed boxes then overlap their neighbours only, and the levels together have little more entries than the
+first."""
 
 FEW = 1_500
-"""Greatest number of unknowns of a multigrid level that is factorised instead of coarsened further."""
+"""Greatest number of unknowns of a multigrid level that is factorised instead of coarsened further. Chosen: such a factor takes
+18 MB at most, even if it fills in completely."""
 
 
 def factor_of(matrix: sparse.sparray):

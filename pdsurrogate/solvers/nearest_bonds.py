@@ -22,22 +22,30 @@ With the diagonal bonds too, a factorisation has four times the entries and cost
 """
 
 ELONGATION = 6.0
-"""Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa."""
+"""Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa. With `SHEAR_SHARE`, in the mean over all directions of bonds, the
+network has the stiffness of rubber in pure shear in the plane, and 0.9 of it in three dimensions."""
 
 SHEAR_SHARE = 1 / 3
-"""Stiffness of a spring across its bond over that along it; the true tangent has both."""
+"""Stiffness of a spring across its bond over that along it; the true tangent has both. Chosen: without springs across, the network of a
+square grid has no stiffness against shear; with equal ones it is a Laplacian, which does not couple the components."""
 
 SHIFT = 1e-6
-"""Fraction of its mean that is added to a matrix's diagonal, so that the matrix of a body that can drift can be factorised too."""
+"""Fraction of its mean that is added to a matrix's diagonal, so that the matrix of a body that can drift can be factorised too. Chosen: ten
+digits above rounding; the slowest mode of a sheet a thousand points across, held all around, becomes some 20 % stiffer, which does not
+harm a preconditioner."""
 
 MOST_FACTORISED = {2: 300_000, 3: 5_000}
-"""Greatest number of points, by dimension, for which a Laplacian is factorised; multigrid replaces larger factors, which fill in."""
+"""Greatest number of points, by dimension, for which a Laplacian is factorised; multigrid replaces larger factors, which fill in. Chosen:
+entries grow as n log n in the plane, and as n^(4/3) in three dimensions."""
 
 RAISED = 4 / 3
-"""Factor on the Laplacian with which it approximates the tangent of a nearly incompressible body, relative to that of rubber at rest.
+"""Stiffness of the springs of the Laplacian with which it approximates the tangent of a nearly incompressible body, in units of
+mu w V_i V_j/kappa.
 
-Stretch and pressure stiffen the tangent. Of 1, 1.25, 1.5 and 2 (bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu) the
-middle two need a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
+Springs of stiffness k in a full horizon have the energy k mu/4 |grad u|^2; without the pressures rubber at rest has mu/2 |grad u|^2,
+which is k = 2. Of 1, 1.25, 1.5 and 2 (bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu) the middle two once needed a fifth
+to a quarter fewer evaluations than 1, and 2 no fewer. Now 2 needs the fewest: with 1, 4/3 and 2 the scene `bonded-block`, 8 points a side,
+needs 31, 30 and 28 (K = 100 mu), and 79, 57 and 37 (K = 1000 mu).
 """
 
 
@@ -50,8 +58,9 @@ method with this operator save a fifth of the evaluations at most, in general no
 MOST_STEPS = 200
 """Maximum number of conjugate-gradient steps for the displacements of a network; some tens are usual."""
 
-UNDEFORMED = 1000
-"""Greatest bond strain, over the strain that rounding of positions causes, at which a body counts as not deformed."""
+RESOLVED = 1000
+"""Greatest bond strain, over the strain that rounding of positions causes, at which a body counts as not deformed: smaller strains would
+have errors above 0.1 %."""
 
 
 class Preconditioner:
@@ -177,8 +186,8 @@ def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
 def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs whose stiffness is a Laplacian for each component, times the shear modulus and `RAISED`.
 
-    Apart from the contribution of the pressures it is the tangent of an incompressible neo-Hookean body in every state. Over a full horizon
-    the sum of w V l^2 is d kappa.
+    Apart from the contribution of the pressures the tangent of an incompressible neo-Hookean body is such a Laplacian in every state. Over
+    a full horizon the sum of w V l^2 is d kappa.
     """
     return NearestBonds(body, shear_moduli, RAISED, RAISED)
 
@@ -350,7 +359,7 @@ def strain_rounding(body: Body) -> float:
 
 def is_rigid(force: InternalForce) -> bool:
     """Return whether the body has moved without deformation, up to rounding, in the state last evaluated."""
-    return strain_of(force) <= UNDEFORMED * strain_rounding(force.body)
+    return strain_of(force) <= RESOLVED * strain_rounding(force.body)
 
 
 def strain_of(force: InternalForce) -> float:

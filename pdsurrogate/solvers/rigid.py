@@ -16,10 +16,12 @@ MOST_STEPS = 30
 """Maximum number of Newton steps to place a rigid region by its held components; from the last state two or three suffice."""
 
 HELD = 1e-6
-"""Distance between prescribed positions and a rigid placement, over the size of the region, above which an error is raised."""
+"""Distance between prescribed positions and a rigid placement, over the size of the region, above which an error is raised. Chosen: values
+that a user writes with seven digits still count as a rigid motion; Newton's method ends at 1e-14."""
 
 INDEPENDENT = 1e-9
-"""Singular value of the rigid motions at held components, over the greatest, below which a motion of a region counts as free."""
+"""Singular value of the rigid motions at held components, over the greatest, below which a motion of a region counts as free. Chosen
+between rounding, 1e-16, and the value of two points a thousandth of the region apart, 1e-3."""
 
 
 TURNS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}

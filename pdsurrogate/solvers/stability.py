@@ -44,6 +44,7 @@ class FrequencyEstimate:
         at_rest, moved = np.empty_like(positions), np.empty_like(positions)
         force(positions, at_rest)
         value = 0.0
+        # From a random vector; later from that of the last estimate, which has changed little.
         for _ in range(25 if self.fresh else 6):
             self.vector /= self._share.greatest(np.abs(self.vector))
             force(positions + probe * self.vector, moved)
@@ -67,10 +68,13 @@ MOST_PRODUCTS = 25
 """Maximum number of Lanczos steps: the preconditioned spectrum of a stable body is some tenths to a few, and ten steps find lower ones."""
 
 KNOWN = 1 / 3
-"""Relative error bound of the least Ritz value below which a positive one is accepted as the least curvature."""
+"""Relative error bound of the least Ritz value below which a positive one is accepted as the least curvature. The sign is then certain; the
+value itself is not used, and a sharper bound costs products, each a force evaluation."""
 
 NEGATIVE = -0.01
-"""Curvature of the energy, over that of the body at rest, below which an equilibrium counts as not stable."""
+"""Curvature of the energy, over that of the body at rest, below which an equilibrium counts as not stable. Chosen below zero by more than
+the error of difference quotients in single precision (a ten-thousandth) times K/mu of 100: bodies that can drift have a curvature of
+zero."""
 
 
 JUMP = 0.25
@@ -80,7 +84,8 @@ Contraction across the load and stresses at holes and cracks cause some hundredt
 shorter increments."""
 
 LEAST_JUMP = 0.1
-"""Least distance from the extrapolation, in spacings, that counts as a jump: a finer tolerance changes positions by less."""
+"""Least distance from the extrapolation, in spacings, that counts as a jump: a finer tolerance changes positions by less. Chosen: a tenth
+of a spacing cannot be seen, and buckling moves points by many."""
 
 
 def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarray, stiffness: Preconditioner) -> float:

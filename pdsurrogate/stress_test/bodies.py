@@ -6,11 +6,12 @@ from itertools import permutations
 import numpy as np
 
 from ..body import Body, ReflectionPlane, grid
+from ..scenes.model import USUAL
 
 SPACING = 0.1
 """Spacing of the small bodies; every figure is dimensionless."""
 
-HORIZONS = {2: 3.15, 3: 1.75}
+HORIZONS = USUAL["horizon_ratio"]
 """Horizons in spacings, by dimension: the paper's in the plane, and 26 bonds to a point in three dimensions."""
 
 

@@ -14,6 +14,7 @@ from scipy.linalg import block_diag
 
 from ..artifacts import law_of, load_card, load_surrogate
 from ..body import Body
+from ..body.ghosts import WITH_ROUNDING
 from ..forces import FORCES, ForceModel, ForceSettings, InternalForce, InvalidState
 from ..materials import PLANES, Law, NeoHookean, dimension_of, homogeneous, plane_stress
 from ..results import Result
@@ -269,5 +270,5 @@ def spring_stiffness(body: Body, shear_modulus: float) -> float:
     d = body.dimension
     cells = np.arange(-8, 9) * body.spacing
     distance = np.linalg.norm(np.stack(np.meshgrid(*[cells] * d)), axis=0)
-    reach = (distance > 0) & (distance <= body.horizon * (1 + 1e-9))
+    reach = (distance > 0) & (distance <= body.horizon * WITH_ROUNDING)
     return float(4 * shear_modulus * body.spacing ** (2 * d) * body.weigh(distance[reach]).sum() / body.kappa)

@@ -176,7 +176,8 @@ def _sides(subject: Subject, stretch: float) -> list[float]:
 
 
 PATIENT = {"most_evaluations": 5000}
-"""Settings of the solver for bodies in bending, torsion and between bonded faces."""
+"""Settings of the solver for bodies in bending, torsion and between bonded faces. Chosen: a tenth of the default of scenes, so that the
+test does not wait long for a force that has no equilibrium there."""
 
 BONDED = ((100.0, 1.5, 1.24139), (100.0, 0.9, -0.407074), (1000.0, 1.5, 1.25451))
 """Reference cases of a bonded cube: K/mu, stretch, and the force in units of mu on the bonded face of a cube of side 1 of Neo-Hookean
@@ -302,7 +303,8 @@ def beyond_the_domain(subject: Subject) -> Outcome:
 
 
 RATIOS = (2.015, 3.015, 3.15, 4.0, 6.0), (1.5, 1.75, 2.015, 2.5, 3.015)
-"""Horizons in spacings, in the plane and in three dimensions."""
+"""Horizons in spacings, in the plane and in three dimensions: the shortest whose bonds span all directions, the defaults of scenes, just
+above whole numbers of spacings, and the largest in use."""
 
 
 def _awkward_patches(subject: Subject, make: Callable[[np.random.Generator], Body]) -> Outcome:

@@ -19,7 +19,8 @@ where both sides are narrow; zero-energy modes have less than a fiftieth.
 """
 
 CELLS = 12, 7
-"""Points a side in the plane and in three dimensions."""
+"""Points a side in the plane and in three dimensions. Chosen: some points in the middle have full horizons, and so have their neighbours;
+the dense tangent of more points takes longer."""
 
 
 class Tangent(NamedTuple):

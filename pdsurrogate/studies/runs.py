@@ -44,7 +44,8 @@ NOT_DONE = "not done yet"
 """Failure of a run that has not been carried out to its end."""
 
 MOST_ENDS = 2
-"""Number of times that a run may lose its process before it counts as failed."""
+"""Number of times that a run may lose its process before it counts as failed. Chosen: one loss may be due to another run, a second one is
+its own."""
 
 
 @dataclass(frozen=True)

@@ -352,4 +352,4 @@ def test_a_run_says_what_error_a_card_states(tmp_path):
     (poor / "card.json").write_text(sealed(card))
     for force, said in ((poor, True), (SHIPPED / "neo-hookean" / "1", False)):
         output = " ".join(invoke("run", "uniaxial", *FAST, "--force", force).output.split())
-        assert ("states an RMS error of 3 %" in output) == said
+        assert ("is off by 3 % RMS" in output) == said

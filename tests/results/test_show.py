@@ -13,8 +13,9 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
-from pdsurrogate.cli.show import MARK, MARK_WITHIN
+from pdsurrogate.cli.show import MARK
 from pdsurrogate.results.drawings import html_page
+from pdsurrogate.results.files import HEAD
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
 
@@ -102,7 +103,7 @@ def test_the_page_holds_everything_and_fetches_nothing(folder):
     result = pds.load_result(folder)
     page = html_page(result, ["displacement", "stress_11"])
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
-    assert MARK in page.encode()[:MARK_WITHIN]  # by which it may be replaced
+    assert MARK in page.encode()[:HEAD]  # by which it may be replaced
     assert list(data["pictures"]) == ["displacement", "stress_11"]
     assert all(picture.startswith("data:image/png;base64,") for pictures in data["pictures"].values() for picture in pictures)
     assert data["titles"] == ["stretch 1.2", "stretch 1.5"]

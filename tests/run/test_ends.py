@@ -151,7 +151,7 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_pat
 def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outputs, tmp_path, monkeypatch):
     """The summary was written once a second at most, and `show` denied a state whose file lay there."""
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_TABLES", 1e9)
-    monkeypatch.setattr(checkpoints, "TABLES_SHARE", share)
+    monkeypatch.setattr(checkpoints, "PAUSE_SHARE", share)
     begun = []
 
     class Killed(Silent):
@@ -222,7 +222,7 @@ def test_checkpoints_on_the_way_come_by_the_clock(tmp_path, monkeypatch):
 
     monkeypatch.setattr(levels.Equilibria, "checkpoint", counted)
     monkeypatch.setattr("pdsurrogate.run.checkpoints.SECONDS_BETWEEN_CHECKPOINTS", 0.0)
-    monkeypatch.setattr("pdsurrogate.run.checkpoints.CHECKPOINT_SHARE", 0.0)
+    monkeypatch.setattr("pdsurrogate.run.checkpoints.PAUSE_SHARE", 0.0)
     found = simulate(scene, "analytic", folder=tmp_path)
     assert len(written) == len(found.convergence) > 3
     assert found.history == whole.history
