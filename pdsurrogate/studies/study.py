@@ -250,7 +250,9 @@ def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool)
     if overwrite or not described:
         return
     written, differences = differences_from(folder / DESCRIPTION, "study", study.model_dump(mode="json"))
-    if lost := set(written.get("runs", ())) - set(places):
+    if not isinstance(runs := written.get("runs"), dict | list):
+        raise FolderTaken(f"{folder / DESCRIPTION} does not name the runs of its study; {WAY_OUT}")
+    if lost := set(map(str, runs)) - set(places):
         why = f": {differences}" if differences else ": its force or mesh differs"
         raise FolderTaken(f"{folder} holds the table of a study with {len(lost)} runs that this one has not{why}; {WAY_OUT}")
 

@@ -130,6 +130,11 @@ def test_a_force_of_no_rubber_is_refused_before_the_run(mistake, message):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Off(mistake))
 
 
+def test_a_slightly_wrong_force_is_warned_of():
+    with pytest.warns(UserWarning, match="Off is not zero at rest"):
+        OwnBondForce(Off(lambda force, rotation: np.add(force, [5e-3, 0]))).check_material(pds.materials.NeoHookean())
+
+
 @pytest.mark.parametrize(("slopes", "name"), [((0.44, 0.1), "dW/dI1bar"), ((0.4, 0.12), "dW/dI2bar")])
 def test_a_derivative_that_is_none_is_refused(slopes, name):
     """With the place and both values."""
