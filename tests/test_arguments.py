@@ -107,7 +107,7 @@ BAD = [
     (
         lambda _: pds.identification.committee(3, TREE.stretches, TREE.nominal_stress),
         TypeError,
-        "regressor must be StressRegressor, such as",
+        "regressor must be a LawRegressor or an EnergyRegressor",
     ),
     (lambda _: pds.load_test_data(None), TypeError, "test data must be text or a path, not None"),
     (lambda _: pds.load_scene(3), TypeError, "a scene's reference must be text or a path, not 3"),

@@ -20,6 +20,7 @@ from ..learning.settings import FitSettings
 from ..learning.target import REPORT_SEED, REPORTED_STATES
 from ..results import figures
 from ..results.files import write_json
+from ..scenes import MaterialSpec
 from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
 
@@ -228,7 +229,7 @@ def evaluate(
     if not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
         raise ValueError(f"{reference} has no bond force of its own to evaluate")
     if law is None and reference not in FORCES:
-        material = load_card(reference).material.build()
+        material = MaterialSpec(**load_card(reference).material.trained_with).build()
     else:
         material = law_of(law or "neo-hookean")
     model.check_material(material)

@@ -205,7 +205,7 @@ def committee(
     >>> len(members)
     2
     """
-    check_kind(regressor, StressRegressor, "regressor", "a LawRegressor or an EnergyRegressor, as LawRegressor()")
+    check_kind(regressor, StressRegressor, "regressor", "a LawRegressor or an EnergyRegressor")
     check_whole_number(n_members, "n_members", 2)
     check_seed(random_state)
     check_jobs(n_jobs)

@@ -115,8 +115,7 @@ class StatesInFiles(States):
         """
         states = cls(folder, name)
         for path in vtk.read_index(folder / f"{name}.pvd")[:most]:
-            states.moments.append(Moment(**vtk.read_values(path)))
-            states._kept.append(path)
+            States.append(states, Moment(**vtk.read_values(path)), path)
         return states
 
     @property

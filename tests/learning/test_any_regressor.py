@@ -277,7 +277,7 @@ def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
         def bond_force(self, stretch, rotation, length, C33, J):
             return np.full((len(stretch), 2), np.nan)
 
-    with pytest.raises(ValueError, match=r"Holed: bond_force gives \(nan, nan\), .* at stretch = "):
+    with pytest.raises(ValueError, match=r"Holed: bond_force gives t_n = nan, t_tau = nan, .* at stretch = "):
         pds.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
     assert list(tmp_path.iterdir()) == []
 

@@ -156,7 +156,7 @@ def test_pressure_on_a_closed_surface_has_the_volume_it_sweeps_as_potential():
     run = run_of(prescribed=CLAMPS, support="points", loads=({"region": "outline", "pressure": 0.7},))
     loads, start = run.loads, wavy(run.body.points)
     loads.set(1.0)
-    assert loads.conservative
+    assert loads.no_potential_because is None
     forces = np.zeros_like(start)
     loads.forces(start, None, forces)
     np.testing.assert_allclose(forces.sum(axis=0), 0, atol=1e-14)
