@@ -1,8 +1,11 @@
 """Commands ``identify`` for parameters of laws from test data, ``fit`` for surrogates of laws, and ``evaluate`` for their errors."""
 
+from collections.abc import Callable
 from dataclasses import asdict
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_type_hints
 
 import numpy as np
 from typer import Argument, Option
@@ -112,6 +115,24 @@ def differences_in_words(differences: dict) -> str:
     )
 
 
+def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with one option for each field of `FitSettings`, which it receives together as its argument `settings`."""
+    kinds = get_type_hints(FitSettings, include_extras=True)
+    fields = [
+        Parameter(key, Parameter.KEYWORD_ONLY, default=one.default, annotation=kinds[key]) for key, one in FitSettings.model_fields.items()
+    ]
+    own = [parameter for parameter in signature(command).parameters.values() if parameter.name != "settings"]
+
+    @wraps(command)
+    def run(**given) -> None:
+        command(settings=FitSettings(**{key: given.pop(key) for key in FitSettings.model_fields}), **given)
+
+    run.__signature__ = Signature([*own, *fields])
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in (*own, *fields)}
+    return run
+
+
+@_with_settings
 def fit(
     name: Annotated[str, Argument(help="Name of the new artefact.")],
     *,
@@ -125,24 +146,13 @@ def fit(
     bulk_ratio: BulkRatio = None,
     force_fit: Annotated[bool, Option("--force-fit", help="With --data, go on with data or a fit that would be refused.")] = False,
     committee: Annotated[int | None, Option(help="Members stored as well, fitted to half of the tests or with other seeds.", min=2)] = None,
-    energy: Annotated[bool, Option("--energy", help="The isochoric energy, for plane strain, space and every bulk modulus.")] = False,
-    features: Annotated[str | None, Option(help="isochoric (for polynomials), symmetric (for networks), or paper.")] = None,
-    degree: Annotated[str | None, Option(help="Degrees of a polynomial in the two isochoric features; 12,6 by default.")] = None,
-    units: Annotated[str | None, Option(help="Hidden units of a network instead; two layers with a comma between.")] = None,
-    activation: Annotated[str | None, Option(help="Activation: algebraic (the default), logistic, tanh or relu.")] = None,
-    samples: Annotated[int | None, Option(help="Training samples; 8000, of an energy 1000.", min=200)] = None,
-    least: Annotated[float | None, Option(help="Least principal stretch; 0.5 (of an energy 0.25), or as far as the law goes.")] = None,
-    greatest: Annotated[float | None, Option(help="Greatest principal stretch; 4, or as far as the law goes.")] = None,
-    iterations: Annotated[int | None, Option(help="Most iterations of the training of a network; 1000 by default.", min=1)] = None,
-    folds: Annotated[int, Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
-    seed: Annotated[int, Option(help="Seed of samples, split and first weights.", min=0)] = 0,
+    settings: FitSettings,
     folder: Annotated[Path | None, Option("--out", metavar="DIR", help=FOLDER_HELP)] = None,
 ) -> None:
     """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
     with bad_input(OSError):
         folder = own_folder() if folder is None else folder
         new_artifact(folder, name, next_version(folder, name) if version is None else version)
-    settings = FitSettings(energy, features, degree, units, activation, samples, least, greatest, iterations, folds, seed)
     check_folder(folder)
     if free and law is not None:
         raise ValueError("--free finds an energy without a law, --law names one: choose one")
@@ -158,7 +168,7 @@ def fit(
         if change:
             raise ValueError("--data finds the law's parameters, --set gives them: choose one")
         with Bar(f"Fitting {'an energy' if free else law} to {data}"):
-            tests = reporting.identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, seed)
+            tests = reporting.identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, settings.seed)
         hull, material, members = None, tests.model.law_, tests.members
         if free:
             settings, hull = settings.within(*tests.model.stretch_range_), tests.model.domain_hull()

@@ -1,14 +1,18 @@
 """Settings with which a surrogate is fitted to a law, for the command ``pdsurrogate fit`` and for studies."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Any, Self
+
+from pydantic import BeforeValidator, Field
+from typer import Option
 
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import ACTIVATIONS, MOST_HIDDEN
 from ..materials import Law
+from ..scenes.strict_model import StrictModel
 from .chebyshev import ChebyshevRegressor
 from .fitting import TARGETS, cross_validate, reachable_stretches, surrogate_pipeline, training_samples
 from .levenberg_marquardt import LevenbergMarquardtRegressor
@@ -22,11 +26,22 @@ DEGREES = (12, 6)
 and Ogden's law and the full network, 2e-6 to 4e-5 RMS off."""
 
 
-@dataclass(frozen=True)
-class FitSettings:
-    """Settings with which a surrogate is fitted to a law; None stands for a default that depends on what is fitted.
+DEGREE_HELP = "Degrees of a polynomial in the two isochoric features; 12,6 by default."
+UNITS_HELP = "Hidden units of a network instead; two layers with a comma between."
+LEAST_HELP = "Least principal stretch; 0.5 (of an energy 0.25), or as far as the law goes."
+GREATEST_HELP = "Greatest principal stretch; 4, or as far as the law goes."
+ITERATIONS_HELP = "Most iterations of the training of a network; 1000 by default."
 
-    Parameters
+
+def _as_text(value: Any) -> Any:
+    """Return degrees or units, given as a number or a sequence of numbers, as text with commas between them."""
+    return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value) if isinstance(value, int) else value
+
+
+class FitSettings(StrictModel):
+    """Settings with which a surrogate is fitted to a law, each with its option of the command; None stands for a default.
+
+    Attributes
     ----------
     energy : bool
         Whether a network is fitted to the isochoric energy of the law instead of its bond force.
@@ -49,23 +64,23 @@ class FitSettings:
 
     Raises
     ------
-    ValueError
-        If settings exclude each other; the message names them.
+    SceneError
+        If a setting is wrong, or if settings exclude each other; the message names them.
     """
 
-    energy: bool = False
-    features: str | None = None
-    degree: int | Sequence[int] | str | None = None
-    units: int | Sequence[int] | str | None = None
-    activation: str | None = None
-    samples: int | None = None
-    least: float | None = None
-    greatest: float | None = None
-    iterations: int | None = None
-    folds: int = 5
-    seed: int = 0
+    energy: Annotated[bool, Option("--energy", help="The isochoric energy, for plane strain, space and every bulk modulus.")] = False
+    features: Annotated[str | None, Option(help="isochoric (for polynomials), symmetric (for networks), or paper.")] = None
+    degree: Annotated[str | None, BeforeValidator(_as_text), Option(help=DEGREE_HELP)] = None
+    units: Annotated[str | None, BeforeValidator(_as_text), Option(help=UNITS_HELP)] = None
+    activation: Annotated[str | None, Option(help="Activation: algebraic (the default), logistic, tanh or relu.")] = None
+    samples: Annotated[int | None, Field(strict=True, ge=200), Option(help="Training samples; 8000, of an energy 1000.", min=200)] = None
+    least: Annotated[float | None, Field(strict=True), Option(help=LEAST_HELP)] = None
+    greatest: Annotated[float | None, Field(strict=True), Option(help=GREATEST_HELP)] = None
+    iterations: Annotated[int | None, Field(strict=True, ge=1), Option(help=ITERATIONS_HELP, min=1)] = None
+    folds: Annotated[int, Field(strict=True, ge=0), Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5
+    seed: Annotated[int, Field(strict=True, ge=0), Option(help="Seed of samples, split and first weights.", min=0)] = 0
 
-    def __post_init__(self) -> None:
+    def model_post_init(self, context: Any) -> None:
         if self.folds != 0 and not 2 <= self.folds <= self.n_samples:
             raise ValueError(f"folds must be 0, or from 2 to the number of samples, not {self.folds}")
         checked_range(self._range(*TARGETS[self.target].stretch_range))
@@ -74,7 +89,7 @@ class FitSettings:
     def within(self, least: float, greatest: float) -> Self:
         """Return these settings with a range of stretches in the place of the bounds that are None."""
         least, greatest = self._range(least, greatest)
-        return replace(self, least=least, greatest=greatest)
+        return self.model_copy(update={"least": least, "greatest": greatest})
 
     @property
     def target(self) -> str:
@@ -98,7 +113,7 @@ class FitSettings:
             return self._polynomial()
         if self.degree is not None:
             raise ValueError("degree is of a polynomial, units of a network: choose one")
-        hidden, activation = _numbers(8 if self.units is None else self.units, "units"), self.activation or "algebraic"
+        hidden, activation = _numbers(self.units or "8", "units"), self.activation or "algebraic"
         if self.energy:
             if len(hidden) != 1:
                 raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")
@@ -171,19 +186,17 @@ class FitSettings:
         members = []
         for number, law in enumerate(laws):
             progress(number)
-            settings = replace(self, seed=self.seed + number + 1)
+            settings = self.model_copy(update={"seed": self.seed + number + 1})
             design = settings.design(law)
             members.append((settings.pipeline()[0].fit(design.X, design.y), design, law))
         return members
 
 
-def _numbers(value: int | Sequence[int] | str, key: str) -> tuple[int, ...]:
-    """Return degrees or units, given as a number, a sequence or text, as a tuple; raise ValueError if they are not whole numbers."""
-    if isinstance(value, int):
-        return (value,)
+def _numbers(value: str, key: str) -> tuple[int, ...]:
+    """Return degrees or units, given as text with commas between, as a tuple; raise ValueError if they are not whole numbers."""
     try:
-        return tuple(int(number) for number in (value.split(",") if isinstance(value, str) else value))
-    except (TypeError, ValueError):
+        return tuple(map(int, value.split(",")))
+    except ValueError:
         raise ValueError(f"{key} must be whole numbers with commas between, not {value!r}") from None
 
 

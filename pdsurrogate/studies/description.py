@@ -13,7 +13,7 @@ from ..arguments import check_path
 from ..scenes import MaterialSpec, SceneError, scene_names
 from ..scenes.problems import suggestion
 from ..scenes.reading import leaves, read_description
-from ..scenes.strict_model import Finite, Positive, StrictModel, Whole
+from ..scenes.strict_model import Finite, StrictModel, Whole
 
 MOST_RUNS = 100_000
 """Greatest number of runs of a study; a larger grid is treated as a mistake."""
@@ -80,20 +80,11 @@ class Distribution(StrictModel):
 
 
 class Fit(StrictModel):
-    """Settings of a fit of a surrogate by `pdsurrogate fit`; see `pdsurrogate.learning.settings.FitSettings`."""
+    """Table ``fit`` of a study: the material, and settings of ``pdsurrogate fit`` (`pdsurrogate.learning.settings.FitSettings`)."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
 
     material: MaterialSpec = Field(default_factory=lambda: MaterialSpec(law="neo-hookean"))
-    energy: bool = False
-    features: str | None = None
-    degree: int | tuple[int, ...] | str | None = None
-    units: int | tuple[int, ...] | str | None = None
-    activation: str | None = None
-    samples: Annotated[Whole, Field(ge=200)] | None = None
-    least: Positive | None = None
-    greatest: Finite | None = None
-    iterations: Annotated[Whole, Field(ge=1)] | None = None
-    folds: Annotated[Whole, Field(ge=0)] = 5
-    seed: Annotated[Whole, Field(ge=0)] = 0
 
 
 def _flattened(table: Any) -> Any:

@@ -187,10 +187,11 @@ def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
         apply_change(data, key, value)
     try:
         fit = Fit(**data)
-        settings = FitSettings(**{key: value for key, value in fit if key != "material"})
+        settings = FitSettings(**fit.model_extra)
     except ValueError as error:
         raise SceneError(f"fit: {error}") from None
-    return FitTask(fit.material, settings, digest_of(fit.model_dump(mode="json")))
+    described = {"material": fit.material.model_dump(mode="json"), **settings.model_dump(mode="json")}
+    return FitTask(fit.material, settings, digest_of(described))
 
 
 class Outcome(NamedTuple):
