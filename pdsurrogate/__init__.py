@@ -26,7 +26,7 @@ _NAMES = {
     "studies": "Study StudyInterrupted study",
 }
 
-# Public names that belong to a room: `pdsurrogate.shapes.Rectangle`.
+# Public names that are found in a subpackage or module alone, as `pdsurrogate.shapes.Rectangle`.
 _IN_ROOMS = {
     "forces": (
         "BANOSBForce EnergyNetwork EnergySurrogate ForceModel ForceSurrogate InvalidState IsochoricNetwork NOSBForce NetworkForce "

@@ -7,44 +7,47 @@ from typing import Any
 
 
 def check_kind(value: Any, kind: Any, what: str, wanted: str) -> None:
-    """Raise TypeError if a value is no instance of `kind`, a class or a union of classes; the message says what is `wanted`."""
+    """Raise TypeError unless a value is an instance of `kind`, a class or a union of classes; True and False are refused for every kind.
+
+    The message names the argument, `what`, and the value that is `wanted`.
+    """
     if not isinstance(value, kind) or isinstance(value, bool):
         raise TypeError(f"{what} must be {wanted}, not {kind_of(value)}")
 
 
 def check_whole_number(value: Any, what: str, least: float = -math.inf, most: float = math.inf) -> None:
-    """Raise TypeError if a value is no whole number, ValueError if it is less than `least` or more than `most`."""
+    """Raise TypeError if the argument named `what` is no whole number, ValueError if it is less than `least` or more than `most`."""
     check_kind(value, Integral, what, "a whole number")
     if not least <= value <= most:
         raise ValueError(f"{what} must be {f'at least {least}' if most == math.inf else f'from {least} to {most}'}, not {value}")
 
 
 def check_seed(value: Any) -> None:
-    """Raise TypeError or ValueError if a ``random_state`` is no whole number from 0 to 2^32 - 1, which all random generators accept."""
+    """Raise TypeError or ValueError unless the argument ``random_state`` is a whole number from 0 to 2^32 - 1, as all generators accept."""
     check_whole_number(value, "random_state", 0, 2**32 - 1)
 
 
 def check_share(value: Any, what: str) -> None:
-    """Raise TypeError or ValueError if a value is no number from 0 to 1."""
+    """Raise TypeError if the argument named `what` is no number, ValueError if it is not from 0 to 1."""
     check_kind(value, Real, what, "a number from 0 to 1")
     if not 0 <= value <= 1:
         raise ValueError(f"{what} must be from 0 to 1, not {value}")
 
 
 def check_seconds(value: Any, what: str) -> None:
-    """Raise TypeError or ValueError if a value is no positive number of seconds."""
+    """Raise TypeError if the argument named `what`, in seconds, is no number, ValueError if it is not positive and finite."""
     check_kind(value, Real, what, "a number of seconds")
     if not 0 < value < math.inf:
         raise ValueError(f"{what} must be a number of seconds greater than 0, not {value}")
 
 
 def check_path(value: Any, what: str) -> None:
-    """Raise TypeError if a value is neither text nor a path."""
+    """Raise TypeError if the argument named `what` is neither text nor a path."""
     check_kind(value, str | os.PathLike, what, "text or a path")
 
 
 def check_estimator(value: Any, what: str = "model") -> None:
-    """Raise TypeError if a value does not have the methods fit, predict and get_params of a scikit-learn estimator."""
+    """Raise TypeError if the argument named `what` is a class, or lacks a method fit, predict or get_params of scikit-learn estimators."""
     if isinstance(value, type):
         raise TypeError(f"{what} must be an estimator, not its class: give {value.__name__}()")
     if not all(callable(getattr(value, name, None)) for name in ("fit", "predict", "get_params")):
@@ -52,20 +55,22 @@ def check_estimator(value: Any, what: str = "model") -> None:
 
 
 def check_jobs(value: Any) -> None:
-    """Raise TypeError or ValueError if a value is no number of jobs for joblib: a whole number other than 0, or None."""
+    """Raise TypeError or ValueError unless the argument ``n_jobs`` is one that joblib takes: a whole number other than 0, or None."""
     check_kind(value, Integral | None, "n_jobs", "a whole number or None")
     if value == 0:
         raise ValueError("n_jobs must be at least 1, or -1 for all cores, not 0")
 
 
 def check_tables(value: Any, what: str) -> None:
-    """Raise TypeError if a value is neither a list of dictionaries nor None."""
+    """Raise TypeError if the argument named `what` is neither a list or tuple of dictionaries nor None."""
     if value is not None and not (isinstance(value, list | tuple) and all(isinstance(row, dict) for row in value)):
         raise TypeError(f"{what} must be a list of dictionaries, or None, not {kind_of(value)}")
 
 
 def in_order(table, columns: tuple[str, ...] | None, title: str):
-    """Return a table, such as a DataFrame, with its columns in the order of `columns`; an array or table without names is not changed.
+    """Return a table, such as a DataFrame, with its columns in the order of `columns`; messages call the table `title`.
+
+    An array or a table without column names is returned as it is, and so is every table if `columns` is None.
 
     Raises
     ------
@@ -83,5 +88,5 @@ def in_order(table, columns: tuple[str, ...] | None, title: str):
 
 
 def kind_of(value: Any) -> str:
-    """Return the text that stands for a value in a message: the value itself if it is a number or text, else the name of its class."""
+    """Return the text that stands for a value in a message: its repr if it is a number, text or None, else the name of its class."""
     return repr(value) if value is None or isinstance(value, bool | int | float | str | bytes) else f"a {type(value).__name__}"

@@ -19,14 +19,17 @@ from ..scenes.strict_model import StrictModel
 from .shipped import SHIPPED_CARDS
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
-"""Force models that can be stored, by the kind in their card."""
+"""Classes of the force models that can be stored, by the entry ``kind`` of a card."""
 
 FORMAT = "pdsurrogate artefact"
 SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
-"""Versions of cards and payloads; a change that an older reader would misread raises the first. Cards of version 2 have no digest."""
+"""Version of the format of new cards and payloads (an artefact's other files), and the oldest version that is read.
+
+A change of the format that an older pdsurrogate would misread raises the version. Cards of version 2 have no digest.
+"""
 
 DIGESTED = ("kind", "material", "features", "domain", "errors", "payloads", "members")
-"""Parts of a card that its digest covers, together with the identification: those that a run depends on."""
+"""Entries of a card on which a run depends: the card's digest covers them and ``training.identification``."""
 
 NAME_PATTERN = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 VERSION_PATTERN = r"^[0-9]{1,9}(\.[0-9]{1,9}){0,2}$"
@@ -36,22 +39,22 @@ MOST_CARD = 2**20
 let a foreign file fill memory before it is refused."""
 
 MOST_PLANES = 1000
-"""Most planes of the hull of test data. Chosen: the hull is a polygon through the outermost states, which has some tens of sides; every
-plane is evaluated for every state that is compared with the data."""
+"""Most half-planes that bound the hull (the convex polygon in log-stretches) of the test data behind a surrogate. Chosen: the polygon goes
+through the outermost states, and has some tens of sides; every half-plane is evaluated for every state that is compared with the data."""
 
 MOST_MEMBERS = 999
 """Most members of a committee: `WHICH_MEMBER` reads member numbers of up to three digits, as in ``NAME#999``."""
 
 MOST_STORED = 0.1
-"""RMS error on the plane-stress surface, relative to the force, above which a surrogate is not stored. Chosen to catch mistakes, such as
-another law: coarse fits pass with a warning (`NOTED`)."""
+"""RMS error, divided by the RMS of the exact force or stress, above which a surrogate is not stored: the entry ``on_surface`` of the report
+of `pdsurrogate.evaluate`. Chosen to catch mistakes, such as samples of another law: coarse fits pass with a warning (`NOTED`)."""
 
 NOTED = 0.01
 """RMS error, as for `MOST_STORED`, beyond which storing or running a surrogate warns. Chosen: forces in a run are off by about as much, and
 fits of the default sizes reach a thirtieth of it or less."""
 
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
-"""Files of an artefact other than its card."""
+"""Names of an artefact's files other than its card: constants of the surrogate, constants of committee members, and fitted pipeline."""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -74,12 +77,12 @@ class ArtifactError(ValueError):
 
 
 def _looked_at(part: type[StrictModel]) -> WrapValidator:
-    """Return a pydantic validator that checks a table of a card against the model `part`, and returns the table unchanged."""
+    """Return a pydantic validator that checks a table of a card against the pydantic model `part`, and returns the table."""
     return WrapValidator(lambda value, _: part.model_validate(value) and value)
 
 
 class _Errors(StrictModel):
-    """Relative errors of a surrogate over a set of states: RMS, greatest, and for energies the RMS of the energy."""
+    """Relative errors of a surrogate over a set of states: RMS error, greatest error, and for energies the RMS error of the energy."""
 
     rms: Share
     max: Share
@@ -104,7 +107,7 @@ class _Report(StrictModel):
 
 
 class _Reports(StrictModel):
-    """Reports of errors by title; all have that over the domain, the box of stretches."""
+    """Reports of errors by title; the report ``box``, over the stretches of the domain, is required."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, _Report]
@@ -203,7 +206,7 @@ class Card(StrictModel):
     digest: Annotated[str, Field(pattern=SHA256)] | None = None
 
     def stated_digest(self) -> str | None:
-        """Return the digest with which the card was stored; None for a card of a schema without digests that was not shipped."""
+        """Return the digest with which the card was stored; None for a card of schema version 2, without digests, that was not shipped."""
         return self.digest or next((SHIPPED_CARDS[file.sha256] for file in self.payloads.values() if file.sha256 in SHIPPED_CARDS), None)
 
     def found_digest(self) -> str:
@@ -218,7 +221,7 @@ class Card(StrictModel):
         return json.dumps(self.model_dump(exclude_defaults=True), indent=2, allow_nan=False) + "\n"
 
     def of_member(self, number: int) -> Card:
-        """Return the card of the committee member with a number, from 1: this card with material, domain and errors of the member."""
+        """Return the card of committee member `number`, from 1: this card with the material, domain and errors of the member."""
         member = self.members[number - 1]
         named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": (), "digest": None}
         return self.model_copy(update={**named, **dict(member)})
@@ -281,9 +284,10 @@ def checked_card(content: Mapping[str, Any]) -> Card:
 
 
 def new_card(entries: Mapping[str, Any]) -> Card:
-    """Return the card of a new artefact: the entries completed by format, schema version and digest.
+    """Return the card of a new artefact: `entries` completed by format, schema version and digest.
 
-    Raise ArtifactError for wrong values, see `checked_card`, and for an identification of another law than the material.
+    Raise ArtifactError for values that a card may not have, and if ``training.identification`` reports the fit of test data to another law
+    or to other parameters than ``material.trained_with`` states.
     """
     card = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64})
     identified, right = card.training.get("identification"), card.material.trained_with

@@ -11,7 +11,7 @@ from .card import NOTED, Card
 from .store import law_of, load_card, load_surrogate
 
 DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
-"""Test data of the package; their stresses are in MPa."""
+"""Names of the test data that are shipped with the package; their stresses are in MPa."""
 
 PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6}
 """Units of stress in pascals, to convert moduli from test data to the unit of a scene."""
@@ -41,7 +41,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     Warns
     -----
     UserWarning
-        If the error that the card states exceeds `NOTED`.
+        If the RMS error that the card states exceeds 1 % (`pdsurrogate.artifacts.card.NOTED`).
     """
     model = load_surrogate(reference)
     if isinstance(reference, str) and reference in FORCES:
@@ -92,7 +92,7 @@ def material_on(card: Card, scene: Scene) -> Law:
 
 
 def _has_moduli(card: Card) -> bool:
-    """Return whether the moduli of a card were identified or given, rather than defaults of its law."""
+    """Return whether the moduli on a card were identified from test data or given by the user, rather than left at the law's defaults."""
     given = law_of(card)
     return bool(card.training.get("identification")) or abs(given.shear_modulus - type(given)().shear_modulus) > 1e-9
 

@@ -20,21 +20,34 @@ from ..array_files import DamagedFile, read_arrays
 from ..forces import FORCES, Domain, ForceModel, LearntBondForce, LearntEnergy, Member
 from ..materials import LAWS, Law
 from ..scenes import MaterialSpec, Scene
-from .card import DIGESTED, KINDS, MEMBERS, NAME_PATTERN, PIPELINE, SURROGATE, VERSION_PATTERN, ArtifactError, Card, new_card, read_card
+from .card import (
+    DIGESTED,
+    KINDS,
+    MEMBERS,
+    MOST_CARD,
+    NAME_PATTERN,
+    PIPELINE,
+    SURROGATE,
+    VERSION_PATTERN,
+    ArtifactError,
+    Card,
+    new_card,
+    read_card,
+)
 
 Surrogate = LearntBondForce | LearntEnergy
-"""Model that an artefact holds."""
+"""Types of the force models that artefacts hold."""
 
 CARD = "card.json"
 
 WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
-"""Reference to an artefact with a member of its committee: its number, or all."""
+"""Pattern of a reference to a member of an artefact's committee, ``NAME#3``, or to the artefact with all members, ``NAME#all``."""
 
 ALL = "all"
 
 MOST_PAYLOAD = 64 * 2**20
-"""Greatest size of a payload in bytes. Chosen: eight times the largest spline, of `MOST_COEFFICIENTS` doubles; larger files are refused
-before they are read into memory."""
+"""Greatest size in bytes of a payload, an ``.npz`` file of an artefact. Chosen: eight times the largest spline, of `MOST_COEFFICIENTS`
+doubles; larger files are refused before they are read into memory."""
 
 
 @contextmanager
@@ -47,23 +60,26 @@ def _reading() -> Iterator[None]:
 
 
 SHIPPED = (Path(__file__).resolve().parents[1] / "_artifacts", Path(__file__).resolve().parents[2] / "artifacts")
-"""Folders of shipped artefacts: of an installed package, and of a checkout."""
+"""Folders of the artefacts that are shipped with the package: in an installed package, and in a checkout of its repository."""
 
 OWN, OWN_IN_CHECKOUT = "artifacts", "own-artifacts"
-"""Folders of a user's artefacts in the working folder; the second in a checkout, whose ``artifacts`` holds the shipped ones."""
+"""Names of the folder of a user's own artefacts within the working folder: usually ``artifacts``.
+
+In a checkout of this package ``artifacts`` holds the shipped artefacts, so the user's own are in ``own-artifacts``.
+"""
 
 
 def own_folder() -> Path:
     """Return the folder of a user's artefacts: ``PDSURROGATE_ARTIFACTS`` if set, else ``artifacts`` in the working folder.
 
-    In a checkout of this package, whose ``artifacts`` holds the shipped ones, it is ``own-artifacts``.
+    Without this variable it is ``own-artifacts`` in a checkout of this package, whose ``artifacts`` holds the shipped artefacts.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     return Path(chosen or (OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN))
 
 
 def next_version(folder: str | Path, name: str) -> str:
-    """Return the version for a new artefact of a name: the first number of the highest version in the folder plus 1, or "1" for none."""
+    """Return the next version of artefact `name` in a folder: the first number of its highest version plus 1, or "1" for a new name."""
     check_path(folder, "folder")
     _check_name(name)
     versions = _versions(Path(folder) / name)
@@ -83,7 +99,7 @@ def search_path() -> list[Path]:
 
 @_reading()
 def list_artifacts() -> list[Path]:
-    """Return the folders of all artefacts on the search path, by name and rising version."""
+    """Return the folders of all versions of all artefacts on the search path, sorted by name and rising version."""
     names = {folder.name for root in search_path() for folder in root.iterdir() if folder.is_dir()}
     return [version for name in sorted(names) for version in _on_search_path(name) if (version / CARD).is_file()]
 
@@ -102,7 +118,7 @@ def find_artifact(reference: str | Path) -> Path:
     Raises
     ------
     ArtifactError
-        If there is no such artefact (the message lists the known ones), or the text is the name of an artefact and of another's folder.
+        If there is no such artefact (the message lists the known ones), or the text is both the name of one and the folder of another.
     """
     check_path(reference, "an artefact's reference")
     reference, _ = parted(reference)
@@ -179,9 +195,9 @@ def load_card(reference: str | Path) -> Card:
 
 
 def called(folder: Path, card: Card, which: str | None = None) -> str:
-    """Return the name of an artefact or of a member of its committee, ``NAME@VERSION`` by its folder.
+    """Return the name of an artefact for messages, ``NAME@VERSION`` by its folder; with `which`, that of a member, ``NAME@VERSION#3``.
 
-    A different name in its card, as in a copy, is added in brackets.
+    If the card states another name, as in a copied folder, this name is added in brackets.
     """
     placed = Path(os.path.abspath(folder))  # a link keeps its own name
     if re.fullmatch(VERSION_PATTERN, placed.name) and re.fullmatch(NAME_PATTERN, placed.parent.name):
@@ -206,7 +222,7 @@ def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
 def _card_of(folder: Path) -> Card:
     """Return the card in an artefact's folder; raise ArtifactError if its digest shows that it was changed after it was stored."""
     with _reading(), (folder / CARD).open("rb") as file:
-        card = read_card(file.read(MOST_PAYLOAD), str(folder / CARD))
+        card = read_card(file.read(MOST_CARD + 1), str(folder / CARD))
     if card.stated_digest() not in (None, card.found_digest()):
         raise ArtifactError(
             f"{folder / CARD}: digest: what the card says of {', '.join(DIGESTED)} or training.identification is not what was stored with "
@@ -284,7 +300,10 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
 
 
 def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Surrogate:
-    """Return the surrogate made of the arrays of a payload; raise ArtifactError if kind, features or material contradict the card."""
+    """Return the surrogate made of the arrays of a payload; raise ArtifactError if kind, features or material contradict the card.
+
+    `name` is the name of the surrogate; `folder` and `file` say in messages where the payload was read.
+    """
     try:
         model = KINDS[card.kind].from_payload(name, payload, Domain(**dict(card.domain)), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
@@ -309,7 +328,7 @@ def law_of(card: Card) -> Law:
 
 
 def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
-    """Return the ``payload()`` of a surrogate from the bytes of the file that `save_artifact` wrote.
+    """Return the arrays and texts of a surrogate (its ``payload()``) by name, from the bytes of the file that `save_artifact` wrote.
 
     Raises
     ------
@@ -354,8 +373,9 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
 def default_force(scene: Scene) -> ForceModel:
     """Return the default force model of a scene.
 
-    Under plane stress this is `surrogate_for` the material; otherwise, and for several materials, the exact bond energy, which in plane
-    strain and in solids is the selective energy that does not lock.
+    For a single material under plane stress this is the model that `surrogate_for` returns. For plane strain, solids and several materials
+    it is the exact bond energy; in plane strain and in solids its isochoric part acts at the bonds and its volumetric part at the points,
+    which avoids locking.
     """
     if scene.plane != "stress" or scene.materials:
         return load_surrogate("bond-energy")
@@ -390,7 +410,7 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
 
 
 def new_artifact(folder: str | Path, name: str, version: str) -> Path:
-    """Return the folder of a new artefact, ``folder/NAME/VERSION``.
+    """Return the path of the folder of a new artefact, ``folder/NAME/VERSION``, without creating it.
 
     Raises
     ------
@@ -439,7 +459,7 @@ def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline
     ------
     ArtifactError
         If the version exists already (versions are immutable), the name or version is not allowed, or the written files cannot be read
-        again, as of a model that the kernels do not evaluate.  No file is left on disk then.
+        again, as for a model that the kernels do not evaluate.  No file is left on disk then.
     """
     target, title = new_artifact(folder, card["name"], card["version"]), f"{card['name']}@{card['version']}"
     Path(folder).mkdir(parents=True, exist_ok=True)
@@ -480,7 +500,7 @@ def _describe(path: Path, contains: str) -> dict:
 
 
 def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) -> bytes:
-    """Return the bytes of a payload file; raise ArtifactError if it has more than `most` bytes, or size or digest contradict the card."""
+    """Return the bytes of a payload file; raise ArtifactError for more than `most` bytes, or if size or SHA-256 contradict the card."""
     where = f"{called(folder, card)}: {name}"
     if name not in card.payloads:
         raise ArtifactError(f"{where}: the artefact has none")

@@ -25,8 +25,8 @@ class WeightFunction:
     function : callable
         ``function(length, horizon)`` returns w.
     moments : tuple of float
-        kappa divided by the horizon to the power 4 in the plane and 5 in three dimensions. The shape tensor of a full horizon is kappa I,
-        with kappa = pi times the integral of w r^3 dr over the horizon, or 4 pi/3 times that of w r^4 dr.
+        Scalar kappa in the shape tensor kappa I of a full horizon, divided by the horizon to the power 4 in the plane and 5 in three
+        dimensions: pi times the integral of w r^3 dr over the horizon, or 4 pi/3 times that of w r^4 dr.
     """
 
     name: str
@@ -49,8 +49,8 @@ WEIGHT_FUNCTIONS = {
 
 
 COINCIDING = 1e-9
-"""Distance of two points, over the horizon, below which the points are refused as coinciding: a bond between them has no direction. Chosen
-far above the rounding of positions and far below any spacing."""
+"""Distance of two points, divided by the horizon, below which the points are refused as coinciding: a bond between them has no direction.
+Chosen far above the rounding of positions and far below any spacing."""
 
 
 @dataclass(frozen=True)
@@ -72,17 +72,19 @@ class Body:
     planes : sequence of ReflectionPlane, optional
         Planes beyond which ghosts continue the body.
     separates : callable, optional
-        ``separates(start, end)`` with arrays of shape (k, d) returns which bonds are cut from the start.
+        ``separates(start, end)`` takes the undeformed ends of bonds, arrays of shape (k, d), and returns flags, shape (k,), of the bonds
+        that a cut or hole of the undeformed body separates; these are left out.
     cell : array_like, shape (d,), optional
         Sides of the cells of a grid of points along the axes; by default all equal the spacing.
     groups : mapping of str to ndarray of int, optional
-        Point groups named in a mesh file.
+        Numbers of the points in each group named in a mesh file.
     mesh_cells : CellMesh, optional
         Cells of the mesh from which the points were made, for pictures; without them the points belong to a lattice.
     faces : mapping of str to str, optional
-        Names of the edge or face of the bounding box that a group covers whole, by the names of such groups.
+        For each group that covers a whole edge or face of the bounding box, the name of that edge or face.
     share : Share
-        Part of a larger body that consists of these points, if several ranks divide a run; by default the whole body.
+        Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
+        the whole body.
 
     Raises
     ------
@@ -157,7 +159,7 @@ class Body:
         return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
 
     def weigh(self, length: np.ndarray) -> np.ndarray:
-        """Return the weight function at the given bond lengths."""
+        """Return the values of the body's weight function at bond lengths, an array of the same shape."""
         return WEIGHT_FUNCTIONS[self.weight].function(length, self.horizon)
 
     @cached_property
@@ -202,24 +204,30 @@ class Body:
 
     @cached_property
     def bond_halo(self) -> Halo:
-        """Exchange between ranks that copies values of the directed bonds of halo points, shape (n_bonds,), from the points' owners."""
+        """Exchange between ranks of arrays with a value for each directed bond, shape (n_bonds,).
+
+        It copies the values of bonds that begin at a halo point (a point of another rank) from the rank that owns this point.
+        """
         owners, share = self.bond_owners, self.share
         names = share.numbers[owners] * (share.size * 2 ** len(self.planes)) + self.names[self.bonds.neighbours]
         return Halo(share.ranks, names, share.owners[owners])
 
     @classmethod
     def rectangle(cls, width: float, height: float, spacing: float, horizon: float, **options) -> Body:
-        """Return a rectangular body with its lower left corner at the origin and a point at the centre of every cell, see `Cells`."""
+        """Return a rectangular body with its lower left corner at the origin and a point at the centre of every cell, see `Cells`.
+
+        `options` are further arguments of `Body`.
+        """
         cells = Cells.filling((0.0, 0.0), (width, height), spacing)
         points = cells.centres()
         return cls(points, np.full(len(points), cells.volume), horizon, cells.spacing, cell=cells.sides, **options)
 
 
 MOST_MISFIT = 0.1
-"""Relative deviation allowed between the side of a cell and the spacing.
+"""Greatest relative deviation of the side of a cell from the spacing.
 
-Any side of five cells or more can be filled within it. In pure shear at 20 cells, cells whose sides differ by a fifth have the same errors
-as squares of the same area (-0.04 to -0.05 % in stress).
+Any side of a box that is five spacings or longer can be divided within it. In pure shear at 20 cells, cells whose sides differ by a fifth
+have the same errors as squares of the same area (-0.04 to -0.05 % in stress).
 """
 
 
@@ -298,7 +306,10 @@ def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.n
 
 
 def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:
-    """Return the sums of bond values (k,) or (k, c) at n points: over bonds that begin there, plus `sign` times over bonds that end."""
+    """Return, for each of n points, the sum of values of the bonds that begin there plus `sign` times the sum of those that end there.
+
+    `values` (k,) or (k, c) belong to k bonds from the points `first` to the points `second`; ends from n on are ghosts, which have no sum.
+    """
     if values.ndim == 2:
         return np.stack([sums_at_points(n, first, second, column, sign) for column in values.T], axis=1)
     within = second < n
@@ -329,7 +340,7 @@ class Bonds:
     pair_of : ndarray of uint32
         Pair of each entry of `neighbours`.
     cut : ndarray, shape (k, 2)
-        Ends of the pairs that are cut from the start; they are in none of the lists.
+        Ends of the pairs that cuts or holes of the undeformed body separate; these pairs are in none of the lists.
     n_directed : int
         Number of directed bonds within the body, without ghosts.
     """
@@ -405,7 +416,7 @@ class Bonds:
 
 
 def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
-    """Return row pointers, shape (count + 1,): where entries of each number from 0 to count - 1 begin once `numbers` are sorted."""
+    """Return row pointers, shape (count + 1,): where the entries of each number from 0 to count - 1 begin in the sorted `numbers`."""
     return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
 
 

@@ -12,7 +12,7 @@ from ..ranks.share import connected
 
 CORNERS = {2: np.array([[0, 0], [1, 0], [1, 1], [0, 1]])}
 CORNERS[3] = np.array([[*corner, height] for height in (0, 1) for corner in CORNERS[2]])
-"""Corners of a cell of a lattice in the order of VTK's quadrilaterals and hexahedra, by the dimension."""
+"""Positions of the corners of a lattice cell, 0 or 1 along each axis, by dimension, in the order of VTK's quadrilaterals and hexahedra."""
 
 FACES = {
     (2, 3): ((0, 1), (1, 2), (2, 0)),
@@ -21,7 +21,9 @@ FACES = {
     (3, 4): ((0, 2, 1, 1), (0, 1, 3, 3), (1, 2, 3, 3), (0, 3, 2, 2)),
     (3, 8): ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
-"""Sides of a cell by dimension and number of corners; in three dimensions their normals point outwards by the right-hand rule."""
+"""Sides of a cell, given by the numbers of their corners in the cell, by dimension and number of corners of the cell.
+
+In three dimensions the normals of the sides point outwards by the right-hand rule."""
 
 TORN = 0.5
 """Relative distance between the two positions that neighbouring cells predict for their common side, above which the side is drawn as open.
@@ -67,7 +69,7 @@ class CellMesh:
 
     @classmethod
     def of_mesh(cls, nodes: np.ndarray, blocks: Sequence[np.ndarray], kept: np.ndarray) -> CellMesh:
-        """Return the cell mesh of those cells of a mesh for which `kept` is true; the nodes are all those of the mesh."""
+        """Return the cell mesh of the cells of a mesh for which `kept` (one flag per cell, block by block) is true, with all its nodes."""
         parts = np.split(kept, np.cumsum([len(block) for block in blocks])[:-1])
         return cls(nodes, tuple(block[part] for block, part in zip(blocks, parts, strict=True) if part.any()))
 
@@ -91,7 +93,7 @@ class CellMesh:
 
     @cached_property
     def _entries(self) -> np.ndarray:
-        """Nodes at the corners of all cells, one array of all entries of `blocks`."""
+        """Nodes at the corners of all cells: the entries of all `blocks` in one array."""
         return np.concatenate([block.ravel() for block in self.blocks])
 
     def sides(self) -> tuple[np.ndarray, np.ndarray]:
@@ -103,7 +105,7 @@ class CellMesh:
 
     @cached_property
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges (in 3D faces) of cells, shared ones once: nodes at the corners (f, 2 or 4), and both adjacent cells (f, 2), -1 for none."""
+        """Edges (in 3D faces) of the cells, each listed once: nodes at its corners (f, 2 or 4), and its two cells (f, 2), -1 for none."""
         corners, owners = self.sides()
         number = side_numbers(corners)
         _, first = np.unique(number, return_index=True)
@@ -113,7 +115,7 @@ class CellMesh:
         return corners[first], np.stack([owners[first], beyond], axis=1)
 
     def moved(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-        """Return the displacements of the nodes from those of the points, shape (k, d).
+        """Return the displacements of the nodes, shape (k, d), from the displacements (n, d) of the body's points.
 
         A node has the mean of the linear extrapolations from the points of its cells, with their deformation gradients (n, d, d).
         """
@@ -147,7 +149,10 @@ class CellMesh:
         return self if not open_.any() else self._separated(corners, np.stack([one, other], axis=1), open_)
 
     def _separated(self, corners: np.ndarray, beside: np.ndarray, open_: np.ndarray) -> CellMesh:
-        """Return the mesh with nodes of open faces copied, one for each group of cells around the node that intact faces connect."""
+        """Return the mesh in which each node of an open face is copied for every group of cells around it that intact faces connect.
+
+        `corners` (f, 2 or 4) are the nodes of faces between two cells, `beside` (f, 2) these cells, and `open_` (f,) flags open faces.
+        """
         split = np.zeros(len(self.nodes), dtype=bool)
         split[corners[open_]] = True
         entries = np.flatnonzero(split[self._entries])

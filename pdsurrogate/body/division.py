@@ -14,7 +14,7 @@ HALO = 1.0
 
 One horizon holds the bonds of a rank's own points. Quantities of halo points that need all of their bonds (deformation gradients, moments)
 come from their owners. The alternative is a halo of two horizons for force maps, three for bond energies and five with smoothed
-dilatations: a share of 60 points a side of a solid would then hold 2.1 times its own points.
+dilatations: a rank with a cube of 60 points a side as its share of a solid would then hold 2.1 times its own points.
 """
 
 
@@ -33,7 +33,7 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     Raises
     ------
     ValueError
-        If there are fewer points than ranks, or a horizon reaches beyond the neighbouring ranks.
+        If there are fewer than four points for each rank.
     """
     n = len(body)
     if n < 4 * ranks.size:
@@ -53,7 +53,7 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
 
 
 def rows_of(body: Body, kind: str) -> Rows:
-    """Return which rows of the whole body's arrays the arrays of this rank's body hold.
+    """Return the correspondence between the rows of arrays on this rank, which has the part `body`, and of arrays of the whole body.
 
     `kind` names what a row belongs to: "points", "images" (points and images), "bonds" (directed bonds), or "pairs".
     """

@@ -55,7 +55,7 @@ class Ghosts:
     reflection : ndarray, shape (m, d)
         +1 or -1 for each direction of the neighbourhood.
     plane : ndarray of int64, shape (m,)
-        Number of the plane beyond which the ghost lies, in the given order; for an image of an image, that of the last reflection.
+        Number in `planes` of the plane beyond which the ghost lies; for an image of an image, of the plane of the last reflection.
     image : ndarray of int64, shape (m,)
         Bit mask of the planes in which the ghost is reflected.
     lever : ndarray, shape (m, planes, d)
@@ -87,7 +87,7 @@ class Ghosts:
     def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Ghosts:
         """Return the ghosts of points: their images within a horizon beyond planes, and images of images where planes meet.
 
-        Raise ValueError if points lie beyond a plane, or if a plane belongs to another dimension.
+        Raise ValueError if points lie beyond a plane, or if the parity of a plane is of another dimension than the points.
         """
         n, dimension = points.shape
         source, places, number, image, parent = np.arange(n), points, np.full(n, -1), np.zeros(n, dtype=np.int64), np.arange(n)
@@ -120,9 +120,9 @@ class Ghosts:
         """Return these ghosts with another continuation of deformation gradients, for a material that hardly changes its volume.
 
         A mirror image has the volume ratio of its source. Under odd continuation of all components, as displacements have beyond a clamped
-        plane, the stretch along the plane changes its sign and the one across does not: where the source has kept its volume, its image has
-        not, and bonded edges are too stiff. Here the image has the gradient of its source across the plane, and along it a share of the
-        source's; the rest is the plane's own gradient, which is known (theory (53)).
+        plane, the strain along the plane changes its sign and the strain across it does not: where the source has kept its volume, its
+        image has not, and bonded edges are too stiff. Here the image has the gradient of its source across the plane, and along the plane
+        `share` times the gradient of its source plus 1 - `share` times that of the plane itself, which is known (theory (53)).
         """
         parity, reflection = np.ones((2, *self.parity.shape))
         for number, plane in enumerate(self.planes):
@@ -142,14 +142,17 @@ class Ghosts:
         return at_rest + self.moved_by_planes(points, displacements, turns)
 
     def moved_by_planes(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-        """Return the displacement of the ghosts that displaced planes cause while the points rest, shape (m, d); see `shifts`."""
+        """Return the displacements (m, d) of the ghosts due to the planes alone, while the body's points do not move; see `shifts`."""
         moved = np.einsum("mpd,pd->md", self.lever, displacements)
         if turns is not None:
             moved += np.einsum("mpr,prc,mpc->mr", self.lever, turns, self._feet(points))
         return moved
 
     def _feet(self, points: np.ndarray) -> np.ndarray:
-        """Return the point of each plane about which each ghost was mirrored, (m, planes, d); only planes in its mask `image` count."""
+        """Return the points of all planes about which each ghost was mirrored, shape (m, planes, d), from reference positions `points`.
+
+        Entries are meaningful only for the planes in the ghost's mask `image`.
+        """
         feet = np.repeat(self.points[:, None], len(self.planes), axis=1)
         for number, plane in enumerate(self.planes):
             # A ghost that a later plane reflects again had, before that, its source's place along the later plane's axis.
@@ -210,7 +213,7 @@ class Ghosts:
         kernels.fill_vectors(positions, self.source, self.parity, shifts)
 
     def fill_displacements(self, displacements: np.ndarray) -> None:
-        """Write the displacements of the ghosts for planes at rest, P u_source with the parity P, into `displacements` (n + m, d)."""
+        """Write the displacements of the ghosts for fixed planes, P u_source with the parity P, into `displacements` (n + m, d)."""
         kernels.fill_vectors(displacements, self.source, self.parity, np.zeros_like(self.parity))
 
     def fold_forces(self, forces: np.ndarray) -> None:
@@ -243,7 +246,10 @@ class Ghosts:
 
 
 def _continuation(plane: ReflectionPlane, share: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return vectors (d,) that continue gradients beyond a plane: parity, reflection, and weight of the plane's own gradient by rows."""
+    """Return three vectors (d,) that continue gradients beyond a plane: parity of rows, factors of columns, weight of the plane's gradient.
+
+    `share` is that of `Ghosts.held_by_clamps`; with None gradients are continued as displacements are.
+    """
     across, parity = np.arange(len(plane.parity)) == plane.axis, np.array(plane.parity, dtype=float)
     if share is None or (parity > 0).any():
         return parity, np.where(across, -1.0, 1.0), 1 - parity

@@ -22,10 +22,10 @@ by 0.04 with 1.3, near the minimum of both (horizons of 3.15 cells).
 """
 
 LEAST_REACH = 2.5
-"""Distance, in cells, within which points are included if the horizon is shorter: two rows at a straight edge."""
+"""Least distance, in cells, within which points contribute to a fit, however short the horizon: it includes two rows at a straight edge."""
 
 ALONG = 0.7
-"""Distance along the boundary, in cells, over which the weights of points fall by a factor e; across it they extend to `REACH`.
+"""Distance along the boundary, in cells, at which the weight of a point in a fit is 1/e; across the boundary weights extend to `REACH`.
 
 Loads spread no farther than this along an edge. If they spread as far as across it, the row at a corner has 1.6 times its share, and the
 middle of a square of 20 cells pulled at its edge is displaced by 0.05 and 0.04 cells times the strain (in the two models of `REACH`); with
@@ -33,8 +33,8 @@ this value, by 0.019 and 0.005.
 """
 
 LEAST_WEIGHT = 1e-6
-"""Weight below which points near the boundary are left out: with `ALONG` those more than 2.6 cells away along the boundary. Chosen: the fit
-keeps all weights but a millionth."""
+"""Weight below which a point is left out of a fit on the boundary; a point at the place of the fit itself has weight 1 for each normal.
+With `ALONG` this leaves out points more than 2.6 cells away along the boundary. Chosen: the fit neglects weights of a millionth at most."""
 
 THINNEST = 0.05
 """Least deviation of the points, in cells (weighted root mean square), from every straight line, or from every parabola in a quadratic fit;
@@ -48,12 +48,12 @@ lie in the outermost layers.
 """
 
 MIRRORED = 2.5
-"""Distance from a plane of symmetry, in cells, within which the motion on the boundary uses images; farther away the weights of images are
-below `LEAST_WEIGHT`."""
+"""Distance from a plane of symmetry, in cells, within which the fit of the motion on the boundary uses mirror images of points; farther
+away the weights of images are below `LEAST_WEIGHT`."""
 
 ROUNDING = 1e-6
-"""Tolerance, in cells, for a node to lie in a plane, and for a unit normal across one. Chosen above the rounding of coordinates in single
-precision that meshes may have, and far below a cell."""
+"""Distance from a plane of symmetry, in cells, up to which a node lies in it, and deviation from 1 up to which a component of a unit normal
+is that of a facet in the plane. Chosen above the rounding of coordinates in single precision that meshes may have, and far below a cell."""
 
 OUTSIDE = 1.25
 """Distance from the nearest point, in cells, beyond which a place lies outside: a corner of a cell lies 0.71 away, and cells that absorb a
@@ -75,8 +75,8 @@ def interpolation(
     places : ndarray, shape (k, d)
         Places in the reference state, in the body or on its boundary.
     portion_of : ndarray of int, shape (n,), optional
-        Material of every point of a body of several: the motion has a kink at an interface, so only points of the material of the point
-        nearest to a place are used.
+        Number of the material of every point, in a body of several materials: the motion has a kink at an interface, so only points of the
+        same material as the point nearest to a place are used.
 
     Returns
     -------
@@ -137,7 +137,10 @@ def fields_at(
 def _polynomials(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None, mirrors: Sequence[ReflectionPlane] = ()
 ) -> list[sparse.csr_array]:
-    """Return the matrices from fields at points and images to values and derivatives along the axes at places; see `interpolation`."""
+    """Return the matrices from fields at points and images to values, and derivatives along the axes, at places; see `interpolation`.
+
+    `mirrors` are the reflection planes in which points have images.
+    """
     distance, nearest = cKDTree(body.points).query(places)
     far = distance > OUTSIDE * body.cell.max()
     if far.any():
@@ -156,7 +159,7 @@ def _polynomials(
 
 
 def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[sparse.csr_array, ...]:
-    """Return the maps from the motion of points to the motion of nodes on the boundary: N of `Surface`, in the form of `Following`.
+    """Return the maps from the motion of points to the motion of nodes (k, d) on the boundary: N of `Surface`, as `Following.rows`.
 
     A linear field is fitted to the points, at a corner to those near either side, so that the rows of N sum to 1 and have the place as
     their first moment. Where too few points lie along a normal, as in a sharp corner, it is fitted to all points within reach. `normals`
@@ -189,14 +192,17 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[s
 
 
 def _on_boundary(body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Sequence[ReflectionPlane] = ()) -> sparse.csr_array:
-    """Return the map from points to boundary nodes, fitted to points and images along the normals, or around the node where that fails."""
+    """Return the map from points to boundary nodes; see `boundary_rows`.
+
+    It is fitted to points, and images in the planes `mirrors`, along the normals of a node, or around the node where that fails.
+    """
     rows = _Surroundings(body, nodes, normals, mirrors).fit(1)[0]
     rest = np.flatnonzero(empty_rows(rows))
     return _folded(_filled(rows, _Surroundings(body, nodes[rest], mirrors=mirrors).fit(1)[0], rest), _Images(body, mirrors))
 
 
 def _mirrors(body: Body) -> list[ReflectionPlane]:
-    """Return the planes of symmetry of a body in three dimensions (odd normal displacement, others even); none in the plane."""
+    """Return the planes of symmetry of a body in three dimensions (odd normal displacement, others even); a sheet has none."""
     if body.dimension == 2:
         return []
     return [plane for plane in body.planes if all((sign < 0) == (axis == plane.axis) for axis, sign in enumerate(plane.parity))]
@@ -228,7 +234,7 @@ class _Images:
 
 
 def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = None) -> sparse.csr_array:
-    """Return a map from points and images as a map from points alone: an image has its source's value times its sign, +1 by default."""
+    """Turn a map from points and images, `rows`, into a map from points: an image has its source's value times its sign, by default 1."""
     if len(images.source) == images.count:
         return rows
     signs = np.ones(len(images.source)) if signs is None else signs
@@ -254,10 +260,12 @@ def _filled(rows: sparse.csr_array, others: sparse.csr_array, numbers: np.ndarra
 
 
 class _Surroundings:
-    """Points around each of several places that no hole or cut separates from it, with their weights in a polynomial fit.
+    """Points near each of several places, except those that a hole or cut separates from it, and their weights in a polynomial fit.
 
-    A weight is the volume of the point times 1 - (distance / reach)^2, with `_reach`. With normals it is the volume times the sum, over the
-    normals, of 1 - (depth / reach)^2 times a Gaussian of the distance sideways (`ALONG`), the depth being the distance along the normal.
+    The weight of a point is its volume times 1 - (distance / reach)^2, where `_reach` gives the reach. If `normals` are given, the unit
+    normals of the boundary at every place (k, sides, d), it is the volume times the sum over these normals of 1 - (depth / reach)^2 times a
+    Gaussian of the sideways distance (`ALONG`), where depth is the distance along the normal. The weights are scaled to sum to 1 at each
+    place. Images of points in the planes `mirrors` count as points.
     """
 
     def __init__(self, body: Body, places: np.ndarray, normals: np.ndarray | None = None, mirrors: Sequence[ReflectionPlane] = ()) -> None:
@@ -282,7 +290,10 @@ class _Surroundings:
         self.offsets = (points[self.point] - places[self.place]) / self.reach
 
     def of(self, portion_of: np.ndarray | None, own: np.ndarray | None) -> _Surroundings:
-        """Keep only points of material ``own[k]`` around place k, scale their weights to sum to 1, and return self; for None keep all."""
+        """Keep only points of material ``own[k]`` around place k, scale their weights to sum to 1, and return self.
+
+        `portion_of` is the material of every point of the body; if it is None all points are kept.
+        """
         if portion_of is not None:
             kept = portion_of[self.source[self.point]] == own[self.place]
             self.place, self.point, self.offsets, weights = self.place[kept], self.point[kept], self.offsets[kept], self.weights[kept]
@@ -295,7 +306,8 @@ class _Surroundings:
     def fit(self, degree: int) -> tuple[sparse.csr_array, ...]:
         """Return matrices from values at points to value and derivatives at places, by a least-squares polynomial of a degree.
 
-        The row of a place is empty where points are too few.
+        The row of a place is empty where the points are too few or lie in one row, or, from degree 2, where the fit would amplify their
+        errors (`MOST_AMPLIFICATION`).
         """
         dimension = self.offsets.shape[1]
         powers = [chosen for order in range(degree + 1) for chosen in combinations_with_replacement(range(dimension), order)]

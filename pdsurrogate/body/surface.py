@@ -32,7 +32,7 @@ class Following:
         return np.stack([rows @ vectors[:, component] for component, rows in enumerate(self.rows)], axis=1)
 
     def __getitem__(self, places) -> Following:
-        """Return the map to the chosen places alone."""
+        """Return the map from all points to the chosen places alone: its rows of these places, given by an index, mask or slice."""
         return Following(tuple(rows[places] for rows in self.rows))
 
     def __sub__(self, other: Following) -> Following:
@@ -94,7 +94,7 @@ class Surface:
     follow: np.ndarray | None = None
 
     def of_share(self, share: Share) -> Surface:
-        """Return the surface with its interpolation restricted to the points that this rank owns."""
+        """Return the surface with its interpolation restricted to the points of this rank's `share` of the body that it owns."""
         own = Following(tuple(share.own_columns(rows) for rows in self.interpolation.rows))
         return replace(self, interpolation=own, follow=self.followed())
 

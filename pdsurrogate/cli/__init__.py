@@ -57,7 +57,7 @@ class Commands(TyperGroup):
                 error_as_json(error.exit_code, error.format_message())
             raise
         finally:
-            out.quiet = False  # as JSON had it
+            out.quiet = False  # `--json` had set it
 
 
 app = typer.Typer(name="pdsurrogate", cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)

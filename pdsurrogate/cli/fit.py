@@ -31,8 +31,8 @@ DIGITS = 16
 """Number of hexadecimal digits of the digest by which a report identifies its test data: two tests do not share sixteen by chance."""
 
 LARGE_GROWTH = 1.05
-"""Volume ratio of a law in the tests above which the user is warned: the volume of rubber grows by a per cent or so. Chosen just above the
-4 % to which the default bulk modulus leads at Treloar's greatest stretch (`BULK_RATIO`)."""
+"""Greatest volume ratio that an identified law may give in the tests without a warning: the volume of rubber grows by a per cent or so.
+Chosen just above the 4 % to which the default bulk modulus leads at Treloar's greatest stretch (`BULK_RATIO`)."""
 
 FOLDER_HELP = "Folder of artefacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS."
 
@@ -108,7 +108,10 @@ def print_identified(report: dict) -> None:
 
 
 def differences_in_words(differences: dict) -> str:
-    """Return a text of the greatest difference from the test data in each mode, in per cent of the greatest stress of the mode."""
+    """Return a text of the greatest difference of a law or a simulation from the test data in each mode.
+
+    `differences` are those of `reporting.differences`, relative to the greatest stress of the mode; the text gives per cent.
+    """
     return ", ".join(
         f"{mode} no stress" if row["difference"] is None else f"{mode} {100 * row['difference']:+.2g} % at stretch {row['stretch']:g}"
         for mode, row in differences.items()
@@ -198,7 +201,9 @@ def fit(
 
 
 def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
-    """Simulate the material tests with a fitted artefact, print its differences from tests and law, and draw all unless drawn before.
+    """Simulate the material tests with a fitted artefact, and print how much the stresses differ from the tests and from the law.
+
+    A picture of tests, law and simulation is written next to the artefact, unless it exists.
 
     Return, for the output as JSON, the differences from the tests, the number of rows outside the domain, and the simulated stresses.
     """
@@ -253,7 +258,7 @@ def evaluate(
 
 
 def print_errors(report: dict) -> None:
-    """Print tables of the errors of a surrogate of a bond force or of an energy."""
+    """Print, from a report of `learning.evaluate`, a table of the errors of a bond force or an energy, and a line on its stiffness."""
     low, high = report["stretch_range"]
     which = f"stretches {low:g} to {high:g}, {report['n_samples']} states"
     force, rows = "off_surface" in report, {"all": report["on_surface"]}

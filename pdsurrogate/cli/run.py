@@ -24,11 +24,11 @@ from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, err, note, out, 
 FORCE_HELP = "analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); default: chosen for the scene."
 
 LEAST_SHARE = 0.01
-"""Share of the moment over the extent of the body below which a force is not printed: a part that is turned has smaller ones. Chosen: with
-a smaller share tables have columns of such forces, with a greater one small forces that are meant are missing."""
+"""Force on a region, divided by its moment per extent of the body, below which the force is not printed: a part that is turned has
+such small forces. Chosen: with a smaller ratio tables have columns of them, with a greater one small forces that are meant are missing."""
 
 LEAST_SHOWN = 5e-6
-"""Force that is printed as zero, relative to the greatest one where that is below 1: tables have five decimals."""
+"""Force below which a component has no column in a table of five decimals; if the greatest force is below 1, relative to that force."""
 
 
 Column = tuple[str, Sequence[str | float | None]]

@@ -17,7 +17,7 @@ from .terminal import WARNING, Bar, bad_input, complain, note, out, print_json, 
 FIELD_HELP = "Field to draw, such as von_mises or stress_22; may be repeated; default: chosen."
 
 MARK = b'content="pdsurrogate show"'
-"""Bytes in the head of a page of a result, by which it is known."""
+"""Bytes near the beginning of every HTML file that ``show --html`` writes; it replaces an existing file only if it has them."""
 
 
 def show(
@@ -56,7 +56,10 @@ def show(
 
 
 def _print_history(result: Result) -> None:
-    """Print the rows of the history in equilibrium, or else the last ten, with the columns that are not zero."""
+    """Print the rows of the history in equilibrium or, if there are none, its last ten rows, and the names of the fields.
+
+    Columns of moments and displacements are left out, as are columns of zeros and of negligible forces (`SHOWN_SHARE`).
+    """
     rows = [row for row in result.history if "time" not in row] or result.history[-10:]
     if not rows:
         return

@@ -71,7 +71,7 @@ class _Progress:
         self._bar.count("runs", done, runs, title=self._name)
 
     def ended(self, place: str, failure: str | None) -> None:
-        """Show one more finished run, which failed unless `failure` is None."""
+        """Show that the run in the folder `place` has ended; it failed unless `failure` is None."""
         self._failed += failure is not None
         self._ended += 1
         self._bar.count("runs", self._ended, self._runs, f"{self._failed} failed" if self._failed else "")

@@ -21,7 +21,7 @@ from rich.text import Text
 from ..run.interruption import heard
 
 MOST_COLUMNS = 10_000
-"""Width, in characters, that no line of a table in its narrowest form reaches."""
+"""Width in characters, greater than that of any table, at which the least width that a table needs is measured."""
 
 SOONEST = 0.5
 """Seconds after which `Bar.rate` gives a rate: an earlier one would mostly measure the start."""
@@ -50,8 +50,8 @@ err = Console(stderr=True)
 
 
 settings = SimpleNamespace(quiet=False, as_json=False, printed=False)
-"""Values set when a command begins: whether neither progress nor remarks are printed, and whether standard output is JSON; and whether
-JSON has been printed."""
+"""State of the output of the present command. `quiet`: neither progress nor remarks are printed; `as_json`: standard output is JSON; both
+are set when the command begins. `printed`: JSON has been printed."""
 
 
 def print_json(data) -> None:
@@ -160,7 +160,10 @@ class Bar(Progress):
         self.update(self.task_ids[0], completed=share, state=state)
 
     def rate(self, items: str, count: float) -> str:
-        """Return a text such as ", 12 steps/s" for the rate since the first call with the bar's title; empty if it is not known yet."""
+        """Return a text such as ", 12 steps/s" for the mean rate of `count`, since the first call under the bar's present title.
+
+        The text is empty in the first `SOONEST` seconds, and while the count has not grown.
+        """
         now = time.monotonic()
         self._since = self._since or (now, count)
         elapsed, done = now - self._since[0], count - self._since[1]

@@ -54,7 +54,10 @@ def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.n
 
 
 def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return where facets cross or touch others, except neighbours in a chain: facet, share of its length before the place, and place."""
+    """Return where facets cross or touch each other, except neighbours in a chain: facets, shares of their lengths, and places (m, 2).
+
+    Each meeting is listed for both of its facets, with the share of the facet's length from its start to the place.
+    """
     along = ends - starts
     lengths = np.linalg.norm(along, axis=1)
     pairs = cKDTree((starts + ends) / 2).query_pairs(lengths.max() + tolerance, output_type="ndarray")
@@ -93,9 +96,10 @@ def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance
 
 
 def between_material_and_none(nodes: np.ndarray, facets: np.ndarray, curves: np.ndarray, beside: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the facets on the boundary of the body (material on one side only), with the material on their left, and their chains.
+    """Return the facets on the boundary of the body (material on one side only), with the material on their left, and their chain numbers.
 
-    The material on either side changes only where chains meet, so one facet of each run is tested.
+    `facets` and `curves` are those of `pieces`, with the outline as chain 0 and holes as the others. The material on either side changes
+    only where chains meet, so the longest facet of each run is tested, at the distance `beside` from its middle.
     """
     runs, run = np.unique(curves, axis=0, return_inverse=True)
     run = run.ravel()

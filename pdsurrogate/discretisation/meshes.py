@@ -24,7 +24,9 @@ BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")
 """First letters of meshio's names of points, edges and faces, which a mesh may list in addition to its cells."""
 
 BESIDE_CORNERS = {4: [[1, 2, 3]], 8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]}
-"""Ends of the three edges at each corner of a cell, by number of corners, in right-handed order; one corner suffices for tetrahedra."""
+"""Corners to which the three edges at each corner of a solid cell lead, in right-handed order, by the cell's number of corners.
+
+For tetrahedra only corner 0 is listed: the edges at every corner span the same volume, whose sign tells whether the cell is inverted."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class MeshFile:
     cell_groups : mapping of str to ndarray of int
         Numbers of the cells in each physical group of cells.
     side_groups : mapping of str to ndarray of int, shape (l, 2) or (l, 4)
-        Nodes of the lines (in three dimensions faces) in each physical group of such; a triangle repeats its last node.
+        Nodes of the lines (in three dimensions faces) in each physical group of lines (faces); a triangle repeats its last node.
     """
 
     nodes: np.ndarray
@@ -49,7 +51,7 @@ class MeshFile:
     side_groups: Mapping[str, np.ndarray]
 
     def corners(self) -> list[np.ndarray]:
-        """Return the positions of the corners of the cells, an array of shape (n, corners, d) for every block."""
+        """Return the positions of the corners of the cells, an array of shape (n, corners, d) for every block of `cells`."""
         return [self.nodes[block] for block in self.cells]
 
     def centroids(self) -> tuple[np.ndarray, np.ndarray]:
@@ -102,19 +104,19 @@ class Sides:
         return np.isin(numbers[: len(self.corners)], numbers[len(self.corners) :])
 
     def boundary(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sides on the boundary of the kept cells.
+        """Return the sides on the boundary of a part of the cells, such as those in no hole.
 
         Parameters
         ----------
         kept : ndarray of bool, shape (cells,)
-            Flags of the kept cells.
+            Flags of the cells of this part.
 
         Returns
         -------
         sides : ndarray of int, shape (b,)
             Numbers of the boundary sides.
         beyond : ndarray of int, shape (b,)
-            Cell on the other side, which is not kept; -1 where there is none.
+            Cell on the other side, which does not belong to the part; -1 where there is none.
         """
         numbers, kept = side_numbers(self.corners), kept[self.owners]
         times, other = np.bincount(numbers[kept], minlength=len(numbers)), np.full(len(numbers), -1)
@@ -244,7 +246,10 @@ def volumes_of(cells: np.ndarray) -> np.ndarray:
 
 
 def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centroids (n, d) and volumes (n,) of cells of one type, given by positions of their corners, shape (n, corners, d)."""
+    """Return centroids (n, d) and volumes (n,) of cells of one type, given by positions of their corners, shape (n, corners, d).
+
+    Raise ValueError for a cell without volume, or a quadrilateral whose sides cross.
+    """
     volumes = volumes_of(cells)
     volume = volumes.sum(axis=1)
     if (volume == 0).any():

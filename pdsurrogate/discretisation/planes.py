@@ -11,7 +11,7 @@ from ..scenes.regions import RegionReference, edge_names
 def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) -> str | None:
     """Return the name of the edge (or face) that a region of a scene covers whole; None if it covers none or only a part.
 
-    `faces` are the names of edges by the names of mesh groups that cover them, see `Body`.
+    `faces` gives the names of whole edges by the names of the mesh groups that cover them, see `faces_of_groups`.
     """
     if isinstance(region, str):
         if region in edge_names(scene.dimension):
@@ -31,8 +31,9 @@ def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
 def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, set[int]]:
     """Return the edges of a scene that reflection planes hold, each with the displacement components that are held there, 0 for x1.
 
-    Reflection holds the edges of grips, and an edge that entries of `prescribed` name as a whole, or by the group of a mesh that is all of
-    it, if they prescribe its normal component, alone or as part of a rotation.  All other edges hold their outermost points.
+    Reflection planes hold the edges of grips. They also hold an edge if entries of `prescribed` apply to the whole of it, by its name or by
+    a mesh group that covers it (see `whole_edge`, also for `faces`), and prescribe its normal component, alone or as part of a rotation.
+    On other edges that a scene holds, the outermost points are held instead.
     """
     if scene.support != "reflected":
         return {}
@@ -46,7 +47,11 @@ def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, set[int
 
 
 def reflection_planes(scene: Scene, lower, upper, faces: Mapping[str, str]) -> tuple[ReflectionPlane, ...]:
-    """Return the reflection planes at the `reflected_edges` of a scene."""
+    """Return the reflection planes that hold edges of a scene, one for each of `reflected_edges`.
+
+    `lower` and `upper` are the corners of the body's bounding box, shape (d,); `faces` gives the names of whole edges by the names of the
+    mesh groups that cover them, see `faces_of_groups`.
+    """
     planes = []
     for edge, components in reflected_edges(scene, faces).items():
         axis, side = EDGES[edge]

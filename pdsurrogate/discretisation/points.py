@@ -18,22 +18,24 @@ from .meshes import Sides, mesh_of
 from .planes import reflected_edges, reflection_planes
 
 RASTER = 16
-"""Sampled places along either side of a cell in the plane, which determine the area of its material to some 1/1000 of a cell."""
+"""Number of sampled places along each side of a cell in the plane, which determine the area of its material to some 1/1000 of a cell."""
 
 SCATTERED = 128
-"""Number of sampled places in an eighth of a 3D cell, with mirror images in the others. No two have equal coordinates along an axis, so
+"""Number of sampled places in one eighth of a 3D cell, with mirror images in the others. No two have equal coordinates along an axis, so
 that a volume is as accurate as with 1024 places along each axis if a plane or cylinder cuts the cell along the axes, and better than
 1/200 of a cell otherwise."""
 
 WITHIN = 1 - 1e-6
-"""Share of the way from the middle of a 3D cell to its corners that is sampled, so that a boundary between cells cuts neither."""
+"""Share of the way from the middle of a 3D cell to its corners, edges and faces at which material is tested: a little inside, so that a
+boundary between two cells cuts neither."""
 
 CLEARANCE = 0.4
 """Distance without material, in cells in every direction, that makes a place on a bond empty. Bonds next to a round hole with a radius
 above some three cells leave the material by less and remain."""
 
 STEP = 0.15
-"""Distance, in cells, of the tested places on a bond: a gap of one cell is empty over 0.2 cells."""
+"""Greatest distance, in cells, between neighbouring tested places on a bond. In a gap of one cell the places with `CLEARANCE` to both sides
+extend over 0.2 cells, so that at least one of them is tested."""
 
 ROOT_OF_CUBES = 1.2207440846057596
 """Root g of g^4 = g + 1: multiples of its first three inverse powers fill a cube evenly (the sequence of which the plastic number is the
@@ -44,8 +46,9 @@ MOST_PLACES = 1_000_000
 take more memory."""
 
 STRIPS = 1e-9
-"""Permitted error of a strip of a planar cut in three dimensions, relative to the area of the cut. Chosen above rounding, and far below
-1e-6, by which the areas of two grips are told apart."""
+"""Change of the integral over an interval, relative to the whole integral, below which `_integral` does not halve the interval further; it
+integrates the area of a plane section of a solid. Chosen above rounding, and far below 1e-6, by which the areas of two grips are told
+apart."""
 
 CUT_SHIFT = 1e-6
 """Distance, in extents of the body, from a grip's plane to the cut that determines its area: more than the rounding of single precision."""
@@ -66,7 +69,7 @@ def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
     ----------
     scene : Scene
     part_of : callable, optional
-        ``part_of(body)`` returns the part of the whole body that is wanted, before bonds are made.
+        ``part_of(body)`` returns the part of the whole body that is wanted, such as that of one rank, before bonds are made.
 
     Returns
     -------
@@ -160,7 +163,10 @@ def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray,
 
 
 def _integral(values, low: float, high: float) -> float:
-    """Integrate a function with kinks and steps: halve intervals until the four-place Lobatto rule changes by at most `STRIPS`."""
+    """Integrate the function `values`, which may have kinks and steps, from `low` to `high`.
+
+    Intervals are halved until their integrals by the four-place Lobatto rule change by at most `STRIPS` of the whole.
+    """
     places, weights = np.array([-1, -(0.2**0.5), 0.2**0.5, 1]), np.array([1, 5, 5, 1]) / 6
 
     def sums(starts: np.ndarray, widths: np.ndarray) -> np.ndarray:
@@ -216,7 +222,8 @@ def _points_of(scene: Scene):
 def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray) -> tuple[float, float]:
     """Return the spacing of a mesh (mean size of a cell), and the side of the squares or cubes that its cells make up.
 
-    Two triangles count as one square, six tetrahedra as one cube.
+    `cells` are the corners of the cells block by block, shape (n, corners, d), `kept` flags of the cells that are not in holes, and
+    `volumes` those of all cells. Two triangles count as one square, six tetrahedra as one cube.
     Both are volume means: many small cells in a corner do not make the horizon small everywhere.
     """
     dimension = cells[0].shape[2]
@@ -247,7 +254,10 @@ def _area_of_sides(scene: Scene, edge: str, lower: np.ndarray, upper: np.ndarray
 
 
 def _outer_sides(scene: Scene) -> tuple[Sides, np.ndarray, np.ndarray]:
-    """Return the sides of a mesh's cells, the numbers of those on the boundary outside holes, and the positions of their corners."""
+    """Return the sides of a mesh's cells, the numbers of the sides on the boundary, and the positions of the corners of these.
+
+    The boundary is that of the cells whose centroids lie in no hole of the scene; it includes the boundaries of the holes.
+    """
     mesh = mesh_of(scene.body)
     sides = mesh.sides()
     outer, _ = sides.boundary(_outside_holes(scene, mesh.centroids()[0]))
@@ -278,7 +288,10 @@ def material_at(scene: Scene, places: np.ndarray) -> np.ndarray:
 
 
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
-    """Return flags of the points within the outline and outside holes; raise ValueError if a hole contains no point or no point is left."""
+    """Return flags of the points that are `within` the outline and in no hole.
+
+    Raise ValueError if a hole contains none of the points within the outline, or no point is left.
+    """
     kept = within.copy()
     for number, hole in enumerate(scene.holes):
         inside = hole.contains(points)

@@ -23,7 +23,7 @@ AWAY = 0.6
 within are a cell apart; a smaller distance makes flat triangles at the boundary, a greater one long ones."""
 
 MOST_ROUNDS = 20
-"""Maximum number of times that sides of a section are halved until they are sides of its triangles; three suffice but for acute corners."""
+"""Maximum number of times that sides of a section are halved until they are sides of its triangles; three do except at acute corners."""
 
 
 def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -94,7 +94,11 @@ def _goes_through(hole: Straight | None, body: Straight | None, tolerance: float
 
 
 def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
-    """Return the normal axes of the flat faces of a body (part of a sphere) that cut a spherical hole, whose centre lies on them."""
+    """Return the normal axes of the planes that bound the curved surface of a spherical hole; none for holes of other shapes.
+
+    For a part of a sphere they are those of its own flat faces; for a whole sphere, those of the flat faces of the body, itself a part of
+    a sphere, on which the centre of the hole lies.
+    """
     if not isinstance(hole, Sphere):
         return ()
     cut = tuple(axis for axis in _faces_of_part(body) if abs(hole.centre[axis] - body.centre[axis]) <= tolerance)
@@ -107,7 +111,9 @@ def _faces_of_part(body: Solid) -> tuple[int, ...]:
 
 
 def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> int | None:
-    """Return the number of the first hole whose own closed boundary leaves the body or meets another hole; None if none does.
+    """Return the number of the first hole whose own boundary leaves the body or meets another hole; None if none does.
+
+    `closed` gives the boundaries as triangles, shape (f, 3, 3), by the numbers of the holes.
 
     The rims of spherical holes that flat faces cut lie on these faces and do not count as leaving the body.
     """
@@ -127,7 +133,10 @@ def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> i
 
 
 def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return the closed boundary of one shape as triangles (f, 3, 3), counter-clockwise from outside; a cut sphere has no flat faces."""
+    """Return the boundary of one shape as triangles (f, 3, 3), counter-clockwise as seen from outside.
+
+    For a sphere cut by planes normal to the axes `halved`, this is the curved surface without the flat faces; otherwise it is closed.
+    """
     if isinstance(shape, Sphere):
         return _sphere(shape, halved, cell)
     straight = shape.straight
@@ -135,7 +144,9 @@ def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: 
 
 
 def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
-    """Return the curved surface of a sphere, or of the part above planes normal to axes `halved`, as triangles (f, 3, 3) of exact volume.
+    """Return the curved surface of a sphere, or of its part above the centre along the axes `halved`, as triangles (f, 3, 3).
+
+    The triangles of the whole sphere enclose exactly its volume.
 
     A whole sphere is a divided icosahedron, a part of one is made of divided eighths. Nodes lie outside the sphere about as far as the
     middles of facets lie inside, so that the work of a pressure in an affine motion is exact. Facets are about half a cell long: the work
@@ -178,7 +189,7 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
 def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, tolerance: float) -> np.ndarray:
     """Return the triangles (f, 3, 3) of the flat face of a part of a sphere, normal to `axis`, between the rims of its curved faces.
 
-    Two flat faces have common nodes along the line where they meet.
+    `curved` are the triangles of these, shape (f, 3, 3). Two flat faces have common nodes along the line where they meet.
     """
     centre, across = np.array(sphere.centre), [(axis + 1) % 3, (axis + 2) % 3]
     nodes = curved.reshape(-1, 3)
@@ -213,7 +224,10 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
 
 
 def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
-    """Return triangle arrays (f, 3, 3): first the outline of a prism with both caps, then each hole through it."""
+    """Return the boundary of a prism along an axis as triangle arrays (f, 3, 3): its outline with both caps, then each hole through it.
+
+    `holes` are the plane sections of the holes.
+    """
     across = [(axis + 1) % 3, (axis + 2) % 3]
     beside = cell[across]
     low, high = straight.span
@@ -279,7 +293,7 @@ def _triangulated(
     Returns
     -------
     nodes, sides, chain
-        Nodes, sides and the number of the polygon of each side, as given but with the halved sides.
+        Nodes of the polygons, sides and the number of the polygon of each side, with halved sides and new numbers of nodes.
     triangles : ndarray, shape (t, 3, 2)
         Positions of the corners, counter-clockwise.
     """

@@ -12,16 +12,19 @@ from numba.extending import intrinsic
 from .intrinsics import data_of
 
 BLOCK = 256
-"""Values per row of a block: a dozen rows fit into a 32 kB first-level cache, and it is a multiple of every vector width."""
+"""Number of states (of bonds or points) in a block, and so of values per row: a dozen rows of doubles fit into a 32 kB first-level cache,
+and the number is a multiple of every vector width."""
 
 STATE_ROWS = 6
-"""Rows of the states of a bond force: a = U_nn, b = U_nm, U_mm, J, C33, and for models that need it l/horizon."""
+"""Number of rows of the states of a bond force: the components a = U_nn, b = U_nm and U_mm of the stretch tensor, n along the bond and m
+across, the area ratio J, the squared thickness stretch C33, and for models that need it the bond length in horizons."""
 
 TRACTION_ROWS = 3
-"""Rows of the result of a bond force: T_nn, T_nm, T_mm, dimensionless (theory (11))."""
+"""Number of rows of the result of a bond force: the components T_nn, T_nm, T_mm, along and across the bond, of its dimensionless stress T =
+R^T P (theory (11))."""
 
 SCRATCH_ROWS = 9
-"""Rows of doubles for a stress response: three for its states, five for its result, one of working memory."""
+"""Number of rows of doubles for a stress response: three for its states, five for its result, one of working memory."""
 
 CACHE_LINE = 64
 """Bytes of a cache line of x86-64 processors, and of their widest vectors (AVX-512): aligned rows are loaded without crossing a line, and
@@ -51,7 +54,7 @@ def aligned_rows(shape, dtype=np.float64, value=0):
 
 
 def array_over(context, builder, kind, data, shape):
-    """Return an LLVM value for an array of numba type `kind`, in C order, over the memory at address `data`.
+    """Return an LLVM value for an array of numba type `kind`, in C order, whose entries lie in the memory at address `data`.
 
     Entries of `shape` that are LLVM constants are known to the compiler.
     """
@@ -117,7 +120,10 @@ def rows_from(typingctx, rows, start):
 
 
 def _put(place):
-    """Return an intrinsic that writes a tuple into an array, value q to entry ``place(number, q)``, converted to the type of the array."""
+    """Return the intrinsic ``put(array, number, values)``, which writes value q of a tuple to entry ``place(number, q)`` of the array.
+
+    Values are converted to the type of the array.
+    """
 
     @intrinsic
     def put(typingctx, array, number, values):

@@ -50,7 +50,7 @@ INLINE_OPTIONS = {**OPTIONS, "forceinline": True}
 
 
 def compiled_digest(*values) -> str:
-    """Return the digest of the `values` that compiled code depends on (see `code_digest`) and of the compiler options."""
+    """Return the digest of the compiler options and of `values`, functions and plain values on which compiled code depends."""
     return code_digest(*values, OPTIONS, INLINE_OPTIONS)
 
 
@@ -174,10 +174,11 @@ _real, _sizes = types.CPointer(types.float64), types.CPointer(types.int64)
 
 
 MOST_VALUES = 1 << 40
-"""Nominal length of the arrays over constants and working memory of a model, whose length is known to the model alone."""
+"""Nominal length that compiled code gives to the arrays of a model's constants and working memory: only the model knows their true
+length."""
 
 STRESS_RESPONSE = types.void(_real, _real, _real)
-"""Signature ``response(states, parameters, result)`` of the responses of laws, over the rows of a block in double precision.
+"""Signature ``response(states, parameters, result)`` of the block functions that return the stress response of a law, in double precision.
 
 `pdsurrogate.materials.response` lists the rows.
 """
@@ -230,7 +231,7 @@ def widest_vectors(builder):
 
 
 _BLOCK_FUNCTIONS: dict[object, CFunc] = {}
-"""Block functions compiled or loaded in this process, by digest and signature, or by a key of its own for a function without a digest.
+"""Block functions compiled or loaded in this process, by digest and signature; a function without a digest has a key of its own.
 
 They live as long as the process, since their addresses are in use.
 """
@@ -256,7 +257,8 @@ def compile_block_function(function: Callable, signature, digest: str | None = N
 def compile_bond_force(function: Callable, dtype, state_rows: int = STATE_ROWS, result_rows: int = TRACTION_ROWS) -> CFunc:
     """Compile a function of blocks of bonds for the arguments of `bond_force_signature`, which it receives as arrays, not as pointers.
 
-    The arrays of ``sizes``, ``weights`` and ``work`` have the nominal length `MOST_VALUES`.
+    `dtype` is the precision of the model, `state_rows` and `result_rows` are the numbers of rows of its states and of its result. The
+    arrays of ``sizes``, ``weights`` and ``work`` have the nominal length `MOST_VALUES`.
     """
     body = expanded(function)
 

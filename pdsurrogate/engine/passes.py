@@ -24,7 +24,8 @@ from .compile import compile_block_function, compiled_digest, inlined, kernel, p
 from .threads import Chunks, chunks_of, threads_are_lost
 
 CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int64, types.int64)
-"""Signature ``function(arguments, thread, chunk, chunks)`` of the functions that the driver calls; they return a count."""
+"""Signature ``function(arguments, thread, chunk, chunks)`` of the functions that the driver calls; they return a count, such as the number
+of invalid states in the chunk."""
 
 
 @intrinsic
@@ -145,7 +146,8 @@ class Chunk(NamedTuple):
 class Pass:
     """Function that works on one chunk of a body, compiled for the types of the arrays that it is bound to; used as a decorator.
 
-    ``function(chunk, ...)`` works on a `Chunk` and returns a count, or nothing. It can use working memory of the chunk's thread.
+    ``function(chunk, ...)`` works on a `Chunk` and returns a count, such as the number of invalid states in the chunk, or nothing. It can
+    use working memory of the chunk's thread.
     """
 
     def __init__(self, function: Callable) -> None:
@@ -167,7 +169,7 @@ class Pass:
         return self.bind(*arguments)()
 
     def address(self, kinds: tuple) -> int:
-        """Return the address of the code of the pass for arguments of the given numba types; compile it if it is new."""
+        """Return the address of the pass's code for arguments of the given numba types; the code is compiled at the first request."""
         if kinds not in self._code:
             function, unpack = self._compiled, _unpacker(kinds)
             digest = compiled_digest(self.function, unpack, [str(kind) for kind in kinds])
@@ -188,9 +190,10 @@ def share_of(size, chunk):
 
 
 class BoundPass:
-    """Pass bound to its arguments; calling it runs all chunks and returns the sum of their counts.
+    """Pass bound to its arguments; a call runs it on all chunks, and returns the sum of the counts that it returns for them.
 
-    A pass that runs often is called through a `Chain`, which keeps its working memory.
+    A count is, for example, the number of invalid states in a chunk. A pass that runs often is called through a `Chain`, which keeps its
+    working memory.
     """
 
     def __init__(self, what: Pass, arguments: tuple, chunks: Chunks) -> None:

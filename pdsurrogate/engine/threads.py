@@ -21,11 +21,11 @@ need. `python pipelines/threads.py` compares this choice with others, on free an
 """
 
 PAIRS_PER_THREAD = 5_000
-"""Pairs of points below which a further thread costs more in waiting than it saves (`python pipelines/threads.py`)."""
+"""Number of pairs of points per thread below which a further thread costs more in waiting than it saves (`python pipelines/threads.py`)."""
 
 PAIRS_PER_CHUNK = 1_000
-"""Pairs of points in a chunk of a pass. A chunk takes some ten microseconds, less than `SPIN_COUNT` iterations, so that threads that finish
-half a chunk apart do not fall asleep.
+"""Number of pairs of points in a chunk of a pass. A chunk takes some ten microseconds, less than `SPIN_COUNT` iterations, so that threads
+that finish half a chunk apart do not fall asleep.
 """
 
 _WAITING = ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
@@ -153,9 +153,10 @@ def chunks_of(pairs: int) -> Chunks:
 
 @contextmanager
 def thread_count(threads: int | None, limit: bool = False) -> Iterator[int]:
-    """Run kernels on this number of threads within the context, None for all, and yield it; raise ValueError for too many.
+    """Run kernels on a number of threads within the context, None for all, and yield the number; raise ValueError for too many.
 
-    With `limit` nothing within the context can use more. In a forked process in which the threads are lost, warn and use one.
+    With `limit` it is also what `most_threads` returns, so that nothing within the context uses more. In a forked process in which the
+    threads are lost, warn and use one.
     """
     global _most
     if _lost and threads not in (None, 1):

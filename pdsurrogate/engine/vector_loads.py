@@ -21,7 +21,7 @@ _INDEX = ir.IntType(64)
 _DOUBLE = ir.DoubleType()
 
 _CONTRACT = ("contract",)
-"""A product and a sum may become one instruction."""
+"""Flag of LLVM instructions that allows a product and a sum to become one instruction."""
 
 
 def _constant(value):
@@ -274,8 +274,8 @@ def outer_products(builder, positions, neighbours, weights, bonds, point, out):
 def sum_matrix_products(dimension):
     """Return an intrinsic that sums products of matrices and vectors: ``out[point] = sum of (matrices[point] + matrices[j]) vectors[b]``.
 
-    The sum is over b in bonds, and j is ``neighbours[b]``; matrices are stored by columns. A plain loop takes 3.0 (float32) or 2.9
-    (float64) times as long in the plane, 1.9 or 2.1 times in three dimensions.
+    The sum is over b from start to stop, the two items of `bonds`, and j is ``neighbours[b]``; matrices are stored by columns. A plain loop
+    takes 3.0 (float32) or 2.9 (float64) times as long in the plane, 1.9 or 2.1 times in three dimensions.
     """
 
     @writes
@@ -341,8 +341,9 @@ def _sum_of(builder, records, length, bonds, listed=None, factors=None):
 def sum_records(length, sign):
     """Return an intrinsic that sums records: ``out[point] = factor * (sum of records[own] + sign * sum of records[indices[others]])``.
 
-    `own` and `others` are start and stop, the sums are in double precision, and `sign` is 1 or -1. A plain loop takes 2.4 (float32) or 1.8
-    (float64) times as long for records of two reals, 1.8 times for three, 3.9 or 2.6 times for four, 3.2 or 2.4 times for nine.
+    Each record has `length` reals. `own` and `others` are start and stop, the sums are in double precision, and `sign` is 1 or -1. A plain
+    loop takes 2.4 (float32) or 1.8 (float64) times as long for records of two reals, 1.8 times for three, 3.9 or 2.6 times for four, 3.2 or
+    2.4 times for nine.
     """
 
     @writes
@@ -368,9 +369,9 @@ def sum_listed_records(builder, records, listed, bonds, out, at):
 def multiply_pairs(dimension):
     """Return an intrinsic that computes scalar products of the records of pairs with the records of their two points, in single precision.
 
-    ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in bonds, where `first` is one point, records have d + d d
-    reals, and s is -1 for the first d reals and 1 for the others. A plain loop takes 2.3 times as long in the plane and 4.1 times in three
-    dimensions.
+    ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in bonds (start, stop), where `first` is one point, records have
+    d + d d reals, and s is -1 for the first d reals and 1 for the others. A plain loop takes 2.3 times as long in the plane and 4.1 times
+    in three dimensions.
     """
     length = dimension + dimension**2
     signs = [-1.0] * dimension + [1.0] * dimension**2
@@ -401,10 +402,10 @@ def multiply_pairs(dimension):
 def sum_scaled_records(dimension):
     """Return an intrinsic that sums, at a point, the records of its pairs, each times a factor.
 
-    A record has d + d d reals in single precision. The sums run over the pairs `own`, whose first point it is, and over the pairs
-    ``indices[others]``, whose second point it is. ``vectors[point]``, the first output, is the first sum minus the second, of the first d
-    reals; ``matrices[point]``, the second output, is the first sum plus the second, of the other d d reals. A plain loop takes 5.6 times as
-    long in the plane and 5.8 times in three dimensions.
+    A record has d + d d reals in single precision. Two sums are formed: over the pairs `own` that have `point` as first point, and over the
+    pairs ``indices[others]`` that have it as second point. `outputs` are two arrays: row `point` of the first receives the first d reals of
+    the first sum minus the second, and row `point` of the second the other d d reals of the first sum plus the second. A plain loop takes
+    5.6 times as long in the plane and 5.8 times in three dimensions.
     """
     length = dimension + dimension**2
 
@@ -425,11 +426,11 @@ def sum_scaled_records(dimension):
 
 @cache
 def sum_weighted_rows(width):
-    """Return an intrinsic for sparse matrices times an array x: ``out[point] = sum over e in entries of w[e] x[columns[e]]``.
+    """Return an intrinsic for one row of a sparse matrix times an array: ``out[point] = sum of weights[e] * rows[columns[e]]``.
 
-    `entries` are start and stop of a matrix row, whose values are w. x has rows of `width` reals in single precision. LLVM gathers as many
-    entries at a time as fit into a register, which rows of seven never fill: a plain loop takes 3.3 times as long for seven reals, 2.1
-    times for two or three, and 1.3 times for one.
+    The sum is over e from start to stop, the two items of `entries`. `rows` is an array with rows of `width` reals in single precision.
+    LLVM gathers as many entries at a time as fit into a register, which rows of seven never fill: a plain loop takes 3.3 times as long for
+    seven reals, 2.1 times for two or three, and 1.3 times for one.
     """
 
     @writes
@@ -447,10 +448,11 @@ def sum_weighted_rows(width):
 
 @intrinsic
 def sums_of_rows(typingctx, table, begin, row, first, second):
-    """Return the sums over p and q < 4 of ``first[p] second[q]`` times both outputs at ``table[begin + p row + 2 q]``.
+    """Return two sums over p and q < 4: of ``first[p] second[q] table[k]`` and of ``first[p] second[q] table[k + 1]``.
 
-    `first` and `second` are tuples of four. Eight consecutive numbers, four places with two outputs each, are loaded as one vector: written
-    as sixteen sums, LLVM gathers every number by itself, which takes three times as long.
+    Here k is ``begin + p row + 2 q``; `first` and `second` are tuples of four, and the numbers in `table` are coefficients of the two
+    outputs of a spline. Eight consecutive numbers, four places with two outputs each, are loaded as one vector: written as sixteen sums,
+    LLVM gathers every number by itself, which takes three times as long.
     """
     real, flags = table.dtype, ("contract", "reassoc", "nsz")
 

@@ -12,35 +12,39 @@ from ..materials import PLANES, Law, plane_stress
 from .bond_force import exact_bond_force
 
 MOST_OF_STATED = 5.0
-"""Greatest accepted error of a model with a card, relative to the maximum error that the card states.
+"""Greatest accepted error of a learnt model with a card (the metadata of its artefact), as a multiple of the maximum error on the card.
 
-The card states the maximum over thousands of states in the whole box, edges included; a dozen states within the box stay below it. Chosen:
-five times leaves room for parameters that a scene states with fewer digits; a model of another material is off by far more.
+The card states the maximum over thousands of states in the whole training range, edges included; the errors at the dozen trial states,
+which lie within the range, stay below it. Chosen: five times leaves room for parameters that a scene states with fewer digits; a model of
+another material is off by far more.
 """
 
 MOST_UNSTATED = 0.05
-"""Greatest accepted error of a model without a card, relative to the greatest force. Chosen to catch mistakes, such as a model of another
-material; errors between `NOTED` and this limit are the user's choice."""
+"""Greatest accepted error of a learnt model without a card (the metadata of an artefact), divided by the greatest exact force at the trial
+states. Chosen to catch mistakes, such as a model of another material; errors between `NOTED` and this limit only cause a warning."""
 
 NOTED = 0.01
-"""Error of a model without a card, relative to the greatest force, beyond which the check warns: as for the error on a card."""
+"""Error of a learnt model without a card (the metadata of an artefact), divided by the greatest exact force at the trial states, beyond
+which `check_agreement` warns. Chosen: equal to the limit for RMS errors on cards (`pdsurrogate.artifacts.card.NOTED`)."""
 
 ROUNDING = 1e-6
-"""Least stated error that the check uses: smaller errors on a card are rounding of the machine that made the card."""
+"""Least value that `check_agreement` uses for the maximum error on a card (the metadata of an artefact): smaller errors are rounding, which
+differs from machine to machine."""
 
 WIDEST = (0.5, 4.0)
-"""Range of stretches of default training samples, to which the trial states are limited, however wide the domain: beyond it laws may end,
-and forces grow so large that errors of the rest do not show. The card of a surrogate trained on less states errors over it as well."""
+"""Least and greatest principal stretch of default training samples, which limit the trial states of `check_agreement` however wide the
+domain of a model is: beyond them a law may have no state, and forces grow so large that errors at smaller stretches do not show. The
+card of a bond force that was trained on stretches above the least one also states the errors over this range."""
 
 PLACES = np.stack([0.07 + 0.86 * (np.arange(1, 13) * step % 1) for step in (0.7548776662, 0.5698402910)], axis=1)
-"""Positions of the trial states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence) and 7 % within
-the edges, where fits are least exact."""
+"""Positions of the 12 trial states in the box of both log-stretches, as fractions of its sides, shape (12, 2). They are evenly spread (the
+plastic number's sequence) and at least 7 % of a side away from the edges, where fits are least exact."""
 
 
 def bond_states(law: Law, first, second):
-    """Return trial states for a bond force: (stretch, rotation, length, C33, J) of bonds, and the exact bond forces of a law there.
+    """Return the arguments of `ForceSurrogate.bond_force` at n trial states, and the exact bond forces of a law there, shape (n, 2).
 
-    `first` and `second` are the principal stretches; the bonds lie at several angles to the principal axes.
+    `first` and `second` are the principal stretches of the states, shape (n,); the bonds lie at several angles to the principal axes.
     """
     angle = 0.3 + np.arange(len(first))
     cos, sin = np.cos(angle), np.sin(angle)
@@ -51,14 +55,22 @@ def bond_states(law: Law, first, second):
 
 
 def invariant_states(law: Law, first, second):
-    """Return trial states for a plane-stress energy: (tr C, J, both principal stretches), and exact derivatives by the stretches there."""
+    """Return n trial states for a plane-stress energy, and its exact derivatives by both principal stretches there, shape (n, 2).
+
+    `first` and `second` are the principal stretches, shape (n,); the states are a tuple of tr C, J, and these stretches.
+    """
     trace, J = first**2 + second**2, first * second
     p, q, *_ = plane_stress.response(law, trace, J, plane_stress.volume_ratio(law, trace, J))
     return (trace, J, first, second), np.stack([p * first + q / first, p * second + q / second], axis=1)
 
 
 def isochoric_states(law: Law, first, second):
-    """Return trial states for an isochoric energy: (I1bar, I2bar, squared stretches of product 1), and exact Kirchhoff stresses there."""
+    """Return n trial states for an isochoric energy, and the exact deviatoric principal Kirchhoff stresses there, shape (n, 3).
+
+    The states are a tuple of I1bar, I2bar, and squared principal stretches of product 1, shape (3, n). These stretches are `first`,
+    `second` (shape (n,)) and 1, divided by their geometric mean, and brought nearer to 1 where they exceed the bounds of all given
+    stretches.
+    """
     logs = np.log([first, second, np.ones_like(first)])
     low, high = logs.min(), logs.max()
     logs -= logs.mean(axis=0)
@@ -97,7 +109,8 @@ def check_agreement(model, law: Law, exact, remedy: str) -> None:
     Raises
     ------
     ValueError
-        If the error exceeds `MOST_OF_STATED` times the error that the model's card states, or `MOST_UNSTATED` for a model without a card.
+        If the error exceeds `MOST_OF_STATED` times the error on the model's card (the metadata of its artefact), or `MOST_UNSTATED` for a
+        model without a card, or if the law has no state somewhere in the domain.
 
     Warns
     -----

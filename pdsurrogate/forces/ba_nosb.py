@@ -24,9 +24,10 @@ class BondAssociatedStress(Term):
     Attributes
     ----------
     bond_vectors : ndarray, shape (n_bonds, 2)
-        Vectors by which the stress of every directed bond is multiplied: bonds of the points, then bonds of the ghosts.
+        Vector by which the stress of every directed bond is multiplied to give its force: first the bonds that start at points, then those
+        that start at ghosts.
     bond_forces : ndarray, shape (n_bonds, 2)
-        Products of stress and `bond_vectors` in the state last evaluated, divided by the shear modulus.
+        Force of every directed bond in the state last evaluated, divided by the shear modulus.
     """
 
     needs_gradients = False

@@ -32,9 +32,9 @@ class IsochoricEnergy:
     parameters : ndarray
         Parameters of the law.
     address : int
-        Address of a learnt energy (`pdsurrogate.kernels.isochoric_energy`); 0 for the exact one.
+        Address of the compiled function of a learnt energy (`pdsurrogate.kernels.isochoric_energy`); 0 for the exact energy.
     sizes : ndarray of int64, shape (N_SIZES,)
-        Integer constants of a learnt energy, and the count of states found outside its domain.
+        Integer constants of a learnt energy, and the number of states found outside its domain.
     weights : ndarray
         Floating-point constants of a learnt energy.
     precision : {"float32", "float64"}
@@ -50,7 +50,7 @@ class IsochoricEnergy:
 
     @classmethod
     def exact(cls, law: Law, plane: str) -> Self:
-        """Return the exact isochoric energy of a law."""
+        """Return the exact isochoric energy of a law; `plane` is "strain" or "space" (three dimensions)."""
         return cls(PLANES[plane].isochoric_response.block(law).address or 0, law.parameters)
 
     @property
@@ -65,7 +65,7 @@ class IsochoricEnergy:
         return count
 
     def evaluate(self, *state) -> np.ndarray:
-        """Return (p, q, r, energy), shape (4, n), at n states given as three vectors; `count_outside` does not count them."""
+        """Return (p, q, r, energy), shape (4, n), at n states given as three vectors; `count_outside` does not count these states."""
         counted = self.sizes.copy()
         found = by_blocks(partial(evaluate_isochoric_energy, *self.arguments), np.stack(state), RESULT_ROWS, self.precision)
         self.sizes[:] = counted
@@ -75,7 +75,7 @@ class IsochoricEnergy:
 class EnergyModel(ForceModel):
     """Base class of force models whose forces are minus the derivative of the energy of the bonds.
 
-    `several_materials` names the planes that the model accepts.
+    The planes in `several_materials` are also those that the model accepts for a body of one material.
 
     Attributes
     ----------
@@ -102,6 +102,7 @@ class EnergySurrogate(EnergyModel):
     Attributes
     ----------
     default_precision : str
+        Precision of the bond energies and forces under plane stress, unless the settings give one.
 
     Examples
     --------
@@ -147,7 +148,7 @@ class BondEnergyForce(EnergySurrogate):
         return self.honours if plane == "stress" else {**self.honours, "precision": ("float64",)}
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
-        """Return the isochoric energy of the bonds for plane strain and three dimensions, in double precision and without a domain."""
+        """Return the exact isochoric energy of the bonds; it is in double precision and has no domain, whatever the last two arguments."""
         return IsochoricEnergy.exact(law, plane)
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:

@@ -25,12 +25,17 @@ from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from .term import Binding, DomainWatch, Term, sum_on_pairs
 
 THICKNESS_TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
-"""Relative step of J3 at which the iteration for the thickness ends: a few times the error from rounding in the force at K = 10 mu."""
+"""Relative step of the volume ratio J3 at which the iteration for the thickness ends, by precision of the bond forces: a few times the
+error of J3 that rounding in the forces causes at K = 10 mu."""
 
 
 @dataclass(frozen=True)
 class BondStates:
-    """States of n bonds, vectors of length n: ``a`` = U_nn and ``b`` = U_nm of theory (10), ``length`` = l/horizon, C33 and J."""
+    """States of n bonds, in vectors of length n.
+
+    The components of the stretch tensor U along the undeformed bond (n) and across it (m) are ``a`` = U_nn and ``b`` = U_nm (theory (10));
+    ``length`` is the undeformed length divided by the horizon, ``C33`` the squared thickness stretch, and ``J`` is det F in the plane.
+    """
 
     a: np.ndarray
     b: np.ndarray
@@ -40,7 +45,7 @@ class BondStates:
 
     @property
     def has_stretch_tensor(self) -> np.ndarray:
-        """Flags of the bonds that have a stretch tensor: those turned by less than a right angle."""
+        """Flags of the bonds that have a stretch tensor (U_nn > `LEAST_NORMAL_STRETCH`): those turned by less than a right angle."""
         return self.a > LEAST_NORMAL_STRETCH
 
     @cached_property
@@ -51,7 +56,7 @@ class BondStates:
         return np.stack([total + difference, total - difference], axis=1) / 2
 
     def chosen(self, which) -> Self:
-        """Return the states of the chosen bonds alone."""
+        """Return the states of the bonds that `which` selects (indices, flags or a slice)."""
         return type(self)(*(getattr(self, part.name)[which] for part in fields(self)))
 
     def quantities(self) -> tuple[np.ndarray, ...]:
@@ -70,17 +75,18 @@ class PairForces:
     strength : ndarray
         Strengths of these pairs, see `pair_strength`.
     correction : str
+        Correction of incomplete horizons, see `ForceSettings`.
 
     Attributes
     ----------
     geometry : ndarray, shape (n_blocks, 4 to 6, BLOCK)
-        Reference vectors of the pairs, see `pdsurrogate.kernels.reference_state.pair_rows`.
+        Reference vectors of the pairs in blocks, see `pdsurrogate.kernels.reference_state.pair_rows`.
     forces : ndarray, shape (n_blocks * BLOCK, 2)
         Dimensionless force on the first point of every pair.
     find : BoundPass
         Pass that finds `forces` and counts the pairs outside the model's domain.
     learns_thickness : bool
-        Whether the model finds J3 of the points in place of a costly law.
+        Whether the volume ratios J3 of the points are computed with the model, since the law is costly to evaluate.
     unit : float
         Shear modulus of the material.
     """
@@ -114,7 +120,7 @@ class PairForces:
         self.find = bond_force.pair_forces.bind(*arrays, *force, memory, self.forces, chunks=kinematics.chunks)
 
     def find_geometry(self, pairs: np.ndarray, strength: np.ndarray, correction: str) -> None:
-        """Compute the reference data `geometry` of some of the material's pairs from the strengths of all its pairs."""
+        """Compute the rows of `geometry` for some `pairs` of the material, from the strengths of all its pairs (`pair_strength`)."""
         kinematics, points, body = self._kinematics, self.points, self._kinematics.body
         ends = points.first, points.second, body.all_points[points.numbers]
         shapes = kinematics.inverse_shape[points.numbers], kinematics.supported[points.numbers]
@@ -217,9 +223,10 @@ class BondForces(Term):
 
 
 def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain: Domain, precision: str, chunks: Chunks) -> BoundPass:
-    """Return the compiled pass that finds J3 and records of points with a learnt force, and counts the points without a state.
+    """Return the compiled pass that finds J3 and `MaterialPoints.records` with a learnt force, and counts the points without a state.
 
-    The model must provide T_mm; the law determines the states of points outside the model's domain.
+    The learnt force `compiled` must provide the stress component T_mm across a bond. The law of the points determines the states of points
+    outside `domain`.
     """
     limits = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
     tolerance, volumetric = THICKNESS_TOLERANCE[precision], volume_residual_block(points.law)
@@ -233,15 +240,18 @@ def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain
 def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
     """Return the compiled bond force for plane strain: a force learnt under plane stress plus a pressure (theory (47)).
 
-    The learnt model must provide T_mm.
-    Of the law only the derivative of U is evaluated, so that an expensive law adds no cost.
+    The learnt force must provide the stress component T_mm across a bond. The only function of the law that is evaluated is the derivative
+    of its volumetric energy U, so that an expensive law adds no cost.
     """
     addresses = [compiled.address, volume_residual_block(law).address]
     return replace(compiled, address=bond_force.plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
 
 
 def pair_strength(body: Body) -> np.ndarray:
-    """Return the strength 2 w l V_i V_j of every pair, the factor of its dimensionless force (`kernels.reference_state.pair_rows`)."""
+    """Return the strength 2 w l V_i V_j of every pair, the factor of its dimensionless force (`kernels.reference_state.pair_rows`).
+
+    w is the weight of the pair, l its undeformed length, and V_i and V_j are the volumes of its ends.
+    """
     bonds, volumes = body.bonds, body.all_volumes
     length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
     return 2 * body.weigh(length) * length * volumes[bonds.first] * volumes[bonds.second]
@@ -257,8 +267,9 @@ class ForceSurrogate(ForceModel):
     domain : Domain or None
         States on which the model was trained; None if it is valid everywhere.
     gives_transverse : bool
-        Whether the model provides T_mm, which the tensor correction needs.
+        Whether the model provides the stress component T_mm across a bond, which the tensor correction of incomplete horizons needs.
     default_precision : str
+        Precision of the bond forces under plane stress, unless the settings give one.
 
     Examples
     --------
@@ -292,19 +303,21 @@ class ForceSurrogate(ForceModel):
         Parameters
         ----------
         stretch : array_like, shape (n,)
-            lambda_b.
+            Stretch lambda_b of the bond.
         rotation : array_like, shape (n,)
-            dtheta in radians: turn of the bond relative to its horizon, counter-clockwise.
+            Rotation dtheta of the bond relative to the material around it (its horizon), in radians, counter-clockwise.
         length : array_like, shape (n,)
-            l_b/delta.
+            Undeformed length of the bond divided by the horizon.
         C33 : array_like, shape (n,)
+            Squared thickness stretch.
         J : array_like, shape (n,)
             det F in the plane.
 
         Returns
         -------
         ndarray, shape (n, 2)
-            t_n and t_tau, along and across the deformed bond, times kappa/(w l mu).
+            Components t_n and t_tau along and across the deformed bond, in units of w l mu/kappa, with the weight w and length l of the
+            bond, the shear modulus mu, and the shape tensor kappa I of a full horizon.
         """
 
     @abstractmethod
@@ -312,7 +325,7 @@ class ForceSurrogate(ForceModel):
         """Return `bond_force` as a function compiled for blocks of bonds of fixed size, in the given precision."""
 
     def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        """Return the greatest deviation of the committee members' bond forces from the model's, over the shear modulus, shape (n,)."""
+        """Return the greatest deviation of committee members' bond forces from the model's, (n,), divided by the shear modulus."""
         raise NotImplementedError
 
 

@@ -17,13 +17,14 @@ class BondShares:
     """Division of the points' volumes among their bonds, and sums of forces and moments of pairs at points and ghosts.
 
     The energy of a pair of points counts for the volume shares of both ends. In a pair with a ghost only the share of the point counts,
-    since the ghost lies beyond the reflection plane. Forces and moments of a ghost are added to those of the point that it mirrors.
+    since the ghost lies beyond the reflection plane. Forces and moments (derivatives of the energy by a deformation gradient) of a ghost
+    are added to those of the point that it mirrors.
 
     Parameters
     ----------
     kinematics : Kinematics
     precision : str
-        Precision of the weighted bonds of the kinematics.
+        Precision of `Kinematics.weighted_bonds`.
 
     Attributes
     ----------
@@ -32,7 +33,7 @@ class BondShares:
     bond_weights : ndarray, shape (n_pairs,)
         Volume for which the energy of every pair counts; zero for pairs that carry no force.
     strength : ndarray, shape (n_pairs,)
-        w V_i V_j of every pair, zero for broken pairs.
+        Product w V_i V_j of the weight of every pair and the volumes of its ends; zero for broken pairs.
     pairs_of_points : tuple of ndarray
         Pairs of every point and ghost in three arrays: index at which the pairs with each as first end begin; index into the third array
         at which the pairs with each as second end begin; numbers of the pairs ordered by second end.
@@ -62,9 +63,9 @@ class BondShares:
         self.renew(np.arange(len(length)))
 
     def renew(self, pairs: np.ndarray) -> np.ndarray:
-        """Update `bond_shares` and `bond_weights` after a change at given pairs; return all pairs whose weights may have changed.
+        """Update `bond_shares` and `bond_weights` after a change of `pairs`; return all pairs whose weights may have changed.
 
-        Shares and weights depend on the strengths and on which points have a gradient.
+        `pairs` must contain all pairs whose `strength`, or whose ends' flags `Kinematics.supported`, have changed.
         """
         kinematics, body, bonds, n = self._kinematics, self._body, self._body.bonds, len(self._body)
         supported = kinematics.supported.astype(bool)
@@ -99,7 +100,8 @@ class BondShares:
     def carrying(self, breakable: bool) -> np.ndarray:
         """Return flags of the pairs that carry forces.
 
-        If bonds may break, a pair with a ghost is flagged only if its mirrored pair carries force too, so that smoothing is symmetric.
+        If bonds may break (`breakable`), a pair with a ghost is flagged only if its mirrored pair carries force too: the smoothing of
+        volume ratios is then symmetric.
         """
         carries = self.bond_weights > 0
         if breakable and len(self._body.ghosts):
@@ -107,10 +109,10 @@ class BondShares:
         return carries
 
     def geometry(self, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
-        """Return reference data of pairs in blocks, shape (n_blocks, d + 2 or d + 3, BLOCK).
+        """Return reference data of pairs of the body in blocks, shape (n_blocks, d + 2 or d + 3, BLOCK).
 
-        The rows are the direction n, 1/l, the volume that weights the energy of the pair, and in a body divided among ranks the part of
-        that volume that this rank counts.
+        The rows are the direction n of the undeformed pair, its inverse length 1/l, the volume `weights` for which its energy counts, and
+        in a body divided among ranks the part of that volume that this rank counts.
         """
         body, d = self._body, self._body.dimension
         pairs = np.arange(len(body.bonds.first))[pairs]
@@ -123,7 +125,10 @@ class BondShares:
         return geometry
 
     def put_weights(self, geometry: np.ndarray, places: np.ndarray, pairs: np.ndarray, weights: np.ndarray) -> None:
-        """Write the energy weights of given pairs of the body into the columns `places` of an array from `geometry`."""
+        """Write the volumes `weights` for which the energies of given pairs of the body count into an array made by `geometry`.
+
+        `places` are the positions of these pairs in the array.
+        """
         body, d = self._body, self._body.dimension
         geometry[places // BLOCK, d + 1, places % BLOCK] = weights
         if body.share.divided:
@@ -147,7 +152,7 @@ class BondShares:
         end_shares[places // BLOCK, 1, places % BLOCK] = np.where(within, shares[other], 0.0)
 
     def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step) -> list[Step]:
-        """Return the steps of an evaluation that turn moments of points into forces, and add forces on ghosts to their source points.
+        """Return the steps of an evaluation that turn moments of points into forces, and add forces on ghosts to the points they mirror.
 
         Parameters
         ----------
@@ -158,7 +163,7 @@ class BondShares:
         unit : float
             Factor of all forces.
         *before : Step
-            Steps that compute the other forces, run after the moments of ghosts have been added to their source points.
+            Steps that compute the other forces, run after the moments of ghosts have been added to those of the points they mirror.
         """
         body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
         d, chunks = body.dimension, kinematics.chunks
@@ -177,14 +182,17 @@ class BondShares:
 
         Parameters
         ----------
-        forces, moments : ndarray
-            Forces and moments of the pairs.
+        forces : ndarray, shape (n_pairs, d)
+            Forces of the pairs on their first points.
+        moments : ndarray, shape (n_pairs, d d)
+            Moments S of the pairs: derivatives of their energies by the deformation gradient of either end.
         stresses : ndarray, shape (n + m, d d)
-            Working array for the weighted moments of the points.
+            Working array: sums of the moments at points and ghosts, which the function then replaces by S K^-1/V with the shape tensor K
+            and the volume V of the point.
         unit : float
             Factor of all forces.
         *further : Step
-            Steps that read the moments of the points before they are weighted.
+            Steps that read or change the sums of moments in `stresses` before these are replaced by S K^-1/V.
 
         Returns
         -------
@@ -210,7 +218,10 @@ class BondShares:
         return to_points
 
     def on_ghosts(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the forces (m, d) and moments (m, d d) on the ghosts; `stresses` are the weighted moments that `sums_of` left."""
+        """Return the forces on the ghosts, shape (m, d), and the moments of the ghosts, shape (m, d d).
+
+        The arguments are those of `sums_of`, after a call of the function that it returned; `unit` is a factor of the forces alone.
+        """
         n, d, pairs = len(self._body), self._body.dimension, self.pairs_of_points
         found, on_ghosts = np.empty_like(stresses), np.empty_like(self._node_parts)
         sum_moments[d](moments, *pairs, found)

@@ -55,7 +55,7 @@ def at_point(body: Body, i: int, what: str) -> str:
 
 
 def why_invalid(F: np.ndarray, whose: str, plane: str, laws: Callable[[int], Sequence[Law]]) -> tuple[int, str]:
-    """Find a deformation gradient at which a law has no state; return its number in F and the reason in words.
+    """Find a deformation gradient at which a law has no state; return its index in F and the reason in words.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ def why_invalid(F: np.ndarray, whose: str, plane: str, laws: Callable[[int], Seq
     whose : str
         Words for messages that say what a gradient belongs to, such as " of a bond"; "" for a point.
     plane : str
-        Name of `PLANES`.
+        "stress", "strain" or "space" (three dimensions).
     laws : callable
-        ``laws(number)`` returns the laws that need a state at that gradient; the 100 most strained ones are tried.
+        ``laws(number)`` returns the laws that need a state at gradient `number`; the 100 gradients with the greatest tr C are tried.
     """
     with np.errstate(invalid="ignore"):  # values that are not finite are expected in this search
         J = np.linalg.det(F)
@@ -85,5 +85,5 @@ def why_invalid(F: np.ndarray, whose: str, plane: str, laws: Callable[[int], Seq
 
 
 def locate(body: Body, values: np.ndarray, what: str) -> str:
-    """Return the message `what` about the first point at which `values`, rows by point, are not finite."""
+    """Return the message `what`, preceded by the first point at which `values`, shape (n, ...), are not finite (`at_point`)."""
     return at_point(body, int(np.flatnonzero(~np.isfinite(values.reshape(len(body), -1)).all(axis=1))[0]), what)

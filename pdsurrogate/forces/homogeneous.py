@@ -16,11 +16,11 @@ repeat the same state."""
 
 TOLERANCE = 1e-9
 """Relative change of the free stretch at which the secant method ends. Chosen: the method converges faster than linearly, so that the error
-is then far below, and rounding in double precision is smaller still."""
+of the stretch is then far smaller than this, and rounding in double precision is smaller still."""
 
 MOST_STEPS = 30
-"""Maximum number of secant steps in the search for the free stretch. Chosen: the search begins at the state of the law, near which that of
-a good model lies; one that takes more finds no state, and the result is NaN."""
+"""Maximum number of secant steps in the search for the free stretch. Chosen: the search begins at the exact state by the law, close to that
+of a good model; a search that does not end within so many steps has failed, and its result is NaN."""
 
 
 def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
@@ -40,9 +40,10 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
     Returns
     -------
     stresses : ndarray, shape (n,)
-        P11, in the same unit as the shear modulus; NaN where the model has no such state.
+        Nominal stress P11, in the same unit as the shear modulus; NaN where the model has no such state.
     beyond : ndarray, shape (n,)
-        Distance of each state beyond the model's domain (`Domain.deviation`).
+        Distance of each state beyond the model's domain (`Domain.deviation`); -inf for a model without a domain, or where the model has no
+        such state.
 
     Raises
     ------
@@ -88,7 +89,8 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
 def _relaxed(stress_at, at: np.ndarray, free: list[int]) -> np.ndarray:
     """Find the common stretch of the free axes at which the stress along them is zero, and return the stresses there; NaN if it fails.
 
-    ``stress_at(stretches)`` returns the stresses along the axes; the secant method starts at the stretches `at`.
+    ``stress_at(stretches)`` returns the stresses along the axes at given stretches. The secant method starts at the stretches `at`; `free`
+    holds the indices of the free axes.
     """
     stress, at = stress_at(at), at.copy()
     if not free:

@@ -12,54 +12,60 @@ from ..kernels.reference_state import shape_rows
 from .kinematics import Kinematics
 
 NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
-"""Trial radii, in cells, of the neighbourhood that interpolates the value at a place: the first with enough points is used. Chosen: a
-circle of 1.6 cells holds some eight points of a grid, each further one about twice as many, and points beyond 6 cells say little."""
+"""Trial radii, in point spacings, of the neighbourhood from which the value at a place is interpolated: the first that contains enough
+points is used. Chosen: a circle of radius 1.6 holds some eight points of a grid, each further radius about twice as many, and points beyond
+6 spacings say little."""
 
 WORST_SPREAD = 1e4
-"""Condition number of the scaled normal equations up to which points are spread enough to determine a linear function. Chosen: it costs
-four of sixteen digits; points on one line have an infinite one."""
+"""Greatest accepted condition number of the scaled normal equations of an interpolation; beyond it the points are not spread enough to
+determine a linear function. Chosen: it costs four of sixteen digits; points on one line have an infinite condition number."""
 
 CENTRINGS = 3
-"""Number of fits of the straight interface next to a point, each centred on the place that the previous one found. Chosen: the first one is
-one-sided, the second is centred, and the third corrects its place."""
+"""Number of fits of the straight interface next to a point, each centred on the place that the previous fit found. Chosen: the first fit is
+one-sided, the second is centred, and the third corrects the place."""
 
 REACH = 2
-"""Radius, in horizons, about a place on an interface within which the motion of either side is fitted; farther points count less.
+"""Radius, in horizons, about a place on an interface within which the motion of either side is fitted; nearer points have greater weights.
 
 With one horizon the fit depends on the three nearest rows, and a point's continued place does not follow its own displacement: next to a
-material thirty times as stiff, bond forces then have no equilibrium. With two, `bimaterial` is as accurate, and a contrast of a hundred
-converges.
+material thirty times as stiff, bond forces then have no equilibrium. With two, `bimaterial` is as accurate, and the solution
+converges for a material a hundred times as stiff.
 """
 
 FARTHEST = 1.5
-"""Greatest distance of a point from its interface, in horizons. The point is bonded to points beyond it, the nearest within one horizon;
-half a horizon more is room for planes that are fitted obliquely."""
+"""Greatest distance, in horizons, at which an interface is assigned to a point. The point is bonded to points beyond the interface, the
+nearest within one horizon; half a horizon more is room for planes that are fitted obliquely."""
 
 SIGHT = FARTHEST + REACH
-"""Radius, in horizons, around a point of a divided body within which all points must be present to compute its jump."""
+"""Radius, in horizons, around a point of a body divided among ranks within which the rank must have all points to compute the jump of the
+deformation gradient that belongs to the point."""
 
 ASTRAY = 0.06
-"""Share of a horizon's volume on the wrong side of a plane beyond which an interface is not straight, such as at a corner. Chosen: of some
-30 points in a horizon (3.15 spacings in the plane, 1.75 in three dimensions) one may lie on the wrong side and two may not."""
+"""Greatest share of a horizon's volume on the wrong side of the plane fitted to an interface, for the interface to count as straight; at a
+corner it is greater. Chosen: of some 30 points in a horizon (3.15 spacings in the plane, 1.75 in three dimensions) one may lie on the wrong
+side and two may not."""
 
 SECTOR = 0.5
-"""Sine of the angle by which a point may lie beyond the plane that touches an interface, on the side of the other material. Chosen: 30
-degrees admit interfaces that curve or turn a little, and exclude material behind a thin layer."""
+"""Sine of the greatest angle by which a point, seen from the place on an interface, may lie on the other material's side of the fitted
+plane and still be used in the fit of the motion. Chosen: 30 degrees admit interfaces that curve or turn a little, and exclude material
+behind a thin layer."""
 
 YIELDING = 4.0
-"""Contrast of the shear moduli beyond which the energy of the stiffer material depends on its own points only.
+"""Ratio of the shear moduli of two materials beyond which the energy of the stiffer one depends on its own points only.
 
 Otherwise the error of the fitted motion of the softer material, times the stiffer modulus, acts as a force on the softer one: a layer of 4
-cells moves 33 % too little between halves ten times as stiff, and 83 % between halves a hundred times as stiff. Below this contrast the
+cells moves 33 % too little between halves ten times as stiff, and 83 % between halves a hundred times as stiff. Below this ratio the
 energies of both sides depend on each other's points. That is more accurate: homogeneous states are in equilibrium. Chosen below ten, where
 the error is a third.
 """
 
 WORST_CONDITION = 1e6
-"""Condition number up to which a fit is accepted, with lengths in units of its reach. For a layer of two rows it is 1e3."""
+"""Greatest accepted condition number of a fit of the motion at an interface, with lengths in units of the fit's radius. A layer of two rows
+of points leads to 1e3."""
 
 Near: TypeAlias = tuple[float, np.ndarray, int, float]
-"""Interface near a point: distance, direction, material beyond, and share of the volume on the wrong side of the fitted plane."""
+"""Interface near a point: distance and direction from the point, number of the material beyond, and share of the horizon's volume on the
+wrong side of the fitted plane."""
 
 
 class Interfaces:
@@ -77,24 +83,24 @@ class Interfaces:
     ----------
     kinematics : Kinematics
     portion_of : ndarray of int, shape (n + m,)
-        Material of every point and image.
+        Number of the material of every point and ghost (mirror image).
     moduli : ndarray, shape (n + m,)
-        Shear modulus of every point and image; infinite for rigid ones.
+        Shear modulus of every point and ghost; infinite for rigid ones.
     quadratic : bool
         Whether the fit on either side is quadratic, and the energy of a much stiffer material depends on its own points only. Linear fits
         leave an error of first order in c, which plane strain multiplies by K; quadratic fits give single points more weight, so that bond
         forces, which are not the gradient of an energy, find no equilibrium next to a material a hundred times as stiff.
     volumes_held : bool
-        Whether the place of a mirror image on the interface follows from the gradient of its own point, and not from the nearest points:
-        the force on it is then distributed like the stiff material's own stress. Otherwise it alternates from point to point, which only
-        the shear modulus resists where volumes are constrained: a confined layer 4 cells thick was 57 % too soft next to one 10 times as
-        stiff (K = 100 mu, plane strain), and is 14 % too soft with the gradient. In plane stress the nearest points are better, by 1 % in
-        shear.
+        Whether the deformed place on the interface about which a stiff point is mirrored follows from the gradient of this point, and not
+        from the nearest points: the force is then distributed like the stiff material's own stress. Otherwise it alternates from point to
+        point, which only the shear modulus resists where volumes are constrained: a confined layer 4 cells thick was 57 % too soft next to
+        one 10 times as stiff (K = 100 mu, plane strain), and is 14 % too soft with the gradient. In plane stress the nearest points are
+        better, by 1 % in shear.
 
     Attributes
     ----------
     depths : ndarray, shape (n + m,)
-        Distance of every point and image from its interface; 0 where there is none.
+        Distance of every point and ghost from its interface; 0 where there is none.
     normals : ndarray, shape (n, d)
         Direction from every point to its interface.
     left_out : ndarray of int
@@ -167,7 +173,7 @@ class Interfaces:
         return matrix.tocsr(), self._body.share.with_rows_of_others(matrix.tocsr()).T.tocsr()
 
     def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Return the matrix (n d, n + m) that maps values at points and images to columns of gradients at points, and its transpose.
+        """Return the matrix (n d, n + m) that maps values at points and ghosts to columns of gradients at points, and its transpose.
 
         The k bonds from `owners` to `others` have the weights (k, d) in the gradients of `owners`.
         """
@@ -177,7 +183,10 @@ class Interfaces:
         return matrix, matrix.T.tocsr()
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
-        """Return those directed bonds `across` interfaces that the gradient and energy of their first point omit (`left_out`)."""
+        """Return those directed bonds `across` interfaces that the gradient and energy of their first point omit (`left_out`).
+
+        `owners` are the first points of all directed bonds, and `moduli` the shear moduli of all points and ghosts.
+        """
         body, neighbours = self._body, self._body.bonds.neighbours[across]
         normals = np.vstack([self.normals, body.ghosts.reflection * self.normals[body.ghosts.source]])[neighbours]
         arms = body.all_points[owners[across]] - body.all_points[neighbours]
@@ -185,7 +194,11 @@ class Interfaces:
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbours]) | behind]
 
     def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Remove the bonds `left_out` from the gradients of their points; return new `Kinematics.gradient_weights` of all bonds."""
+        """Remove the bonds `left_out` from the gradients of their first points; return new `Kinematics.gradient_weights` of all bonds.
+
+        `owners` are the first points of all directed bonds, and `weights` their present weights. Bonds of points whose other bonds do not
+        determine a gradient are removed from `left_out` instead.
+        """
         body, bonds = self._body, self._body.bonds
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
@@ -209,9 +222,9 @@ class Interfaces:
         return weights
 
     def cells_across(self, number: int, most: int) -> float:
-        """Return the median thickness of the layer of material `number` behind its interfaces, in cells: at most `most`, 0 without one.
+        """Return the median thickness, in spacings and at most `most`, of the layer of a material next to its interfaces; 0 if it has none.
 
-        `number` may also stand for the rigid parts.
+        `number` is the number of the material in `portion_of`, or the number that stands for rigid parts there.
         """
         body, portion_of = self._body, self._portion_of
         beside = np.flatnonzero((portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0))
@@ -246,7 +259,10 @@ class Interfaces:
         own -= self._corrections[0] @ self.jumps
 
     def see(self, positions: np.ndarray, gradients: np.ndarray) -> None:
-        """Find `seen_positions` and `seen_gradients`: what points near interfaces would have if they moved with the other material."""
+        """Find the positions and gradients that points near interfaces would have if they moved with the material on the other side.
+
+        They are written to `seen_positions` and `seen_gradients`.
+        """
         self.seen_positions[:] = positions - self.depths[:, None] * self.jumps
         n = len(self._body)
         slopes = self.jumps[:n]
@@ -304,12 +320,15 @@ def _along(gradients: np.ndarray, normals: np.ndarray) -> np.ndarray:
 
 
 def _columns(normals: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Return the dyads vector (x) normal of vectors and normals (k, d), stored by columns, shape (k, d d)."""
+    """Return the dyads vector (x) normal, stored by columns, shape (k, d d), of `vectors` and `normals`, shape (k, d)."""
     return (normals[:, :, None] * vectors[:, None]).reshape(len(normals), -1)
 
 
 def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
-    """Return the plane near point i that divides the volume around it as the two materials do; None without a straight interface."""
+    """Return the interface near point i as the plane that divides the volume around the point as the two materials there do.
+
+    `tree` holds all points and ghosts. Return None if there are not exactly two materials, or no such plane lies in front of the point.
+    """
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
@@ -340,7 +359,10 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
 
 
 def _nearest_softer(body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int) -> Near | None:
-    """Return the interface near point i, placed half a cell before the nearest points of a much softer material; None without such."""
+    """Return the interface near point i, placed half a spacing before the nearest points of a much softer material.
+
+    `tree` holds all points and ghosts. Return None if no much softer material (`YIELDING`) lies within the horizon of the point.
+    """
     around = np.array(tree.query_ball_point(body.points[i], body.horizon * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
     softer = around[moduli[around] * YIELDING < moduli[i]]
     if not len(softer):
@@ -357,8 +379,8 @@ def _nearest_softer(body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: n
 def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, normal: np.ndarray, quadratic: bool) -> np.ndarray | None:
     """Return the weights (k,) with which values at points give the jump of their slope along a normal across an interface.
 
-    The jump belongs to the continuous function that fits the values best. On either side it is quadratic if asked for and if the points
-    determine such a function, or else linear; None if the points do not determine a linear one.
+    The jump belongs to the continuous function that fits the values best. On either side this function is quadratic if `quadratic` is True
+    and the points determine it, or else linear. Return None if the points do not determine a linear function.
 
     Parameters
     ----------
@@ -366,7 +388,7 @@ def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, norm
         Positions of the points relative to a place on the interface, in units of the radius of the fit.
     volumes : ndarray, shape (k,)
     beyond : ndarray of bool, shape (k,)
-        Flags of the points on the other side.
+        Flags of the points beyond the interface.
     normal : ndarray, shape (d,)
     quadratic : bool
     """
@@ -421,7 +443,10 @@ def _mirrored(
 
 
 def _interpolation(x: np.ndarray, volumes: np.ndarray, place: np.ndarray, spacing: float) -> np.ndarray | None:
-    """Return weights that interpolate values at points (k, d) to a place: exact for linear functions, with few points; None if too few."""
+    """Return weights (k,) that interpolate values at points `x` (k, d) to a place, exactly for linear functions, from the nearest points.
+
+    Return None if the points within the greatest radius of `NEAREST` spacings do not determine a linear function.
+    """
     arms = x - place
     distance = np.linalg.norm(arms, axis=1) / spacing
     values = np.column_stack([np.ones(len(x)), arms / spacing])

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from .volume_energy import LinearisedDilatation
 
 PROBE = 1e-5
-"""Displacement, in spacings, of the differences that `InternalForce.tangent` takes: curvature and rounding leave errors of 1e-8 or less."""
+"""Greatest displacement of a point, in spacings, in the central differences of `InternalForce.tangent`. Chosen: curvature and rounding
+leave errors of 1e-8 or less."""
 
 
 class InternalForce:
@@ -40,7 +41,7 @@ class InternalForce:
     body : Body
     portions : sequence of Portion
     portion_of : ndarray of int, shape (n + m,), or None
-        Number of the material (index into `portions`) of every point and image, ``len(portions)`` for rigid ones; None with one material.
+        Number of the material (index into `portions`) of every point and ghost, ``len(portions)`` for rigid ones; None with one material.
     interfaces : Interfaces or None
         Interfaces between materials; None if the body has one material.
     law : Law
@@ -48,7 +49,7 @@ class InternalForce:
     laws : list of tuple
         Laws of the body's materials, each with the numbers of the points that it describes.
     precision : {"float32", "float64"}
-        Precision of the bond pass.
+        Precision of the compiled pass over the bonds.
     correction : str
         Correction of incomplete horizons, see `ForceSettings`.
     breakable : bool
@@ -58,16 +59,17 @@ class InternalForce:
     has_energy : bool
         Whether the forces are minus the derivative of an energy, which `energy` returns.
     nearly_incompressible : bool
-        Whether `linearised_dilatation` returns how the volume of the points changes with the positions, which costs the bulk modulus.
+        Whether the force has a `linearised_dilatation`: the derivative by the positions of the points' volumes, whose change the bulk
+        modulus resists.
     zero_energy_modes : bool
         Whether the force does not resist some displacements that alternate from point to point.
     learnt_thickness : bool
-        Whether J3 of the points is found with a learnt force, and not by the law.
+        Whether the volume ratios J3 of the points are computed with a learnt force, and not by the law.
     learnt : Term
         Term that reports the distance of the state from the training data: `domain_deviation`, `beyond_data`, `member_deviation`.
     stiffness_moduli : float or ndarray, shape (n,)
-        Shear modulus of the stiffness around a point. With several materials it is the mean over the bonds of a point, each with the mean
-        of its two ends, since bonds across an interface stiffen all points that they reach.
+        Shear modulus that measures the stiffness around a point. With several materials it is the mean over the bonds of the point, where
+        each bond has the mean modulus of its two ends, since bonds across an interface stiffen all points that they reach.
     force_scale : float or ndarray, shape (n,)
         Shear modulus that scales the force on a point. With several materials it is the greatest among the point and its neighbours, since
         forces and their rounding errors are that large.
@@ -82,6 +84,7 @@ class InternalForce:
     seconds : float
         Time spent in the last `timed` finished evaluations; callers may set both to zero.
     timed : int
+        Number of evaluations that `seconds` covers.
     """
 
     def __init__(self, body: Body, portions: Sequence["Portion"], settings: ForceSettings) -> None:
@@ -115,7 +118,7 @@ class InternalForce:
         self.seconds = 0.0
 
     def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and images, which are infinite for rigid ones."""
+        """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and ghosts, which are infinite for rigid ones."""
         body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self.body.bond_owners
         around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
         # A bond between very different moduli carries the force of the softer material: each point counts its own modulus only.
@@ -138,7 +141,7 @@ class InternalForce:
         InvalidState
             If the deformation has no force; the message names a point.
         OutsideDomain
-            If bonds are outside the domain of a model, and the policy is to stop.
+            If bonds are outside the domain of a model, and the settings have ``outside="raise"``.
         """
         self.evaluations += 1
         began, error = time.perf_counter(), None
@@ -167,7 +170,7 @@ class InternalForce:
             out += self._further
 
     def pass_bonds(self, out: np.ndarray) -> None:
-        """Write the forces to `out` from the points' states last found, without finding the states anew; used to time the bonds alone."""
+        """Write the forces to `out` from the states of the points as last computed; for timings, and for the energy of broken bonds."""
         self._add_up([term.pass_bonds for term in self.terms], out)
 
     def place(self, positions: np.ndarray) -> None:
@@ -177,7 +180,8 @@ class InternalForce:
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
         """Displace a reflection plane of the body by u(X) = displacement + turn X; its ghosts follow when positions are next set.
 
-        Only planes that are odd in all components may be turned; once a plane has been turned, give its turn in every call.
+        `displacement` has the shape (d,) and `turn` (d, d). Only clamped planes (odd parity of all components) may be turned; if `turn` is
+        None, the plane keeps the turn of the last call.
         """
         self._kinematics.move_plane(plane, displacement, turn)
 
@@ -228,7 +232,7 @@ class InternalForce:
     def forces_beside_pairs(self) -> np.ndarray | None:
         """Return the forces on points that are not forces of pairs, in the state last evaluated, shape (n, d); None if there are none.
 
-        Such forces arise at interfaces between materials, where an energy depends on the jumps of F.
+        Such forces arise at interfaces between materials, where an energy depends on the jumps of the deformation gradient.
         """
         return self.terms[0].forces_beside_pairs()
 
@@ -248,11 +252,14 @@ class InternalForce:
         return {array.name: array.values for array in self.states}
 
     def applied(self) -> np.ndarray | None:
-        """Return the forces of loads on the points in the state last evaluated, shape (n, d); None without loads (`LoadedForce`)."""
+        """Return None: no loads are part of an internal force; a `LoadedForce` returns the forces of its loads, shape (n, d), instead."""
         return None
 
     def mean_stress(self) -> np.ndarray:
-        """Return the volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d); on a rank, its share."""
+        """Return the volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d).
+
+        In a body divided among ranks, it is the contribution of this rank to the mean.
+        """
         return reduce(add, (term.mean_stress() for term in self.terms))
 
     def energy(self) -> float:
@@ -291,13 +298,13 @@ class InternalForce:
         return self.terms[0].linearised_dilatation()
 
     def break_bonds(self, pairs: np.ndarray) -> Release | None:
-        """Break pairs (bonds): remove them from horizons, corrections and forces for good.
+        """Break pairs (bonds): remove them for good from the horizons of their ends, from corrections, and from forces.
 
         Returns
         -------
         Release or None
-            Energy and forces that the body loses with the pairs at the positions last set; None if the force has no energy. Zero if the
-            energy or forces are not finite before or after.
+            Energy and forces that the body loses with the pairs at the positions last set; None if the force has no energy. Both are zero
+            if the energy or a force is not finite before or after the pairs break.
 
         Raises
         ------
@@ -326,7 +333,7 @@ class InternalForce:
         return Release(self.energy(), forces)
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Return the pairs that were nearly or fully turned inside out in the last evaluation; none for models that do not check."""
+        """Return the numbers of pairs nearly or fully turned inside out in the last evaluation; empty for models that do not check."""
         return self.terms[0].collapsed_pairs()
 
     @property
@@ -338,7 +345,7 @@ class InternalForce:
 
 
 def _numbers_of(body: Body, portions: Sequence["Portion"]) -> np.ndarray:
-    """Return the material (index into `portions`) of every point and image; ``len(portions)`` for rigid points, which have none."""
+    """Return the material (index into `portions`) of every point and ghost; ``len(portions)`` for rigid points, which have none."""
     found = np.full(len(body.all_points), len(portions))
     for number, portion in enumerate(portions):
         found[portion.points] = number

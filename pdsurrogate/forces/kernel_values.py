@@ -11,7 +11,9 @@ from .bond_force import ForceSurrogate, bond_arrays
 
 
 def kernel_tractions(model: ForceSurrogate, law: Law, dtype, stretch, rotation, length, C33, J) -> np.ndarray:
-    """Return T_nn, T_nm and T_mm (theory (11)) of bonds from a model's compiled function, shape (n, 3), converted to double.
+    """Return the stress components T_nn, T_nm and T_mm of bonds (theory (11)) from a model's compiled function, shape (n, 3), in double.
+
+    The axes n and m lie along and across the undeformed bond, turned with the material around it.
 
     Parameters
     ----------
@@ -40,7 +42,7 @@ def kernel_bond_force(model: ForceSurrogate, law: Law, dtype):
 
 
 def kernel_energy(model: EnergySurrogate, law: Law, dtype, trace, area_ratio) -> np.ndarray:
-    """Return energy and derivatives by tr C and J from a model's compiled function, shape (3, n), converted to double.
+    """Return the energy and its derivatives by tr C and J from a model's compiled function, shape (3, n), converted to double.
 
     Parameters
     ----------
@@ -50,6 +52,7 @@ def kernel_energy(model: EnergySurrogate, law: Law, dtype, trace, area_ratio) ->
     dtype : float32 or float64
         Precision of the compiled function.
     trace, area_ratio : array_like, shape (n,)
+        tr C, and J = det F in the plane.
     """
     return _evaluate(model, law, dtype, (trace, area_ratio), ENERGY_ROWS)
 

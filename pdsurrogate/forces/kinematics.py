@@ -15,12 +15,13 @@ from ..kernels.node_state import deformation_gradients
 from ..kernels.reference_state import shape_rows
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
-"""Share of the gradient along a clamped plane that images beyond the plane copy from their sources where volumes are constrained.
+"""Share of the gradient along a clamped plane that ghosts (mirror images) beyond the plane copy from the points they mirror.
 
-The gradient of the clamped plane makes up the rest. The shares follow from comparisons with finite elements. For the bonded cube of 24
-points a side (K = 100 mu) stretched to 1.5, the force is 0.02 % and the side 0.07 % off with share 0, 0.20 % and 0.28 % with share 1;
-compressed to 0.9, the force is 0.13 % and 1.07 % off. In plane strain the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 %
-too stiff with share 0 and 0.4 % with share 1; at +30 % both are equally good.
+The keys are plane strain and three dimensions, in which volumes are constrained. The gradient of the clamped plane makes up the rest.
+The shares follow from comparisons with finite elements. For the bonded cube of 24 points a side (K = 100 mu) stretched to 1.5, the force is
+0.02 % and the side 0.07 % off with share 0, 0.20 % and 0.28 % with share 1; compressed to 0.9, the force is 0.13 % off with share 0 and
+1.07 % with share 1. In plane strain the wide block of `plane-strain-block` at -5 % (32 points) is 1.5 % too stiff with share 0 and 0.4 %
+with share 1; at +30 % both are equally good.
 """
 
 
@@ -37,11 +38,11 @@ class Kinematics:
     Attributes
     ----------
     positions : ndarray, shape (n + m, d)
-        Positions of the points, then of their images.
+        Positions of the n points, then of the m ghosts (mirror images).
     gradients : ndarray, shape (n + m, d d)
-        F by columns.
+        Deformation gradients F of points and ghosts, by columns.
     weighted_bonds : ndarray, shape (n_bonds, d)
-        w x V_j of every directed bond with the reference vector x, zero where broken.
+        w x V_j of every directed bond, with the weight w, the reference vector x and the volume V_j of its second end; zero if broken.
     inverse_shape : ndarray, shape (n + m, d (d + 1)/2)
         Inverse shape tensor K^-1 as its upper triangle row by row, zero where the bonds do not span all dimensions.
     supported : ndarray of uint8, shape (n + m,)
@@ -51,7 +52,8 @@ class Kinematics:
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
     seen : list of MaterialPoints
-        Copies of the points of each material in a body of several, updated whenever gradients are formed.
+        In a body of several materials, copies of the points that the bonds of each material involve, updated with every computation of
+        gradients.
     changes : int
         Number of changes of positions and bonds, by which dependent states detect that they are out of date.
     """
@@ -85,7 +87,7 @@ class Kinematics:
 
     @cached_property
     def sources(self) -> np.ndarray:
-        """Number of each point itself, and of the point that each image mirrors, shape (n + m,)."""
+        """Number of each point itself, then of the point that each ghost mirrors, shape (n + m,)."""
         return np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
 
     def _find_shapes(self, rows: np.ndarray) -> None:
@@ -100,7 +102,7 @@ class Kinematics:
     def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
         """Break pairs: remove them from the horizons of their ends; return the numbers of all pairs that a changed horizon affects.
 
-        These have an end, or an image as end, whose shape tensor has changed.
+        An end of these pairs is a point whose shape tensor has changed, or a mirror image of such a point.
         """
         bonds, n = self.body.bonds, len(self.body)
         self.weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.bonds_of_pairs])] = 0.0
@@ -117,19 +119,19 @@ class Kinematics:
 
     @cached_property
     def bonds_of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of the two directed bonds of every pair, from its first and its second end; if that is an image, the first bond twice."""
+        """Numbers of the two directed bonds of every pair, from its first and its second end; for a pair with a ghost, the first twice."""
         pair_of = self.body.bonds.pair_of
         order, pointers = np.argsort(pair_of, kind="stable"), pointers_to(pair_of, len(self.body.bonds.first)).astype(np.int64)
         return order[pointers[:-1]], order[pointers[1:] - 1]
 
     @cached_property
     def outer_pairs(self) -> np.ndarray:
-        """Numbers of the pairs of which one end is an image."""
+        """Numbers of the pairs that have a ghost as one end."""
         return np.flatnonzero(self.body.bonds.second >= len(self.body))
 
     @cached_property
     def mirrored_pairs(self) -> np.ndarray:
-        """Mirrored pair of each of the `outer_pairs`: of i and the image of k, the pair of k and the corresponding image of i."""
+        """Mirrored pair of each of the `outer_pairs`: for a pair of i and an image of k, the pair of k and the same plane's image of i."""
         bonds, ghosts, outer, n = self.body.bonds, self.body.ghosts, self.outer_pairs, len(self.body)
         if not len(ghosts):
             return outer
@@ -141,20 +143,26 @@ class Kinematics:
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 
     def gradient_weights(self, weighted_bonds: np.ndarray, inverse_shape: np.ndarray) -> np.ndarray:
-        """Return the weights K^-1 w x V_j of directed bonds in deformation gradients, shape (n_bonds, d), from given w x V_j and K^-1."""
+        """Return the weights K^-1 w x V_j of directed bonds in the deformation gradients of their first points, shape (n_bonds, d).
+
+        `weighted_bonds` holds w x V_j and `inverse_shape` K^-1, as the attributes of the same names.
+        """
         return np.einsum("bij,bj->bi", symmetric(inverse_shape)[self.body.bond_owners], weighted_bonds)
 
     def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
-        """Return the compiled pass that writes deformation gradients from positions; or their changes from displacements.
+        """Return the compiled pass that computes deformation gradients from positions, or changes of gradients from displacements.
 
-        `unsupported` is the diagonal written at points without support: 1 for gradients, 0 for changes.
+        `unsupported` is the value that the pass writes on the diagonal at points without `supported`: 1 for gradients, 0 for changes.
         """
         bonds = self.body.bonds
         arrays = bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape
         return deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
-        """Displace a reflection plane by u(X) = displacement + turn X; its images follow when positions are next set."""
+        """Displace a reflection plane by u(X) = displacement + turn X; its images follow when positions are next set.
+
+        `plane` is the number of the plane. If `turn`, shape (d, d), is None, the plane keeps the turn of the last call.
+        """
         self._plane_displacements[plane] = displacement
         if turn is not None:
             if self._plane_turns is None:
@@ -182,7 +190,10 @@ class Kinematics:
             self._complete_gradients()
 
     def _complete_gradients(self) -> None:
-        """Correct new gradients at interfaces, copy them to halo and ghosts, and update the copies `seen` of each material's points."""
+        """Finish gradients of points that were just computed: correct them at interfaces, and copy them to halo and ghosts.
+
+        In a body of several materials, also update the copies of points that each material evaluates (`seen`).
+        """
         if self.interfaces is not None:
             self.interfaces.correct(self.positions, self.gradients)
         self.body.share.fill(self.gradients)
@@ -211,7 +222,7 @@ def symmetric(triangles: np.ndarray) -> np.ndarray:
 
 
 def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return the indices of all entries of the given rows of a list with row pointers, row by row."""
+    """Return the indices of all entries of the given rows, row by row; row i extends from ``pointers[i]`` to ``pointers[i + 1]``."""
     starts = pointers[rows].astype(np.int64)
     counts = pointers[rows + 1].astype(np.int64) - starts
     return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())

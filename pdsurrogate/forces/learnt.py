@@ -12,7 +12,8 @@ from .agreement import check_agreement
 from .protocol import Domain, ForceModel, Member
 
 CHUNK = 65_536
-"""Bonds or points evaluated at once. Chosen: a feature or an output of so many takes 0.5 MB; larger numbers only take more memory."""
+"""Number of bonds or points evaluated together. Chosen: a feature or an output of so many takes 0.5 MB; greater
+numbers only take more memory."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -22,11 +23,11 @@ class Learnt(ForceModel):
     Attributes
     ----------
     kind : str
-        Kind of the model in the card of an artefact.
+        Kind of the model, as the card (metadata) of its artefact names it.
     names : mapping
-        Fields that are names (such as an activation function), in the order of a payload, with their allowed values.
+        Fields that are names (such as an activation function), in the order of `payload`, with their allowed values.
     arrays : tuple of str
-        Fields that are arrays, in the order of a payload.
+        Fields that are arrays, in the order of `payload`.
     exact : str
         Name of the force model that accepts every law, for error messages.
     trial : callable
@@ -59,12 +60,12 @@ class Learnt(ForceModel):
 
     @classmethod
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
-        """Return the model that the fields in a payload define, after checking them.
+        """Return the model that the fields in a payload (see `payload`) define, after checking them.
 
         Raises
         ------
         ValueError
-            If anything is missing, of the wrong shape, or not finite.
+            If a field is missing, unknown, of the wrong shape, or not finite.
         """
         check_payload(cls.kind, payload, cls.names, cls.arrays)
         found = cls(name=name, domain=domain, law=law, shape=dict(shape), **payload)
@@ -139,9 +140,10 @@ def check_shape(array: np.ndarray, what: str, shape: tuple[int, ...]) -> None:
 
 
 def greatest_deviations(model: ForceModel, law: Law, answer: Callable[[Any, Law, slice], np.ndarray], count: int) -> np.ndarray:
-    """Return the greatest deviation of a committee's members from the model at each state, in units of the shear modulus, shape (count,).
+    """Return the greatest deviation at each state of the forces (or stresses) of a committee's members from the model's, shape (count,).
 
-    Where a state is beyond the domain of a member, `answer` uses the exact force of the member's law, as a run does by default.
+    The deviations are in units of the shear modulus. Where a state is beyond the domain of a member, `answer` uses the exact force of the
+    member's law, as a run does by default.
 
     Parameters
     ----------

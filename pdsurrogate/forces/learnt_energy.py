@@ -19,16 +19,19 @@ from .pair_passes import EnergyDerivatives
 from .protocol import CompiledBondForce, Domain
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
-"""Features of an energy network: the logarithms of the area ratio and of cosh(log lambda_1/lambda_2); both vanish at rest."""
+"""Features of an energy network: the logarithms of the area ratio and of cosh(log(lambda_1/lambda_2)); both vanish without deformation."""
 
 ISOCHORIC_FEATURES = ("log(I1bar/3)", "log(I2bar/3)")
-"""Features of a network of the isochoric energy. Near rest both are quadratic in the strains and nearly equal. A law of principal stretches
-is smooth in them there too, as every smooth symmetric function of three logarithms with sum zero is of their second and third elementary
-symmetric functions."""
+"""Features of a network of the isochoric energy. At small strains both are quadratic in the strains and nearly equal. An energy that is
+given by principal stretches is a smooth function of these features there too, as every smooth symmetric function of three logarithms with
+sum zero is a smooth function of their second and third elementary symmetric functions."""
 
 
 def energy_shape(law: Law) -> dict[str, float]:
-    """Return the dimensionless parameters, by name, that the plane-stress energy of a law depends on; K/mu is one, as C33 is eliminated."""
+    """Return the dimensionless parameters, by name, that the plane-stress energy of a law depends on.
+
+    They include the ratio of bulk and shear modulus, which determines the thickness under plane stress.
+    """
     return {**law.shape, "bulk_modulus/shear_modulus": law.bulk_modulus / law.shear_modulus}
 
 
@@ -51,7 +54,7 @@ class LearntEnergy(Learnt, EnergyModel):
     shape : mapping
         Dimensionless parameters of the law that its energy depends on.
     stated : mapping, optional
-        Relative errors of the stress, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
+        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its artefact) states, and ``bulk_ratio``, K/mu
         of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
@@ -74,7 +77,7 @@ class LearntEnergy(Learnt, EnergyModel):
 
     @property
     def size(self) -> str:
-        """Return the size of the model in words, for tables."""
+        """Number of hidden units, in words for tables."""
         return f"{self.output_weights.size} units"
 
     def check_arrays(self) -> None:
@@ -86,16 +89,20 @@ class LearntEnergy(Learnt, EnergyModel):
 
     @property
     def _at_rest(self) -> tuple[float, float]:
-        """Output of the network at rest and its derivative by the first feature, subtracted to make energy and stress zero there."""
+        """Output of the network in the undeformed state and its derivative by the first feature there.
+
+        Both are subtracted, so that energy and stress of the undeformed state are zero.
+        """
         value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
         return float((value * self.output_weights).sum()), float((slope * self.output_weights * self.hidden_weights[0]).sum())
 
 
 @dataclass(frozen=True, repr=False)
 class EnergyNetwork(LearntEnergy, EnergySurrogate):
-    """Learnt energy psi(tr C, J) of a sheet under plane stress, a network; energy and stress vanish at rest by construction.
+    """Learnt energy psi(tr C, J) of a sheet under plane stress: a network.
 
-    Its features are `ENERGY_FEATURES`, and it has the parameters of `LearntEnergy`; its `shape` comes from `energy_shape`.
+    Energy and stress of the undeformed sheet vanish by construction. The features are `ENERGY_FEATURES`, the parameters are
+    those of `LearntEnergy`, and `shape` comes from `energy_shape`.
 
     Examples
     --------
@@ -162,8 +169,8 @@ class IsochoricNetwork(LearntEnergy):
 
     It serves every bulk modulus, since the volumetric energy U(J) comes from the law.
     The features are `ISOCHORIC_FEATURES`, the parameters are those of `LearntEnergy`. `shape` is that of the law, and the stretches of
-    `domain` are isochoric principal stretches. Energy and stress vanish at rest; the stress does so for every function of these
-    invariants.
+    `domain` are isochoric principal stretches. The energy of an undeformed body vanishes by construction; its stress vanishes for every
+    function of these invariants.
 
     Examples
     --------
@@ -208,7 +215,10 @@ class IsochoricNetwork(LearntEnergy):
         )
 
     def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
-        """Return the greatest deviation of members' principal Kirchhoff stresses from the model's, (n,), at isochoric stretches (n, 3)."""
+        """Return the greatest deviation of committee members' principal Kirchhoff stresses from the model's, in units of mu, shape (n,).
+
+        `stretches` are isochoric principal stretches (of product 1), shape (n, 3).
+        """
 
         def stresses_of(model: IsochoricNetwork, law: Law, some: slice) -> np.ndarray:
             squares = stretches[some].T ** 2

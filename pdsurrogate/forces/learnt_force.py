@@ -19,11 +19,11 @@ from .learnt import Learnt, check_payload, check_shape, greatest_deviations
 from .protocol import CompiledBondForce, Domain
 
 LAYER = ("weights", "biases")
-"""Parts of a layer, in this order; the keys of a payload append the number of the layer."""
+"""Names of the two arrays of a network's layer, in this order; keys of a payload append the number of the layer, as in ``weights_0``."""
 
 MOST_COEFFICIENTS = 2**20
-"""Maximum number of entries of the table of a spline. Chosen: it takes 4 MB in single precision, which represents indices exactly up to
-sixteen times as many; a larger table only stays less in the cache."""
+"""Maximum number of entries of the table of a spline. Chosen: the table takes 4 MB in single precision, which represents
+indices exactly up to sixteen times this number; a larger table would fit the processor's cache less."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,7 +36,7 @@ class LearntBondForce(Learnt, ForceSurrogate):
     feature_set : str
         One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
     at_rest : ndarray, shape (2,)
-        Outputs at rest, which are subtracted from all outputs.
+        Outputs for an undeformed bond, which are subtracted from all outputs.
     domain : Domain
         States on which it was trained.
     law : str
@@ -44,8 +44,8 @@ class LearntBondForce(Learnt, ForceSurrogate):
     shape : mapping
         Dimensionless parameters of the law that its bond force depends on.
     stated : mapping, optional
-        Relative errors on the plane-stress surface, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
-        of the training states; None without a card.
+        Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata of its artefact) states, and
+        ``bulk_ratio``, K/mu of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
     """
@@ -77,7 +77,7 @@ class LearntBondForce(Learnt, ForceSurrogate):
         check_shape(self.at_rest, "at_rest", (N_OUTPUTS,))
 
     def check_scale(self, *keys: str) -> None:
-        """Check two arrays with an origin and a unit for every feature, by their names; ValueError for a wrong shape or a unit <= 0."""
+        """Raise ValueError if a field named in `keys`, the origin and the unit of every feature, has a wrong shape, or a unit is <= 0."""
         for key in keys:
             check_shape(getattr(self, key), key, (len(self.features),))
         if not (getattr(self, keys[1]) > 0).all():
@@ -90,7 +90,7 @@ class LearntBondForce(Learnt, ForceSurrogate):
 
     @property
     def gives_transverse(self) -> bool:  # type: ignore[override]
-        """Whether the model provides T_mm (from coaxiality of stress and stretch); models with the paper's features do not."""
+        """Whether the model provides the stress component T_mm across a bond; models with the paper's features do not."""
         return FEATURE_SETS[self.feature_set].gives_transverse
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
@@ -202,7 +202,7 @@ class PolynomialForce(LearntBondForce):
     centre, half_width : ndarray, shape (2,)
         Features are mapped to (x - centre)/half_width, which is in [-1, 1] for the training states.
     coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
-        Coefficients of T_i(x1) T_j(x2), by output.
+        Coefficients of the products T_i(x1) T_j(x2) of Chebyshev polynomials, for each of the two outputs.
 
     Examples
     --------
@@ -254,9 +254,9 @@ class SplineForce(LearntBondForce):
     Parameters
     ----------
     low, step : ndarray, shape (n,)
-        Lower end of the box by feature, and the width of a cell.
+        Lower end of the box and width of a cell, for each feature.
     coefficients : ndarray, shape (2, cells_1 + 3, …, cells_n + 3)
-        Coefficients of the B-splines, by output.
+        Coefficients of the B-splines, for each of the two outputs.
 
     Examples
     --------

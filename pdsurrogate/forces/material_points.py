@@ -29,7 +29,7 @@ class MaterialPoints:
     rotation : str, optional
         See `ForceSettings`; only bond forces read it.
     own : ndarray of bool, shape (n + m,), optional
-        Points and images of the material; by default all.
+        Flags of the points and images of the material; by default all.
     pairs : ndarray of int, optional
         Pairs of the body with an end in the material; by default all.
 
@@ -38,18 +38,18 @@ class MaterialPoints:
     whole : bool
         Whether all points are of the material.
     numbers, pairs : slice or ndarray of int
-        Numbers in the body of all points and images of this object, shape (k,), and of its pairs.
+        Numbers in the body of the k points and images of this object, and of its pairs.
     own : tuple
         Indices into `numbers`, and numbers in the body, of the points of the material itself, without images.
     first, second : ndarray of uint32
         Ends of the pairs by their places in `numbers`, filled up to whole blocks.
     positions, gradients : ndarray, shapes (k, d) and (k, d d)
     volume_ratios : ndarray, shape (k,)
-        J3 of the points.
+        Volume ratios J3 of the points.
     kept_ratios : ndarray, shape (n + m,)
         Latest volume ratios by the numbers of points and images in the body, from which the next iteration starts.
     records : ndarray, shape (k, 4)
-        (cos, sin, J, C33), which bond forces read; empty in three dimensions.
+        (cos, sin) of the rotation, J and C33 of every point, which bond forces read; empty in three dimensions.
     response, parameters
         Compiled response function of the law, and the parameters of the law.
     state_pass : BoundPass or None
@@ -92,7 +92,7 @@ class MaterialPoints:
         kinematics.seen.append(self)
 
     def update(self) -> None:
-        """Copy positions and gradients from the body; points of other materials get those of this material's motion continued."""
+        """Copy positions and gradients from the body; points of other materials get those of this material's continued motion."""
         kinematics, interfaces, others = self._kinematics, self._kinematics.interfaces, self.numbers[self._others]
         np.take(kinematics.positions, self.numbers, axis=0, out=self.positions, mode="clip")
         np.take(kinematics.gradients, self.numbers, axis=0, out=self.gradients, mode="clip")
@@ -133,7 +133,10 @@ class MaterialPoints:
             have_states([self], Steps(self._kinematics.body.share, *self.steps)())
 
     def note(self, counts: list[int]) -> bool:
-        """Remove the counts of this material's passes from the front of a list, and return whether all its points have a state."""
+        """Remove the counts of this material's state passes from the front of `counts`; return whether all its points have a state.
+
+        If a point has none, the next evaluation starts from volume ratios of 1.
+        """
         found = not counts.pop(0)
         if self._turn:
             counts.pop(0)  # rotations are found everywhere
@@ -153,7 +156,9 @@ class MaterialPoints:
 
 
 def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]:
-    """Check that all points have a state, from the counts of passes; return the counts of the passes that follow the state passes.
+    """Check that all points have a state; return the counts of the passes that follow the state passes.
+
+    `counts` are those of all passes of an evaluation, which begins with the state passes of each of `materials`.
 
     Raises
     ------

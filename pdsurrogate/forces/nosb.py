@@ -58,9 +58,11 @@ class PointStress(Term):
 
 
 class NOSBForce(ForceModel):
-    """Force model NOSB (non-ordinary state-based peridynamics), t_i = w P_i K_i^-1 x: exact in homogeneous states.
+    """Force model NOSB (non-ordinary state-based peridynamics), exact in homogeneous states.
 
-    It does not resist zero-energy modes, which leave F of the points unchanged.
+    A point i contributes w P_i K_i^-1 x to the force of a bond, with the weight w and the vector x of the undeformed bond, the first
+    Piola-Kirchhoff stress P_i and the shape tensor K_i. The model does not resist zero-energy modes, which leave the deformation gradients
+    of the points unchanged.
 
     Examples
     --------

@@ -30,15 +30,17 @@ INVARIANTS = ([3.2, 3.6, 4.5, 6.0], [3.25, 3.4, 5.0, 4.5])
 """I1bar and I2bar at which the derivatives of an energy are compared with its values before a run."""
 
 REST = np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T
-"""State of a bond at rest in a block: U_nn, U_nm, U_mm, J, C33, length."""
+"""State of an undeformed bond as a column of a block: stretch-tensor components U_nn, U_nm, U_mm, then J, C33, and length."""
 
 RESULTS = {"bond_force": ("t_n", "t_tau"), "energy": ("W", "dW/dI1bar", "dW/dI2bar")}
 """Values that the methods of a user's own force return, in their order."""
 
 MOST_OFF, NOTED = 1e-2, 2e-3
-"""Errors beyond which a force is refused, and beyond which there is a warning, relative to the greatest force of the trial (at rest, to the
-shear modulus), or to a derivative. Chosen: a wrong formula is off by a factor or a term, more than the first; single precision leaves less
-than the second."""
+"""Relative errors beyond which a user's own force is refused (`MOST_OFF`), and beyond which there is a warning (`NOTED`).
+
+Errors of forces are relative to the greatest force of the trial, forces of undeformed bonds to the shear modulus, and errors of derivatives
+to the derivative. Chosen: a wrong formula is off by a factor or a term, more than the first; single precision leaves less than the second.
+"""
 
 NEAR_REST = 3.0001
 """Value of both invariants at which the shear modulus of an energy is computed: at 3 itself its derivatives may be undefined."""
@@ -143,7 +145,10 @@ class OwnBondForce(ForceSurrogate):
         return rows.astype(float)
 
     def _tractions(self, a, b, U_mm, J, C33, length) -> np.ndarray:
-        """Return T_nn, T_nm and T_mm of bonds; T_mm is T_nn of a perpendicular bond, whose stretch tensor has components U_mm and -U_nm."""
+        """Return the stress components T_nn, T_nm and T_mm (theory (11)), shape (3, n), of bonds with a = U_nn, b = U_nm and U_mm.
+
+        T_mm is T_nn of a perpendicular bond, whose stretch tensor has the components U_mm and -U_nm.
+        """
         count, twice = len(a), np.concatenate([[length, C33, J]] * 2, axis=1)
         normal, shear = np.concatenate([a, U_mm]), np.concatenate([b, -b])
         stretch = np.hypot(normal, shear)
@@ -193,7 +198,7 @@ class OwnBondForce(ForceSurrogate):
             raise ValueError(str(error)) from error
 
     def _check_energy(self) -> None:
-        """Check that derivatives are those of the energy; warn if its shear modulus is not 1, as a factor may have been forgotten."""
+        """Check that the user's derivatives are those of the energy; warn if its shear modulus is not 1 (a forgotten factor)."""
         of_W, names, (first, second) = [1, 0, 0], RESULTS["energy"], np.eye(2)
         derivatives = [(names[1], 1, of_W, first), (names[2], 2, of_W, second)]
         states = dict(zip(("I1bar", "I2bar"), np.array(INVARIANTS), strict=True))

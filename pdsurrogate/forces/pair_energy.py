@@ -20,8 +20,8 @@ class PairEnergy(Term):
     """Internal force from the energy of all pairs (undirected bonds), each a function of the pair's deformation gradient F_ij.
 
     Under plane stress the pairs have the whole energy. In plane strain and three dimensions the energy is selective: isochoric at the pairs
-    and volumetric at the points (`VolumeEnergy`), which avoids locking. With several materials, each material evaluates
-    a bond and its ends as if the other material moved with it (`Interfaces`), so that a pair across an interface has one gradient for each
+    and volumetric at the points (`VolumeEnergy`), which avoids locking. With several materials, each material evaluates a bond
+    and its ends as if the other material moved with it (`Interfaces`), so that a pair across an interface has one gradient for each
     material; the derivative of the energy by the jump between the two gradients is a force on the points that determine the jump.
 
     Attributes
@@ -30,6 +30,7 @@ class PairEnergy(Term):
         Whether the energy is selective.
     shares : BondShares
     volume : VolumeEnergy or None
+        Volumetric part of a selective energy.
     """
 
     has_energy = True
@@ -103,7 +104,11 @@ class PairEnergy(Term):
         return list(outside), sum(invalid), without_force
 
     def _collect(self) -> None:
-        """Sum the forces and moments of all materials on the pairs of the body, and on points seen by another material than their own."""
+        """Sum the forces and moments of all materials on the pairs of the body.
+
+        Also sum, on points at the ends of pairs that another material than their own evaluates, the forces and moments that this material
+        causes there.
+        """
         sum_on_pairs(self._forces, self._parts, "forces")
         sum_on_pairs(self._moments, self._parts, "moments")
         self._seen_forces[:], self._seen_moments[:] = 0.0, 0.0
@@ -123,9 +128,10 @@ class PairEnergy(Term):
         return self._energy
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        """Return the forces of pairs on their first points: from their own energy, and from the moments S of their two ends.
+        """Return the forces of pairs on their first points: from the energies of the pairs, and from the moments of their two ends.
 
-        The force of a pair with a ghost includes the force that the mirrored pair exerts on the ghost of this first point.
+        A moment is the derivative of the energy by a point's deformation gradient. The force of a pair with a ghost includes the
+        force that the mirrored pair exerts on the ghost of this first point.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         first, second = bonds.first[pairs], bonds.second[pairs]

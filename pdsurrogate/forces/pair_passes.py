@@ -43,8 +43,9 @@ class Pairs:
     unit : float
         Shear modulus of the material.
     forces : ndarray, shape (n_blocks * BLOCK, d)
+        Forces of the pairs on their first points, in units of `unit`.
     moments : ndarray, shape (n_blocks * BLOCK, d d)
-        See `pdsurrogate.kernels.bond_energy.pair_energies`.
+        Derivatives of the pairs' energies by the deformation gradient of either end, see `pdsurrogate.kernels.bond_energy.pair_energies`.
     find : BoundPass
         Compiled pass that computes energies, forces and moments.
     """
@@ -73,7 +74,7 @@ class PairEnergies(Pairs):
     model : EnergySurrogate
     points : MaterialPoints
     weights : ndarray
-        Volumes that weight these pairs.
+        Volumes for which the energies of these pairs count.
     """
 
     def __init__(self, binding: Binding, shares: BondShares, model, points: MaterialPoints, weights: np.ndarray) -> None:
@@ -98,13 +99,12 @@ class SelectivePairs(Pairs):
     """Pairs of one material with a selective energy: isochoric energy at the pairs, volumetric energy at the points.
 
     Compiled passes find the volume ratios of the pairs, and the forces of the isochoric energy and of the points' pressures.
-    Energies and forces of the pairs may be in single precision. Volume ratios are in double, since a
-    pressure has K/mu times their error.
+    Energies and forces of the pairs may be in single precision. Volume ratios are in double, since a pressure has K/mu times their error.
 
     Parameters
     ----------
     binding, shares, model, points, weights
-        Same as the parameters of `PairEnergies`; the model has an `isochoric_energy`.
+        See `PairEnergies`; the model has an `isochoric_energy`.
     volumes : ndarray, shape (n_blocks * BLOCK,)
         Array that receives det F_ij of the pairs.
     own : ndarray of bool, shape (n_bonds,), or None
@@ -113,11 +113,12 @@ class SelectivePairs(Pairs):
     Attributes
     ----------
     pressures : ndarray, shape (k,)
-        Pressures of the material's points, in units of mu, which multiply a share of the point's volume and the change of det F_ij.
+        Pressures of the material's points, in units of the shear modulus; their work is pressure times a share of the point's volume times
+        the change of det F_ij of a pair.
     buffers : ndarray
         Working memory in doubles.
     volume_energies : ndarray
-        Volumetric energies of blocks of the material's points, over the shear modulus (`VolumeEnergy`).
+        Volumetric energies of blocks of the material's points, divided by the shear modulus (`VolumeEnergy`).
     end_shares : ndarray, shape (n_blocks, 2, BLOCK)
         Shares of the volumes of both ends, see `BondShares.fill_end_shares`.
     find_volumes : BoundPass
@@ -147,5 +148,5 @@ class SelectivePairs(Pairs):
         return super().energy() + float(self.volume_energies.sum())
 
     def counts(self) -> tuple[int, int, int]:
-        """Return the number of pairs outside the domain since the last call, and two zeros: pairs inside out are counted elsewhere."""
+        """Return the number of pairs outside the domain since the last call, and two zeros: `find_volumes` counts pairs inside out."""
         return self.isochoric.count_outside(), 0, 0

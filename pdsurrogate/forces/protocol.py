@@ -27,9 +27,9 @@ class Domain:
     Attributes
     ----------
     least_stretch, greatest_stretch : float
-        Bounds of both principal stretches in the plane, of the stretch tensor that (lambda_b, dtheta, J) define (theory (10)).
+        Bounds of both principal stretches in the plane; those of a bond follow from its stretch, its rotation and J (theory (10)).
     least_bulk, greatest_bulk : float
-        Bounds of J3^2 = J^2 C33.
+        Bounds of the squared volume ratio, J3^2 = J^2 C33.
     hull : tuple of tuple of float, optional
         Hull of the test data of an energy: half-planes (n1, n2, d) in the logarithms of the two greater of three principal stretches of
         product 1, the greatest first, n1 log l1 + n2 log l2 <= d.
@@ -45,7 +45,8 @@ class Domain:
     def interior(self) -> Self:
         """Inner part of the domain, where the surrogate alone is used; from there to the domain's edge the exact force is blended in.
 
-        Every bound lies a tenth nearer to rest, on a logarithmic scale. A domain that does not contain rest has no such outer band.
+        Every bound lies a tenth nearer to 1, the undeformed state, on a logarithmic scale. A domain that does not contain the undeformed
+        state is returned unchanged.
         """
         bounds = (self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk)
         if not (bounds[0] < 1 < bounds[1] and bounds[2] < 1 < bounds[3]):
@@ -62,7 +63,7 @@ class Domain:
         stretches : ndarray, shape (n, k)
             Principal stretches.
         bulk : ndarray, shape (n,), optional
-            J3^2, for a model that depends on it.
+            Squared volume ratio J3^2, for a model that depends on it.
         """
         passed = self.beyond_bounds(stretches, bulk)
         return passed if self.hull is None else np.maximum(passed, self.beyond_data(stretches))
@@ -93,7 +94,7 @@ class Domain:
 
 
 EVERYWHERE = Domain(0.0, np.inf, 0.0, np.inf)
-"""All states in which a bond has a stretch tensor."""
+"""Domain without bounds: all states in which a bond has a stretch tensor."""
 
 
 @kernel
@@ -103,7 +104,10 @@ def _call(address, arguments):
 
 
 def by_blocks(evaluate: Callable[[np.ndarray, np.ndarray], object], states: np.ndarray, n_rows: int, dtype) -> np.ndarray:
-    """Evaluate ``evaluate(states, result)``, which accepts only blocks of BLOCK states, at n states (rows, n); return (n_rows, n)."""
+    """Return the results, shape (n_rows, n), of a function that accepts only blocks of BLOCK states, at n states, shape (rows, n).
+
+    ``evaluate(block, result)`` writes the results of a block (rows, BLOCK) into `result` (n_rows, BLOCK); both are of type `dtype`.
+    """
     n = states.shape[1]
     found = np.empty((n_rows, n))
     for at in range(0, n, BLOCK):
@@ -129,12 +133,13 @@ class CompiledBondForce:
     weights : ndarray, in the precision of the bond pass
         Floating-point constants.
     work_rows : int
-        Rows of working memory that the function needs, in that precision.
+        Rows of working memory that the function needs, in the precision of the bond pass.
     needs_length : bool
         Whether the function reads the last row of its states, l/horizon, which is not filled otherwise.
     asks_law : bool
-        Whether the function calls the response of the law that the pass supplies, which includes the state of the thickness. Every other
-        force is one of zero stress across the thickness; plane strain adds the pressure (`pdsurrogate.forces.bond_force.in_plane_strain`).
+        Whether the function calls the law's response that the pass supplies, which accounts for a free or held thickness. Any other
+        function returns the force for zero stress across the thickness, to which plane strain adds a pressure
+        (`pdsurrogate.forces.bond_force.in_plane_strain`).
     """
 
     address: int
@@ -191,7 +196,7 @@ class Member:
     Attributes
     ----------
     model : ForceModel
-        Model of the member, in units of its own shear modulus.
+        Model of the member, whose forces are in units of the member's own shear modulus.
     law : Law
         Law that it describes.
     ratio : float
@@ -220,7 +225,7 @@ class ForceModel(ABC):
     default_precision : str
         Precision of the bond pass under plane stress.
     stated : mapping, optional
-        Errors that the card of a learnt model states, see `pdsurrogate.forces.agreement`.
+        Errors that the card (the metadata of its artefact) of a learnt model states, see `pdsurrogate.forces.agreement`.
     members : tuple of Member
         Members of the committee of a learnt model, in a run that reports their deviation.
 
@@ -271,7 +276,7 @@ class ForceModel(ABC):
         return self.honours
 
     def usual_precision(self, settings: ForceSettings) -> str:
-        """Return the precision of the bond pass: from the settings, or else the model's default; double except under plane stress."""
+        """Return the precision of the bond pass: from the settings if given, or else `default_precision` under plane stress, or double."""
         return settings.precision or (self.default_precision if settings.plane == "stress" else "float64")
 
     def cause_of(self, error: RuntimeError) -> RuntimeError:
@@ -305,7 +310,8 @@ class ForceModel(ABC):
 def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettings, rigid: np.ndarray | None = None) -> InternalForce:
     """Return the internal force on a body of several materials, ready to be evaluated.
 
-    Portions with equal law and model are merged; if one portion is left, the body is evaluated as a body of one material.
+    Portions (the points of one material each) with equal law and model are merged; if one portion is left, the body is evaluated as a body
+    of one material.
 
     Parameters
     ----------
@@ -320,8 +326,8 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     Raises
     ------
     ValueError
-        If a point is in no portion or in two, a model does not describe its law or cannot honour a setting, models of two families meet, or
-        bonds are to break.
+        If a point is in no portion or in two; if a model does not describe its law, cannot honour a setting, or does not accept several
+        materials in this plane; if models belong to different families; or if bonds may break.
     """
     rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
     if not portions:

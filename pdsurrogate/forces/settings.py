@@ -10,12 +10,13 @@ from ..materials import PLANES, dimension_of
 from ..paper.rotation import convected_rotations
 
 OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "extrapolate": TURNED}
-"""Policies for bonds outside a surrogate's domain, each with the constant that selects it in compiled passes."""
+"""Policies for bonds outside a surrogate's domain, each with its guard in compiled passes (`pdsurrogate.kernels.bond_force`)."""
 
 PRECISIONS = ("float32", "float64")
 
 ROTATIONS = {"polar": None, "convected": convected_rotations}
-"""Rotations of a horizon by name, each with an extra pass; None for the polar decomposition, which needs no extra pass."""
+"""Definitions of the rotation of a horizon (the material around a point) by name, each with the compiled pass that overwrites the rotation
+from the polar decomposition; None for the polar decomposition itself."""
 
 SETTINGS = {
     "precision": PRECISIONS,
@@ -48,7 +49,7 @@ class ForceSettings:
     Parameters
     ----------
     precision : {"float32", "float64"}, optional
-        Precision of the bond pass; positions, sums and the states of the points are always in double precision.
+        Precision of the compiled pass over the bonds; positions, sums and the states of the points are always in double precision.
     correction : {"tensor", "scalar", "none"}, optional
         Correction of incomplete horizons: theory (21), the paper's (24)-(25), or nothing. By default "tensor" if the model allows it.
     rotation : {"polar", "convected"}, optional
@@ -59,7 +60,7 @@ class ForceSettings:
     breakable : bool
         Whether bonds may break, for which more reference data are kept.
     plane : {"stress", "strain", "space"}
-        Whether the thickness of a body in the plane is free or held; "space" for every body in three dimensions.
+        Plane stress (free thickness) or plane strain (held thickness) for a body in the plane; "space" for every body in three dimensions.
 
     Examples
     --------

@@ -19,9 +19,9 @@ class Smoothing:
 
     On a grid the weights are (1 2 1)/4 along each axis. Rows add up to one, so that a uniform dilatation is unchanged; V_i W_ij is
     symmetric, so that the mean dilatation is unchanged as well, and a uniform pressure too. If points lie closer than on a grid, a point
-    keeps its weight of a grid, a quarter in the plane and an eighth in three dimensions. The weight of a neighbour beyond a surface or a
-    crack stays with the point. A mirror image is a neighbour; images beyond a clamped plane deform differently from the body and have no
-    weight.
+    keeps the weight that it has on a grid, a quarter in the plane and an eighth in three dimensions. The weight of a neighbour beyond a
+    surface or a crack stays with the point. A mirror image is a neighbour; images beyond a clamped plane deform differently from the body
+    and have no weight.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ class Smoothing:
         return selective_energy.smooth.bind(self._matrix(values.dtype), values, out, chunks=chunks)
 
     def bind_sum(self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks) -> BoundPass:
-        """Return the compiled pass that writes `factor` times the smoothed `values` plus three products (factor, array) to `out`.
+        """Return the compiled pass that writes `factor` times the smoothed `values`, plus three products, to `out`.
 
-        `out` may be one of these arrays.
+        `others` are the three products, as pairs of a factor and an array; `out` may be one of these arrays.
         """
         others = tuple((float(of_other), other) for of_other, other in others)
         return dilatation.smooth_and_add.bind(self._matrix(values.dtype), values, factor, others, out, chunks=chunks)
@@ -87,7 +87,7 @@ class Smoothing:
         return self._pointers, self._columns, *self._single
 
     def take(self) -> None:
-        """Copy the weights to their single-precision arrays, after a change."""
+        """Update the single-precision copies of the weights after a change of the weights."""
         for single, exact in zip(self._single, (self._weights, self._own), strict=True):
             single[:] = exact
 

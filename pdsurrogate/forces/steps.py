@@ -11,7 +11,8 @@ from ..engine.passes import BoundPass, Chain
 from ..ranks import Share
 
 Step: TypeAlias = BoundPass | Callable[[], object] | np.ndarray
-"""A bound pass, a function without arguments, or an array with a row for every point, whose halo rows are copied from their ranks."""
+"""Step of an evaluation: a compiled pass, a function without arguments, or an array with a row for every point, for which the step copies
+the rows of halo points from the ranks that own these points."""
 
 
 class Steps:

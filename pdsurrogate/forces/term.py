@@ -56,7 +56,7 @@ class StateArray:
 
 @dataclass(frozen=True)
 class Kept:
-    """Declaration of a `StateArray` by a term: kind of rows, shape and type of a row, value at rest, and whether results show it."""
+    """Declaration of a `StateArray` by a term: kind of rows, shape and type of a row, initial value, and whether results show it."""
 
     name: str
     rows: str
@@ -66,7 +66,7 @@ class Kept:
     shown: bool = False
 
     def allocate(self, body: Body) -> StateArray:
-        """Return a new `StateArray` with the declared values for a body at rest."""
+        """Return a new `StateArray` with a row for each point, bond or pair of a body, as declared, and the initial value everywhere."""
         bonds = body.bonds
         sizes = {"points": len(body), "images": len(body.all_points), "bonds": len(bonds.neighbours), "pairs": len(bonds.first)}
         return StateArray(self.name, self.rows, np.full((sizes[self.rows], *self.shape), self.at_rest, self.dtype), self.shown)
@@ -82,7 +82,7 @@ class Release:
 
 @dataclass(frozen=True)
 class Binding:
-    """Data that the terms of an internal force share: body and kinematics, materials, and settings.
+    """Data that the terms of an internal force have in common: body and kinematics, materials, and settings.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Binding:
     precision : str
         Precision of the bond pass.
     portion_of : ndarray of int, shape (n + m,), or None
-        Number of the material (index into `portions`) of every point and image, ``len(portions)`` for rigid ones; None with one material.
+        Number of the material (index into `portions`) of every point and ghost, ``len(portions)`` for rigid ones; None with one material.
     """
 
     kinematics: Kinematics
@@ -127,11 +127,11 @@ class Term(ABC):
     has_energy : bool
         Whether the forces are minus the derivative of an energy.
     nearly_incompressible : bool
-        Whether `linearised_dilatation` returns how the volume of the points changes with the positions.
+        Whether the term has a `linearised_dilatation`, the derivative of the points' volumes by the positions.
     zero_energy_modes : bool
         Whether the force does not resist some displacements that alternate from point to point.
     learnt_thickness : bool
-        Whether J3 of the points follows from a learnt force, and not from the law.
+        Whether the volume ratios J3 of the points are computed with a learnt force, and not by the law.
     correction : str
         Correction of incomplete horizons.
     state : list of StateArray
@@ -157,7 +157,7 @@ class Term(ABC):
         self.watches: list[DomainWatch] = []
 
     def points_of(self, number: int, pairs: np.ndarray | None = None) -> MaterialPoints:
-        """Return the points of material `number` and the points bonded to them by the given pairs; their J3 becomes part of `state`."""
+        """Return the points of material `number` and the points bonded to them by given pairs; their J3 become part of `state`."""
         binding = self.binding
         own, end = (None, "") if binding.whole else (binding.portion_of == number, f"_{number}")
         points = MaterialPoints(self.kinematics, binding.portions[number].law, binding.precision, binding.settings.rotation, own, pairs)
@@ -168,14 +168,18 @@ class Term(ABC):
     _find_forces: Callable[[], list[int]]
 
     def bind_steps(self, *steps: Step) -> None:
-        """Set the steps of an evaluation that follow the states of the points; the last must be the pass that writes forces to `out`."""
+        """Set the steps that compute the forces from the states of the points.
+
+        The first must be passes that return the number of pairs outside a model's domain, one for each of `watches` in their order. The
+        last must be the pass that writes the forces on the points to its argument `out`, and returns how many of them are not finite.
+        """
         share, states = self.body.share, [step for points in self.materials for step in points.steps]
         self._sum, self._find_forces, self._find_all = steps[-1], Steps(share, *steps), Steps(share, *states, *steps)
 
     def find(self, out: np.ndarray) -> None:
-        """Evaluate the term: write the forces on the points, shape (n, d), to `out` at the positions in `kinematics`.
+        """Evaluate the term at the positions in `kinematics`: write the forces on the points, shape (n, d), to `out`.
 
-        The first steps of `bind_steps` must count, model by model, the pairs outside the model's domain.
+        Each of `watches` receives the number of pairs found outside its model's domain.
 
         Raises
         ------
@@ -190,7 +194,10 @@ class Term(ABC):
             raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> object:
-        """Write the forces to `out` from the points' states last found, without checks; for timings, and for energies of broken bonds."""
+        """Write the forces to `out` from the states of the points as last computed, without checks.
+
+        Timings use it, and the computation of the energy that breaking bonds release.
+        """
         self._sum.give("out", out)
         self._find_forces()
 
@@ -203,7 +210,10 @@ class Term(ABC):
         return locate(self.body, out, "the force on it is not finite")
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
-        """Remove broken `pairs` from the term, whose model honours `ForceSettings.breakable`; `changed` are all pairs this affects."""
+        """Remove broken `pairs` from the term; `changed` are all pairs that this affects, as `Kinematics.break_bonds` returns them.
+
+        Terms of models that honour `ForceSettings.breakable` must override it.
+        """
         raise NotImplementedError
 
     def forces_beside_pairs(self) -> np.ndarray | None:
@@ -226,7 +236,7 @@ class Term(ABC):
         return np.einsum("b,bi,bj->ij", share, self.pair_forces(slice(len(bonds.first))), vectors) / whole_volume(self.body)
 
     def energy(self) -> float:
-        """Return the stored energy in the state last evaluated; NaN where there is none."""
+        """Return the stored energy in the state last evaluated, NaN if it is undefined there; TypeError for a term without energy."""
         raise TypeError(f"{type(self).__name__} has no energy")
 
     def linearised_dilatation(self) -> "LinearisedDilatation":
@@ -273,7 +283,7 @@ class Term(ABC):
         return None
 
     def beyond_data(self) -> np.ndarray | None:
-        """Return how far the states of bonds are beyond the test data (`Domain.beyond_data`), for an energy the states of points.
+        """Return how far states are beyond the test data (`Domain.beyond_data`): those of bonds for a bond force, of points for an energy.
 
         Each bond or point is counted on one rank only. None if the model has no hull of test data.
         """
@@ -319,7 +329,7 @@ class DomainWatch:
         Raises
         ------
         OutsideDomain
-            If a pair is outside, and the policy is to stop.
+            If a pair is outside, and the policy is "raise".
         """
         found = self._share.total(self.found) if self._policy in ("raise", "warn") else 0
         if not found:
@@ -334,9 +344,10 @@ class DomainWatch:
 
 
 def sum_on_pairs(target: np.ndarray, parts: Sequence, quantity: str) -> None:
-    """Write to `target`, by pairs of the body, the sum over several materials of a quantity of their pairs.
+    """Write to `target` the sum of a quantity of the pairs (undirected bonds) over several materials.
 
-    Every part holds the pairs of one material; its attribute named `quantity` is in units of ``part.unit``.
+    `target` has a row for every pair of the body. Each of `parts` holds the pairs of one material; its attribute named `quantity` is in
+    units of ``part.unit``.
     """
     target[:] = 0.0
     for part in parts:

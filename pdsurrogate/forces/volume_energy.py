@@ -39,10 +39,11 @@ class VolumeEnergy:
     Attributes
     ----------
     smoothing : Smoothing
+        Smoothing of values of the points, which turns means over the bonds into dilatations.
     dilatations : ndarray, shape (n,)
-        J_i in the state last evaluated.
+        Smoothed volume ratios J_i in the state last evaluated.
     steps : list
-        Steps that find the pressures of the pairs and the energies from the dilatations.
+        Steps that compute the pressures of the points and the volumetric energies from the dilatations.
     """
 
     def __init__(self, binding: Binding, shares: BondShares, parts: Sequence[SelectivePairs], volumes: np.ndarray) -> None:
@@ -82,7 +83,7 @@ class VolumeEnergy:
         self.steps = [*before, *passes, *after, *spread, *shown]
 
     def _places(self) -> np.ndarray:
-        """Return, for every directed bond, the index into `volumes` of its det F_ij as the material of its first point sees it."""
+        """Return, for every directed bond, the index into `volumes` of its det F_ij in the motion of its first point's material."""
         binding, bonds, start = self.binding, self.binding.kinematics.body.bonds, 0
         if binding.whole:
             return bonds.pair_of
@@ -117,7 +118,8 @@ class LinearisedDilatation:
     Attributes
     ----------
     stiffness : ndarray, shape (n,)
-        C, the stiffness of the points against a change of their dilatation, V_i mu U''.
+        Stiffness C of the points against a change of their dilatation: V_i mu U'', with the volume V_i, the shear modulus mu, and the
+        second derivative U'' of the volumetric energy.
     """
 
     def __init__(self, volume: VolumeEnergy) -> None:
@@ -181,7 +183,7 @@ class LinearisedDilatation:
         return self._changes.astype(float)
 
     def forces(self, values: np.ndarray) -> np.ndarray:
-        """Return D^T s, shape (n, d), for values s (n,) at the points: vectors such as forces; it costs about as much as `changes`."""
+        """Return D^T s, shape (n, d), vectors such as forces, for `values` s (n,) at the points; the cost is about that of `changes`."""
         # The smoothing, weighted by volumes, is its own transpose. A power of two keeps the values in the range of single precision.
         pressures = values / self._body.volumes
         unit = power_of_two(self._body.share.total(float(np.abs(pressures).sum())))
@@ -192,7 +194,7 @@ class LinearisedDilatation:
     def polynomial(self, coefficients: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return a function that applies a polynomial of the smoothing W to values (n,): the sum of c_k T_k(2 W^2 - I).
 
-        T_k are Chebyshev polynomials; the sum is taken by Clenshaw's recurrence.
+        c_k are the `coefficients`, T_k are Chebyshev polynomials; the sum is taken by Clenshaw's recurrence.
         """
         smoothing, chunks, share, n = self._volume.smoothing, self._chunks, self._body.share, len(self._body)
         values, once, found, *sums = np.zeros((5, n), dtype=np.float32)

@@ -19,11 +19,11 @@ MODES: dict[str, Callable] = {
 """Lateral stretch of incompressible rubber as a function of the stretch, by mode of loading."""
 
 BIAXIAL = "biaxial"
-"""Mode of rows with both stretches and both stresses."""
+"""Mode of loading of biaxial tests, for which a file states two stretches and the stress along each of them."""
 
 CURVES = ("mode", "stretch", "nominal_stress")
 GRID = ("stretch", "lateral_stretch", "nominal_stress", "lateral_stress")
-"""Columns of the two kinds of files, without ``weight``."""
+"""Columns of the two kinds of files, tests in the modes of loading `MODES` and biaxial tests, without the optional ``weight``."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class TestData:
 
     @property
     def tests(self) -> np.ndarray:
-        """Number of the test of each row, shape (n,): the rows of a biaxial state share a test, any other row is a test by itself."""
+        """Number of the test that each row belongs to, shape (n,): biaxial rows of the same state share one, any other row is its own."""
         states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
         _, tests = np.unique(states, axis=0, return_inverse=True)
         return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))
@@ -94,7 +94,7 @@ class TestData:
         return f"row {self.row[number]} ({self.mode[number]}, {at}, nominal stress {self.nominal_stress[number]:g})"
 
     def balanced_weights(self) -> np.ndarray:
-        """Return weights of the rows that make the sum of squared residuals the sum over modes of 1 - R^2, so that no mode dominates."""
+        """Return row weights that make the sum of weighted squared residuals the sum of 1 - R^2 over the modes: no mode dominates."""
         weights = self.weight.copy()
         for mode in self.modes:
             rows = self.mode == mode
@@ -176,7 +176,10 @@ def load_test_data(reference: str | Path) -> TestData:
 
 
 def _rows(row, kind, where):
-    """Return tuples (mode, stretch, lateral stretch, stress, weight) for a row of a file: two if biaxial; raise ValueError if invalid."""
+    """Return tuples (mode, stretch, lateral stretch, stress, weight) for a row of a file: one for each stress.
+
+    `kind` is `CURVES` or `GRID`, and `where` names the row in the message of the ValueError that an invalid row raises.
+    """
     numbers = {}
     for key in row.keys() - {"mode"}:
         try:

@@ -19,35 +19,36 @@ from .data import BIAXIAL, MODES
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, free_sides, states
 
 LEAST_EXPONENT = 1.0
-"""Least absolute value of an exponent: sums of powers from 1 on of principal stretches, and of their products in pairs, are convex in F
-and in its cofactor."""
+"""Least absolute value of an exponent of the stretches: a sum of their powers is convex in F for exponents of 1 and more, and convex in the
+cofactor of F for exponents of -1 and less."""
 
 STEP = 0.25
-"""Distance between the exponents of the dictionary: columns of neighbours are nearly parallel, so that less would gain nothing."""
+"""Distance between candidate exponents: the stresses of neighbours are nearly proportional, so that a smaller one would gain nothing."""
 
 POSITIVE, NEGATIVE = (3.0, 5.0, 8.0, 12.0), (1.0, 2.0, 4.0, 6.0)
 """Greatest exponents of the stretches, and of their inverses, among which cross-validation chooses. Chosen: about evenly spaced in the
 logarithm; Ogden's exponents for rubber are 5 and -2, and above 12 a term acts only at the greatest stretch of the data."""
 
 INVARIANTS = ((), ((1, 2), (1, 3)), ((1, 2), (1, 3), (2, 1), (2, 2), (2, 3)))
-"""Sets of powers of invariants among which cross-validation chooses, as (1 or 2, power): none, those of I1bar - 3, and those of
-I2bar^1.5 - 3 sqrt 3 as well, which may extrapolate badly to modes without data. I1bar - 3 itself is the exponent 2."""
+"""Sets of powers of invariants among which cross-validation chooses, as (invariant 1 or 2, power): none, those of I1bar - 3, and
+those of I2bar^1.5 - 3 sqrt 3 as well, which may extrapolate badly to modes without data. I1bar - 3 itself is the exponent 2."""
 
 AS_GOOD = 0.05
-"""Relative difference of the errors of two dictionaries up to which the smaller one is chosen. Chosen: errors of cross-validation over a
-few modes are not known to better than some per cent; with 0 the choice would follow the scatter of single tests."""
+"""Relative difference of the errors of two dictionaries (sets of candidate energy terms) up to which the smaller one is chosen. Chosen:
+errors of cross-validation over a few modes are not known to better than some per cent; with 0 the choice would follow the scatter of
+single tests."""
 
 FOLDS = 5
-"""Number of folds of a biaxial grid, by the greatest stretch, and of the states of all modes: the usual five, in which each fit keeps four
-fifths of the tests."""
+"""Number of folds into which cross-validation divides a biaxial grid, by the greatest stretch, or the states of all modes. Chosen: the
+usual five, with which each fit keeps four fifths of the tests."""
 
 ROUNDS = 60
-"""Most alternate fits of the weights and of the volume ratios that follow from them. At the bulk moduli of rubber a few fits suffice; sixty
-end a search that alternates between two sets of terms."""
+"""Most rounds of a fit, each of the weights at given volume ratios, and of the volume ratios that follow from these weights. At the bulk
+moduli of rubber a few rounds suffice; sixty end a search that alternates between two sets of terms."""
 
 SAME_MODE = 0.01
-"""Greatest difference in log-stretch between the lateral stretches of a state and of the mode of loading to which it is assigned. Chosen:
-modes differ by more from strains of a few per cent on."""
+"""Greatest difference in log-stretch between the lateral stretch of a state and that of a mode of loading at which the state counts as one
+of this mode. Chosen: modes differ by more from strains of a few per cent on."""
 
 
 @dataclass(eq=False, repr=False)
@@ -56,7 +57,7 @@ class EnergyRegressor(StressRegressor):
 
     W is the sum of c_a/a^2 (l1^a + l2^a + l3^a - 3) over a dictionary of positive and negative exponents with |a| >= 1 and with c_a >= 0
     (a separable energy, after Valanis and Landel). Where cross-validation shows an improvement, W also has powers up to the third of
-    I1bar - 3 and of I2bar^1.5 - 3 sqrt 3, with non-negative weights. Independently of the data, energy and stress vanish at rest, and W
+    I1bar - 3 and of I2bar^1.5 - 3 sqrt 3, with non-negative weights. Energy and stress always vanish in the undeformed state, and W
     grows without bound; sums of l^a are convex functions of F for a >= 1 and of its cofactor for a <= -1, and the powers of invariants are
     polyconvex, so that W is polyconvex among deformations that keep the volume, and shear waves are stable in all states. Beyond the data
     W continues as these powers.
@@ -93,8 +94,8 @@ class EnergyRegressor(StressRegressor):
     cross_validation_ : list of dict
         ``greatest`` and ``least`` exponent, number of ``invariants``, and ``relative_rms`` error of the data left out.
     hull_ : ndarray, shape (n, 3)
-        Half-planes (n1, n2, -d) of the convex hull of the data and of rest, n . x <= d, where x are the logarithms of the two greater ones
-        of the three stretches of a state, the greatest first: their directions do not matter to an isotropic energy.
+        Half-planes (n1, n2, -d) of the convex hull of the data and the undeformed state: n . x <= d, where x are the logarithms of the
+        greatest and of the middle one of the three stretches of a state, whose directions do not matter to an isotropic energy.
     stretch_range_ : tuple of float
         Least and greatest stretch of the data.
     n_features_in_ : int
@@ -121,7 +122,7 @@ class EnergyRegressor(StressRegressor):
     }
 
     law: ClassVar[str] = "energy"
-    """Name in reports, in the place of the law of a `LawRegressor`."""
+    """Name of the model in reports, where a `LawRegressor` has the name of its law."""
 
     max_terms: int = 8
     margin: float = 0.05
@@ -194,9 +195,10 @@ class EnergyRegressor(StressRegressor):
         return [[n1, n2, self.margin - offset] for n1, n2, offset in self.hull_.tolist()]
 
     def _chosen(self, X, y, root, groups) -> np.ndarray:
-        """Return the set of energy terms that cross-validates best, as rows of `terms_of`, and set `cross_validation_`.
+        """Return the set of candidate energy terms, as rows of `terms_of`, with the least error of cross-validation over `groups` of rows.
 
-        The best range of exponents is chosen for each set of powers of invariants, and then the best of these sets.
+        The best range of exponents is chosen for each set of powers of invariants, and then the best of these sets; a smaller set wins if
+        its error is nearly as small (`AS_GOOD`). `root` holds square roots of row weights. The errors are recorded in `cross_validation_`.
         """
         self.cross_validation_, candidates = [], []
         for invariants in INVARIANTS:
@@ -214,7 +216,11 @@ class EnergyRegressor(StressRegressor):
         return _first_as_good(candidates)[0]
 
     def _left_out(self, X, y, root, groups, terms) -> float:
-        """Return the relative RMS error of stresses, in which each group is predicted by a fit to the other groups at constant volume."""
+        """Return the RMS error of the stresses of each group as predicted by a fit to the other groups, divided by the RMS of the stresses.
+
+        The fits have the candidate energy terms `terms` and constant volume; `root` holds square roots of row weights. The error of a
+        single group is 0.
+        """
         columns, error, size, kinds = columns_of(isochoric(X, np.ones_like(y)), X[:, 0], terms), 0.0, 0.0, np.unique(groups)
         for kind in kinds if len(kinds) > 1 else ():
             left = groups == kind
@@ -224,7 +230,10 @@ class EnergyRegressor(StressRegressor):
         return float(np.sqrt(error / size)) if size > 0 else 0.0
 
     def _fitted(self, columns, y, root, terms) -> tuple[np.ndarray, np.ndarray]:
-        """Fit weights of energy terms to the stresses y; return the terms with a positive weight, at most `max_terms`, and the weights."""
+        """Fit weights of energy terms to the stresses y; return the terms with a positive weight, at most `max_terms`, and the weights.
+
+        `columns` holds the stress of each term with unit weight, and `root` the square roots of the row weights.
+        """
         kept = np.arange(len(terms))
         while True:
             weights, shares = nonnegative(columns[:, kept], y, root)
@@ -250,26 +259,26 @@ class EnergyRegressor(StressRegressor):
 
 
 def nonnegative(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the non-negative weights with which columns fit y, and the weights of the columns scaled to unit norm.
+    """Fit y by a sum of columns with non-negative weights; return the weights, and the weights times the norms of the weighted columns.
 
     `root` holds the square roots of the weights of the rows in the least-squares fit.
     """
     columns = root[:, None] * columns
     size = np.linalg.norm(columns, axis=0)
-    size[size == 0] = 1.0  # data at rest have no stress
+    size[size == 0] = 1.0  # data of the undeformed state have no stress
     shares = nnls(columns / size, root * y)[0]
     return shares / size, shares
 
 
 def parted(terms: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Split energy terms: return exponents of stretches, their weights, and the weights of powers of invariants by (1 or 2, power)."""
+    """Split energy terms: return exponents of stretches, their weights, and weights of powers of invariants by (invariant, power)."""
     plain = terms[:, 0] == 0
     invariants = {(int(which), int(power)): float(weight) for (which, power), weight in zip(terms[~plain], weights[~plain], strict=True)}
     return terms[plain, 1], weights[plain], invariants
 
 
 def _first_as_good(choices: list[tuple]) -> tuple:
-    """Return the first pair (terms, error) of `choices`, ordered by size, whose error exceeds the least by at most the share `AS_GOOD`."""
+    """Return the first pair (terms, error) of `choices`, ordered by size, whose error exceeds the least by at most 5 % (`AS_GOOD`)."""
     most = (1 + AS_GOOD) * min(error for _, error in choices) + 1e-9
     return next(choice for choice in choices if choice[1] <= most)
 
@@ -281,12 +290,15 @@ def _name_of(term) -> str:
 
 
 def stiffness_of(terms: np.ndarray, weights: np.ndarray) -> float:
-    """Return the shear modulus at rest of weighted energy terms; of the powers of invariants only I2bar^1.5 to the power 1 contributes."""
+    """Return the shear modulus of an energy when undeformed; of the powers of invariants only I2bar^1.5 - 3 sqrt 3 itself contributes."""
     return float(weights[terms[:, 0] == 0].sum() / 2 + SECOND_AT_REST * weights[(terms == (2, 1)).all(axis=1)].sum())
 
 
 def isochoric(X: np.ndarray, volume: np.ndarray) -> np.ndarray:
-    """Return the three isochoric principal stretches, (n, 3), of states X with given volume ratios; free sides stretch as the thickness."""
+    """Return the three isochoric principal stretches, shape (n, 3), of states X (two stretches) with given volume ratios.
+
+    In states with free sides the lateral stretch is that of the thickness, whatever X states.
+    """
     first, second = X.T
     lateral = np.where(free_sides(first, second), np.sqrt(volume / first), second)
     l1, l2 = first * volume ** (-1 / 3), lateral * volume ** (-1 / 3)
@@ -319,7 +331,7 @@ def _warn_of_few_modes(X: np.ndarray) -> None:
 
 
 def half_planes(X: np.ndarray) -> np.ndarray:
-    """Return the half-planes (`EnergyRegressor.hull_`) of the convex hull of states X; a segment of a line for one mode of loading."""
+    """Return the half-planes (`EnergyRegressor.hull_`) of the convex hull of states X, a line segment if all are of one mode of loading."""
     logs = ordered_logs(X)
     off, along = line_through_rest(logs)
     if np.abs(logs @ off).max() < SAME_MODE:
@@ -330,7 +342,7 @@ def half_planes(X: np.ndarray) -> np.ndarray:
 
 
 def line_through_rest(logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return unit vectors across and along the line through the state at rest that fits points of log-stretches, shape (n, 2), best."""
+    """Return unit vectors across and along the line through the origin, the undeformed state, that fits log-stretches, (n, 2), best."""
     along, off = np.linalg.svd(np.vstack([logs, np.zeros((2, 2))]), full_matrices=False)[2]
     return off, along
 
@@ -342,7 +354,10 @@ def dictionary(greatest: float, least: float, offset: float = 0.0) -> np.ndarray
 
 
 def terms_of(exponents, invariants=()) -> np.ndarray:
-    """Return energy terms as rows (0, exponent of the stretches) or (1 or 2, power of this isochoric invariant), shape (n_terms, 2)."""
+    """Return energy terms as rows of two numbers, shape (n_terms, 2).
+
+    A row is (0, exponent of the stretches), (1, power of I1bar - 3) or (2, power of I2bar^1.5 - 3 sqrt 3).
+    """
     return np.array([*((0.0, exponent) for exponent in exponents), *invariants])
 
 

@@ -12,43 +12,52 @@ from .energy import INVARIANTS, NEGATIVE, POSITIVE, EnergyRegressor, columns_of,
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
-"""Relative scatter of stresses that every laboratory has."""
+"""Relative scatter of measured stresses that data of any laboratory may have."""
 
 FLOOR, RANGE = 0.02, 0.5
-"""Shares of the greatest stress of a mode that are added to a stress before a residual is divided by it: a small one where modes are
-compared, to which each row contributes; a large one where a single row is judged, since the error of a load cell, or of a figure, is a
-share of its range (Treloar's stresses below 0.2 MPa are 0.03 MPa off)."""
+"""Fractions of the greatest stress of a mode of loading that are added to the stress by which a residual is divided.
+
+`FLOOR` serves where modes are compared, so that every row contributes; `RANGE` serves where a single row is judged, since the error of a
+load cell, or of a figure that was read, is a fraction of its range (Treloar's stresses below 0.2 MPa are 0.03 MPa off).
+"""
 
 OUTLIER = 5.0
 """Residual of an outlier, in standard deviations of all rows: one in two million of normal residuals is greater."""
 
 NEAR_REST = 2 * NOISE
-"""Share of the greatest stress of a mode, and log-stretch, below which the sign of a stress is noise. Chosen: twice the scatter."""
+"""Stress divided by the greatest stress of its mode, and log(stretch/thickness), below which the sign of the stress counts as noise.
+
+Chosen: twice the scatter `NOISE`.
+"""
 
 AT_REST = NOISE / 10
-"""Share of the greatest stress of a mode above which a stress at rest is reported, and log-stretch up to which a state is at rest. Chosen:
-a smaller offset is lost in the scatter."""
+"""Log-stretch up to which a state counts as undeformed, and stress in such a state, divided by the greatest stress of its mode, above which
+the stress is reported. Chosen: a smaller offset is lost in the scatter."""
 
 BETTER, MENDED, MENDED_IF_POOR = 5.0, 3.0, 2.0
-"""Ratios of residuals from which a remark is made: by another law, by a change of the data, and by such a change if the law describes a
-mode poorly anyway. Chosen: a more flexible law always fits somewhat better, so that it earns a remark last; smaller ratios name faults
-where there are none, greater ones leave faults unnamed."""
+"""Least factors by which residuals fall if a remark says that another law (`BETTER`) or changed data (`MENDED`) would fit better.
+
+A change of the data, such as of the unit of a mode, needs only the factor `MENDED_IF_POOR` if the law describes a mode poorly (`POOR`), or
+if several outliers are of one mode. Chosen: a more flexible law always fits somewhat better, so `BETTER` is the greatest; smaller factors
+name faults where there are none, greater ones leave faults unnamed.
+"""
 
 MOST_ROWS = 3
-"""Most rows that are named for the same fault. Chosen: three show the pattern, and the message stays one line."""
+"""Most rows of the data that a message names for one fault. Chosen: three show the pattern, and the message stays one line."""
 
 LEAST_FACTOR = 1.5
-"""Ratio of the stresses of two modes from which their units may differ: units of stress differ by more."""
+"""Least ratio, or inverse ratio, of the stresses of a mode to those that the other modes suggest, at which a remark suspects another unit:
+units of stress differ by more."""
 
 POOR = 0.9
 """R^2 of a mode below which a fit is called poor. Chosen: the residuals are then a third of the scatter of the stresses, which a plot shows
 at a glance."""
 
 TERMS = terms_of(dictionary(POSITIVE[-1], NEGATIVE[-1]), INVARIANTS[1])
-"""Terms of an energy that represents all physically admissible ones: powers of stretches, of their inverses, and of the first invariant."""
+"""Terms (`terms_of`) of an energy that stands for all admissible energies: powers of stretches, their inverses and the first invariant."""
 
 REWEIGHTINGS = 12
-"""Fits of a robust regression by iterative reweighting: the weights of outliers settle within a few."""
+"""Number of fits in a robust regression by iterative reweighting: the weights of outliers settle within a few."""
 
 
 class TestDataWarning(UserWarning):
@@ -82,7 +91,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
         Fitted in place; unfitted after a refusal.
     data : TestData
     force : bool
-        Whether refusals are warnings.
+        Whether reasons to refuse the fit are given as warnings, and the fit is kept.
 
     Returns
     -------
@@ -97,8 +106,9 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     Warns
     -----
     TestDataWarning
-        If rows stand out or fall, modes look like those in another unit, of Cauchy stress or of a shifted zero, a mode has an R^2 below
-        0.9, or an energy without a law describes the data five times better.
+        If the stress of a row stands out, or is below that at a smaller stretch; if the stresses of a mode look like those in another unit,
+        like Cauchy stresses or like stresses with a shifted zero; if a mode has an R^2 below 0.9; or if an energy without a law describes
+        the data five times better.
 
     Examples
     --------
@@ -127,7 +137,8 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
         Regressor fitted to the data.
     data : TestData
     others : sequence of StressRegressor
-        Other fitted regressors, to be named if they are better; an energy without a law is compared with in any case.
+        Other fitted regressors, of which a remark names the best if it is much better than `model`; if no `EnergyRegressor` is among them
+        or is the model, one is fitted for this comparison.
     """
     scores = data.r_squared(model.predict(data.stretches))
     poor = not min(scores.values(), default=1.0) >= POOR
@@ -168,8 +179,8 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
 
     The data are compared with an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little. Remarks
     name changes of the stresses of a mode that reduce the residuals by the factor `enough`, and rows that stand out after the best change.
-    If rows stand out before a change, changes are tried however small the other residuals are; if several of these rows are of one mode, a
-    smaller factor is enough.
+    Changes are tried only if the residuals are above `enough` times `NOISE`; or above `NOISE` if rows stand out in the data as they are,
+    and if several of these rows are of one mode, the factor `MENDED_IF_POOR` is enough.
     """
     best, predicted = data, _robust(data)[0]
     before, least = _size(data, predicted), enough * NOISE
@@ -178,7 +189,7 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
         several = len(set(data.mode[outliers].tolist())) < outliers.sum()
         enough, least = MENDED_IF_POOR if several else enough, NOISE
     changes = _changes(data) if before > least else []
-    # Those that leave residuals that are small enough, and at most twice those of the best one.
+    # The changes after which residuals are small enough, and at most twice those after the best change.
     explained = [one for one in changes if one.size <= min(before / enough, 2 * changes[0].size)]
     if explained:
         best, predicted = explained[0].data, explained[0].predicted
@@ -219,15 +230,18 @@ def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[
 
 
 NOT_TOLD = "if all stresses were Cauchy (true) ones it would too, and nothing would show it: nominal ones are force over the area at rest"
-"""Ambiguity that remains where a form of energy describes the data."""
+"""Caution added to the remark that another law or energy describes the data better: it would also do so if they were Cauchy stresses."""
 
 CAUCHY = "the stresses look like Cauchy (true) ones: divided by the stretch, they are nominal"
 SHIFTED = "the stresses look shifted by {shift:.3g}: at a stretch of 1 there should be none"
-"""Descriptions of changes that may mend data (`_changes`)."""
+"""Words of remarks for two faults in the stresses of a mode that a change of the data may mend (`_changes`)."""
 
 
 class _Change(NamedTuple):
-    """Change of the stresses of a mode, or of all modes, that may mend the data: residual after the change, changed data, and a fit."""
+    """Change of the stresses of a mode, or of all modes, that may mend the data.
+
+    It holds the RMS of the relative residuals after the change, the mode, a description, the changed data, and the fitted stresses.
+    """
 
     size: float
     mode: str
@@ -289,7 +303,10 @@ def _robust(data: TestData, shifted: np.ndarray | None = None) -> tuple[np.ndarr
 
 
 def _relative(data: TestData, predicted, share: float) -> np.ndarray:
-    """Return measured minus predicted stresses, over the sum of the greater of the two and `share` of the greatest stress of the mode."""
+    """Return measured minus predicted stresses, shape (n,), each divided by a stress that is not near zero.
+
+    This stress is the greater absolute value of the two, plus `share` times the greatest stress of the mode.
+    """
     greater = np.maximum(np.abs(data.nominal_stress), np.abs(predicted))
     return (data.nominal_stress - predicted) / (greater + share * _greatest_of_mode(data) + 1e-300)
 
@@ -333,7 +350,10 @@ def _falling(data: TestData):
 
 
 def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):
-    """Yield a remark if one of `others`, or an `EnergyRegressor` fitted here, has less than 1/`BETTER` of the error of `model`."""
+    """Yield a remark if the best of `others` and an `EnergyRegressor` has an error below the error of `model` divided by `BETTER`.
+
+    The error is the square root of the mean of 1 - R^2 over the modes. An `EnergyRegressor` is fitted here if none is given.
+    """
 
     def off(one: StressRegressor) -> float:
         missing = [1 - value for value in data.r_squared(one.predict(data.stretches)).values()]

@@ -14,8 +14,8 @@ from ..materials import LAWS, Law, Ogden, Polyconvex
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, incompressible_stress, nominal_stress
 
 STARTS = 5
-"""Number of candidates of the search, the best ones, that are refined. Chosen: the best point of a coarse grid need not lie in the basin of
-the least error, and each start costs one more refinement."""
+"""Number of the best candidates of the coarse search from which refinements start. Chosen: the best point of a coarse grid need not lie in
+the basin of the least error, and each start costs one more refinement."""
 
 N_TERMS = 3
 """Number of terms of Ogden's law by default, as many as Ogden (1972) took for Treloar's rubber."""
@@ -141,7 +141,8 @@ class LawRegressor(StressRegressor):
     def _bounds(self, start: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the lower and upper bounds of the unknown parameters, and a mask of the parameters searched for by their logarithm.
 
-        The logarithm serves for positive parameters that range over decades. Ogden's exponents keep the signs that they have in `start`.
+        The logarithm serves for positive parameters that range over decades. The stresses `y` set the bounds of the moduli.
+        Ogden's exponents keep the signs that they have in `start`.
         """
         scale = max(np.abs(y).max(), 1e-300)
         if self.law != Ogden.name:
@@ -153,7 +154,10 @@ class LawRegressor(StressRegressor):
         return low, high, np.repeat([True, False], n)
 
     def _refined(self, start, X, y, root, stress):
-        """Fit the parameters from `start`; return the parameters, the Jacobian of the residuals by parameters, and scipy's result."""
+        """Fit the parameters from `start`; return the parameters, the Jacobian of the residuals by parameters, and scipy's result.
+
+        ``stress(law, X)`` gives the nominal stresses of a law, and `root` holds square roots of row weights.
+        """
         *bounds, logarithmic = self._bounds(start, y)
 
         def value(searched):

@@ -20,7 +20,7 @@ from .regressor import LawRegressor
 from .stress_regressor import StressRegressor, committee, free_sides, nominal_stress, states
 
 EDGE = 1e-6
-"""Least log-stretch between a test and the domain of an artefact at which the test counts as outside: rounding decides below it."""
+"""Least distance in log-stretch of a test from the domain of a force model at which the test counts as outside: less may be rounding."""
 
 
 def report(model: StressRegressor, data: TestData) -> dict:
@@ -103,8 +103,8 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
     Returns
     -------
     list of dict
-        For each law and each split: ``law``, ``fitted_to``, ``held_out`` (R^2 by mode) and ``relative_rms`` of the rows held out, NaN if
-        they are past the limit of the law.
+        For each law and each split: ``law``, ``fitted_to``, ``held_out`` (R^2 by mode) and ``relative_rms`` error of the rows held out,
+        NaN if the law has no stress in one of these rows.
     """
     modes = data.modes
     splits = [list(fitted_to)] if fitted_to is not None else [[mode for mode in modes if mode != left] for left in modes]
@@ -125,7 +125,7 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
 
 
 def bulk_arguments(**given: float | None) -> dict[str, float]:
-    """Return the argument of a regressor that is not None, `bulk_modulus` or `bulk_ratio`, as a dictionary; ValueError for both."""
+    """Return `bulk_modulus` or `bulk_ratio`, whichever is not None, as a dictionary of regressor arguments; raise ValueError for both."""
     found = {key: value for key, value in given.items() if value is not None}
     if len(found) > 1:
         raise ValueError("--bulk-modulus and --bulk-ratio say the same: choose one")
@@ -133,7 +133,10 @@ def bulk_arguments(**given: float | None) -> dict[str, float]:
 
 
 def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]) -> StressRegressor:
-    """Fit a law, or an energy without a law if `law` is None, to test data; return the regressor."""
+    """Fit a law (Ogden's with `n_terms` terms), or an energy without a law if `law` is None, to test data; return the regressor.
+
+    `bulk` is a dictionary as `bulk_arguments` returns it.
+    """
     regressor = EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
     return regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
 
@@ -204,7 +207,11 @@ class Identified(NamedTuple):
 
 
 def identified(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float], n_members: int | None, seed: int) -> Identified:
-    """Fit a law, or an energy without a law if `law` is None, to test data; return the fit, its report and a committee of `n_members`."""
+    """Fit a law (Ogden's with `n_terms` terms), or an energy without a law (an `EnergyRegressor`) if `law` is None, to test data.
+
+    With `n_members` also fit a committee of as many copies, each to a random half of the tests, drawn with `seed`. `bulk` is a dictionary
+    as `bulk_arguments` returns it. Return the fit, its report and the laws of the committee's members.
+    """
     model = fitted(data, law, n_terms, bulk)
     found, members = examined(model, data), []
     if n_members:

@@ -35,7 +35,7 @@ BULK_CONSTRAINTS = {
     "bulk_ratio": [Interval(Real, 0, None, closed="neither")],
     "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
 }
-"""Constraints on the parameters that set the bulk modulus."""
+"""Permitted values of the regressors' parameters ``bulk_ratio`` and ``bulk_modulus``, in the form that scikit-learn validates."""
 
 FREE_SIDES = 1e-4
 """Greatest difference, in log-stretch, of a lateral stretch from stretch**-0.5 at which the sides count as free: data have four digits."""
@@ -71,7 +71,7 @@ def free_sides(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
-    """Return the nominal stress of a law, shape (n,), in the limit of an infinite bulk modulus: J3 = 1, and the pressure from P33 = 0."""
+    """Return the nominal stress of a law, shape (n,), for an infinite bulk modulus: volume ratio 1, and no stress across the thickness."""
     first, second = stretches.T
     with np.errstate(all="ignore"):
         p, q, *_ = plane_stress.response(law, first**2 + second**2, first * second, np.ones_like(first))
@@ -226,7 +226,7 @@ def committee(
 
 
 def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
-    """Return the spread of a result over the members; twice the spread covers 95 % of normal deviations for any number of members.
+    """Return the spread of a result over a committee; twice the spread covers 95 % of normal deviations for any number of members.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ def algebra_of(dimension):
 
 
 class ByDimension(dict):
-    """Table of kernels by dimension, used as a decorator of a function `build`: entry 2 or 3 is ``build(algebra_of(2))`` or ``(3)``.
+    """Table of kernels by dimension d, 2 or 3, used as a decorator of a function `build`: entry d is ``build(algebra_of(d))``.
 
     The table makes each kernel on first use: a sheet compiles nothing for three dimensions.
     """
@@ -78,7 +78,10 @@ def _components(d):
         return f"factor * (v[{r}] * w[{r}])" if r == c else f"factor * 0.5 * (v[{r}] * w[{c}] + v[{c}] * w[{r}])"
 
     def cofactor(name, places, r, c):
-        """Return the expression of entry (r, c) of the cofactor of a matrix, that is det F times F^-T."""
+        """Return the expression, as text, of entry (r, c) of det F times F^-T, the cofactor of the matrix F in the variable `name`.
+
+        `places` maps the row and column of an entry of F to its index in that variable.
+        """
         (a, b), (e, f) = ((r + 1) % d, (r + 2) % d), ((c + 1) % d, (c + 2) % d)
         if d == 2:
             return f"{'' if r == c else '-'}{name}[{places[a, e]}]"
@@ -159,7 +162,10 @@ def _plane(algebra):
 
     @inlined
     def first_piola(F, state, result, unit):
-        """Return the first Piola-Kirchhoff stress P = (p F + q F^-T) unit; a law's response in `state` (tr C, J, J3) is `result` (p, q)."""
+        """Return the first Piola-Kirchhoff stress P = (p F + q F^-T) unit in the plane.
+
+        `result` (p, q) is a law's response in the `state` (tr C, J, J3), and `unit` is a factor, such as the shear modulus.
+        """
         p, q = result[0] * unit, result[1] / state[1] * unit
         return algebra.plus_matrix(algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F)))
 
@@ -180,7 +186,10 @@ def _space(algebra):
 
     @inlined
     def first_piola(F, state, result, unit):
-        """Return the first Piola-Kirchhoff stress P = (p F + q cof F + r F C) unit from the `result` (p, q, r) of a law's response."""
+        """Return the first Piola-Kirchhoff stress P = (p F + q cof F + r F C) unit in three dimensions.
+
+        `result` (p, q, r) is a law's response to F, and `unit` is a factor, such as the shear modulus; `state` is unused.
+        """
         p, q, r = result[0] * unit, result[1] * unit, result[2] * unit
         P = algebra.plus_matrix(algebra.times_matrix(p, F), algebra.times_matrix(q, algebra.cofactor(F)))
         return algebra.plus_matrix(P, algebra.times_matrix(r, algebra.times_symmetric(F, right_cauchy_green(F))))

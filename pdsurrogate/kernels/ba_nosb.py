@@ -18,18 +18,19 @@ from .reference_state import LEAST_SHAPE_QUALITY
 plane = algebra_of(2)
 
 TILE = 64
-"""Points per tile. Tiles do not depend on the number of threads, so neither does the grouping of bonds into blocks. Chosen: the bonds of 64
-points (28 each in the plane) fill seven blocks, so that the last, partly filled one costs little; smaller bodies have tiles for each
-thread."""
+"""Number of points per tile, the portion of a body whose bonds one thread collects into blocks. Tiles do not depend on the number of
+threads, so neither does the grouping of bonds into blocks. Chosen: the bonds of 64 points (28 each in the plane) fill seven blocks, so that
+the last, partly filled block of a tile costs little, and also small bodies have a tile for each thread."""
 
 
 @kernel
 def list_common_points(points, table_pointers, table, bond_pointers, targets, horizon, count, common_pointers, common):
     """List, for every directed bond, which neighbours of its first end lie within the horizon of its second end.
 
-    The neighbours of point i are entries ``table_pointers[i]`` to ``table_pointers[i + 1]`` of `table`. `common` receives the places of the
-    shared neighbours, counted from ``table_pointers[i]``. With `count` true the function writes only the running numbers of shared
-    neighbours, into ``common_pointers[1:]``.
+    The neighbours of point i are entries ``table_pointers[i]`` to ``table_pointers[i + 1]`` of `table`. `common` receives the indices of
+    the shared neighbours, counted from ``table_pointers[i]``. With `count` true the function writes only the running numbers of shared
+    neighbours, into ``common_pointers[1:]``. The directed bonds of point i are entries ``bond_pointers[i]`` to ``bond_pointers[i + 1]`` of
+    `targets`, which holds the second ends of bonds.
     """
     reach = horizon * horizon * (1.0 + 1e-9) * (1.0 + 1e-9)
     at = np.uint64(0)
@@ -48,14 +49,15 @@ def list_common_points(points, table_pointers, table, bond_pointers, targets, ho
 
 @kernel
 def bond_references(points, volumes, table, bonds, common, horizon_volumes, inverse_shapes, vectors):
-    """Compute the inverse shape tensor (12) of every directed bond, and the vector that turns its stress into its force (13)-(15).
+    """Compute the inverse shape tensor of every directed bond, paper (12), and the vector that turns its stress into its force, (13)-(15).
 
-    The force of a bond is its stress P times the vector phi_xi/(2 phi) w K_xi^-1 x V_i V_j, which replaces w x in `vectors`. phi_xi is the
-    volume of the points that the horizons of both ends share, over the horizon volume of the first end; phi is the horizon volume of the
-    first end over the sum for both ends. Volumes are sums over lists of neighbours: a point is not its own neighbour, but the second end of
-    a bond is one of the shared points. `inverse_shapes` becomes zero where the shared points do not span the plane. `table` holds the
-    pointers, the numbers of the neighbours of each point, and w x V of each neighbour; `bonds` the first and second ends of the bonds;
-    `common` the pointers and the places of the shared points from `list_common_points`.
+    The force of a bond is its stress P times the vector phi_xi/(2 phi) w K_xi^-1 x V_i V_j, which replaces w x in `vectors`. Here w is the
+    weight, x the undeformed bond vector, K_xi the shape tensor of the bond, and V_i, V_j are the volumes of its ends. phi_xi is the volume
+    of the points that the horizons of both ends share, divided by the horizon volume of the first end; phi is the horizon volume of the
+    first end divided by the sum of the horizon volumes of both. Volumes are sums over lists of neighbours: a point is not its own
+    neighbour, but the second end of a bond is one of the shared points. `inverse_shapes` becomes zero where the shared points do not span
+    the plane. `table` holds the pointers, the numbers of the neighbours of each point, and w x V of each neighbour; `bonds` the first and
+    second ends of the bonds; `common` the pointers and the indices of the shared points from `list_common_points`.
     """
     table_pointers, entries, table_weights = table
     owners, targets = bonds
@@ -82,13 +84,13 @@ def bond_references(points, volumes, table, bonds, common, horizon_volumes, inve
 
 @Pass
 def ba_nosb_forces(chunk, positions, table, bonds, volume_ratios, response, parameters, memory, forces):
-    """Compute the dimensionless force t V_i V_j of every directed bond on its first point.
+    """Compute the force of every directed bond on its first point, its force density times the volumes of both ends; it is dimensionless.
 
-    Return the number of bonds with det F <= 0, non-finite F or no plane-stress state. `volume_ratios` holds J3 of every bond, the last
-    values on entry and the new ones on exit. `table` holds the pointers, the numbers of the neighbours of each point, and w x V of each
-    neighbour; `bonds` the pointers of the directed bonds, the pointers and places of their shared points, their inverse shape tensors and
-    their vectors (see `bond_references`). `memory` is, for each thread, three arrays of shapes (longest table, 4), (BLOCK, 4) and
-    (SCRATCH_ROWS + 4, BLOCK).
+    Return the number of bonds with det F <= 0, non-finite F or no plane-stress state. `volume_ratios` holds J3 of every bond, on entry the
+    values of the last evaluation, on exit the new ones. `table` holds the pointers, the numbers of the neighbours of each point, and w x V
+    (weight, undeformed bond vector, volume) of each neighbour; `bonds` the pointers of the directed bonds, the pointers and indices of
+    their shared points, their inverse shape tensors and their vectors (see `bond_references`). `memory` is, for each thread, three arrays
+    of shapes (longest table, 4), (BLOCK, 4) and (SCRATCH_ROWS + 4, BLOCK).
     """
     table_pointers, entries, table_weights = table
     bond_pointers, common_pointers, common, inverse_shapes, vectors = bonds
@@ -121,7 +123,8 @@ def ba_nosb_forces(chunk, positions, table, bonds, volume_ratios, response, para
 def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces):
     """Compute the forces of `size` <= `BLOCK` consecutive bonds, from bond `at` on; return how many bonds have no plane-stress state.
 
-    `sums` holds, for each bond, the sum of (y_k - y_i) (x) w x V over its shared points.
+    `sums` holds, for each bond, the sum of (y_k - y_i) (x) w x V over the points k that the horizons of its ends share: deformed difference
+    of positions, weight, undeformed difference and volume.
     """
     at = np.int64(at)
     states = block_rows(rows[0:3])

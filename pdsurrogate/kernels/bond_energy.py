@@ -34,9 +34,9 @@ EXACT_RESULT = RESULT + ENERGY_ROWS
 BOND = EXACT_RESULT + ENERGY_ROWS
 COLUMNS = BOND + 2
 BUFFER_ROWS = COLUMNS + 4
-"""First rows of the parts of the buffer, after the invariants of the pairs: psi with its derivatives, the exact ones, the bond vector, the
-columns c and e; and the number of rows in all.
-"""
+"""First rows of the parts of a thread's buffer, and its number of rows. The invariants of the pairs begin at row 0; psi and its derivatives
+at `RESULT`, those of the exact energy at `EXACT_RESULT`, the deformed bond vectors at `BOND`, and the columns c and e of the deformation
+gradients at `COLUMNS`."""
 
 COLLAPSED = 0.3
 """Value of det F_ij up to which a bond counts as collapsed. Intact rubber in a tear stays above 0.5. The last bonds of a crack draw points
@@ -46,9 +46,10 @@ together faster than sound: below a third the volumetric energy makes a bond sti
 
 @inlined
 def columns_of(reference, bonds, means, k, half):
-    """Return the columns c = F_ij n and e = F_ij m of the deformation gradient of pair k, n along its bond at rest and m across.
+    """Return the columns c = F_ij n and e = F_ij m of the deformation gradient of pair k, n along its undeformed bond and m across.
 
-    `bonds` holds the deformed bond vectors, `means` the sums of the deformation gradients of both points, and `half` is 0.5.
+    The rows of `reference` are n1, n2 and 1/l, where l is the undeformed length. `bonds` holds the deformed bond vectors, `means` the sums
+    of the deformation gradients of both points, and `half` is 0.5.
     """
     n = plane.column_in(reference, k, half)
     F = plane.matrix_column_in(means, k, half)
@@ -70,7 +71,8 @@ def stress(c, e, p, q):
 def put_parts(pair, moment, k, reference, P, half):
     """Write the force P n/l of pair k into `pair`, and its moment S = (P m) (x) m/2, by columns, into `moment`.
 
-    `P` is (P n, P m), the first Piola-Kirchhoff stress times the directions along and across the bond; `half` is 0.5.
+    `P` is (P n, P m), the first Piola-Kirchhoff stress times the directions n along and m across the undeformed bond; the rows of
+    `reference` are n1, n2 and 1/l, where l is the undeformed length; `half` is 0.5.
     """
     n1, n2, inverse_length = reference[0, k], reference[1, k], reference[2, k]
     h1, h2 = half * P[2], half * P[3]
@@ -82,14 +84,15 @@ def put_parts(pair, moment, k, reference, P, half):
 def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
     """Compute the energy of every pair of points of a sheet, its force, and its moment S; all are dimensionless, times volume.
 
-    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point. `pairs` are their ends, the
-    numbers of their first and second points, and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has several
-    materials or ranks, the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions compiled for
-    blocks of pairs, and `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain`
-    holds the limits of `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of both points, and the
-    rows `work` and `scratch` of an energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the domain, of
-    pairs with det F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs,
-    2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
+    S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point: P is the first Piola-Kirchhoff
+    stress of the pair, V_b the volume that its bond represents, and n and l are the direction and the length of the undeformed bond.
+    `pairs` are the numbers of their first and second points, and the geometry (n_blocks, 4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body
+    has several materials or ranks, the part of V_b whose energy counts here. `energy_density` and `exact` are the addresses of functions
+    compiled for blocks of pairs, and `constants` their constants, see `bond_force.pair_forces`. `guard` is UNGUARDED, COUNTED or FALL_BACK;
+    `domain` holds the limits of `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer, sums of the gradients of both points,
+    and the rows `work` and `scratch` of an energy function. The results are: `counts` (n_chunks, 3), the numbers of pairs outside the
+    domain, of pairs with det F_ij <= COLLAPSED, and of pairs with det F_ij <= 0 or NaN; `energies` (n_blocks,), the sums of V_b psi;
+    `forces` (pairs, 2), V_b P n/l on the first point; `moments` (pairs, 4), S by columns.
     """
     ends, geometry = pairs
     buffers, sums, work, scratch = memory

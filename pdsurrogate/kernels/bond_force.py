@@ -1,4 +1,4 @@
-"""Bond forces of every pair of points in a sheet: the stretch tensor of a bond, the exact force, and the pass of all force models.
+"""Bond forces of every pair of points in a sheet: the stretch tensor of a bond, the exact force, and the pass that evaluates any model.
 
 The exact force (theory (7), (11)) replaces that of a surrogate outside the surrogate's domain. A surrogate that was learnt at plane stress
 serves plane strain with the pressure of the held thickness added.
@@ -21,7 +21,8 @@ far that no stretch tensor exists get the exact force. FALL_BACK: they are count
 """
 
 COUNTED_ROW = 5
-"""Row of the geometry that flags the counted pairs if a body has several materials or ranks; without it all pairs are counted."""
+"""Row of the geometry of pairs that is positive for pairs to be counted when they lie outside the domain; only a body with several
+materials or ranks has it, and in other bodies all pairs are counted."""
 
 plane = algebra_of(2)
 
@@ -30,17 +31,17 @@ TRACTION = BOND + 2
 EXACT_TRACTION = TRACTION + TRACTION_ROWS
 MEANS = EXACT_TRACTION + TRACTION_ROWS
 BUFFER_ROWS = MEANS + 4
-"""First rows of the parts of the buffer, after the states of the pairs: bond vectors, tractions, exact tractions, sums of the points'
-records; and the number of rows in all.
-"""
+"""First rows of the parts of a thread's buffer, and its number of rows. The states of the pairs begin at row 0, the deformed bond vectors
+at `BOND`, the tractions at `TRACTION`, those of the exact force at `EXACT_TRACTION`, and the sums of the records (cos, sin, J, C33) of both
+points at `MEANS`."""
 
 MODEL, VOLUMETRIC, OWN = 0, 1, 2
-"""Places in the sizes of a model in plane strain: addresses of the model's block function and of the law's volumetric one, and the first of
-the model's own sizes.
-"""
+"""Indices in the array ``sizes`` of a model in plane strain: the addresses of the model's block function and of the law's volumetric block
+function, and the first of the model's own sizes."""
 
 LEAST_NORMAL_STRETCH = 0.1
-"""Value of U_nn below which the tangent of 1/U_nn replaces 1/U_nn: rubber is never compressed so far."""
+"""Value of U_nn, the component of the stretch tensor along a bond, below which the tangent of 1/U_nn replaces 1/U_nn: rubber is never
+compressed so far."""
 
 
 @inlined
@@ -58,8 +59,8 @@ def lateral_stretch(a, b, J):
 def along_and_across(T_nn, T_nm, a, b, stretch):
     """Return the components (t_n, t_tau) of bond forces along and across the deformed bond, shape (n, 2).
 
-    `T_nn` and `T_nm` are the components of the traction along and across the bond at rest, `a` and `b` the components U_nn and U_nm of the
-    stretch tensor, and `stretch` is the stretch of the bond.
+    `T_nn` and `T_nm` are the components of the traction along and across the undeformed bond, `a` and `b` the components U_nn and U_nm of
+    the stretch tensor, and `stretch` is the stretch of the bond.
     """
     return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
 
@@ -124,9 +125,9 @@ def pair_forces(chunk, positions, records, pairs, bond_force, exact, constants, 
     `records` (n, 4) holds the state (cos, sin, J, C33) of every point: its rotation, volume ratio in the plane and squared thickness
     stretch. `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, 4 to 6, BLOCK) from
     `reference_state.pair_rows`, with `COUNTED_ROW`. `bond_force` and `exact` are addresses of functions compiled for blocks of bonds, a
-    model's and the exact one, and `constants` the sizes, weights, response and parameters that both take. `domain` (2, 7) holds the limits
-    of the domain and of its interior, see `pdsurrogate.kernels.domain`. `memory` is, for each thread, a buffer and the rows `work` in the
-    model's precision, and the rows `scratch` in double precision.
+    model's and the exact one, and `constants` the sizes, weights, response and parameters that both take. `guard` is UNGUARDED, TURNED or
+    FALL_BACK. `domain` (2, 7) holds the limits of the domain and of its interior, see `pdsurrogate.kernels.domain`. `memory` is, for each
+    thread, a buffer and the rows `work` in the model's precision, and the rows `scratch` in double precision.
     """
     ends, geometry = pairs
     buffers, work, scratch = memory

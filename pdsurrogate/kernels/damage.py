@@ -10,15 +10,15 @@ from .algebra import ByDimension
 
 @ByDimension
 def find_overstretched(algebra):
-    """Build the pass that finds pairs of points whose squared distance in the deformed body exceeds the limit of the pair (30)."""
+    """Build the pass that finds pairs of points whose squared distance in the deformed body exceeds the limit of the pair, paper (30)."""
 
     @Pass
     def find_overstretched(chunk, positions, first, second, limits, buffers, found, counts):
-        """Find pairs of points whose squared distance in the deformed body exceeds the limit of the pair (30); return their number.
+        """Find pairs of points whose squared distance in the deformed body exceeds the limit of the pair, paper (30); return their number.
 
         `limits` (n_blocks, BLOCK) holds the squared critical length of every pair, infinite for broken and padding pairs. `found` receives
-        the numbers of the overstretched pairs, those of each chunk from the place of the chunk's first pair on, and `counts` their number
-        in each chunk.
+        the numbers of the overstretched pairs: each chunk writes its own from the index of its first pair on. `counts` receives how many
+        each chunk has found.
         """
         widest_vectors()
         bond = block_rows(buffers[chunk.thread])

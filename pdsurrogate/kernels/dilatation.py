@@ -1,7 +1,7 @@
-"""The linearised dilatation of the points, D, and its transpose (theory (58)), with the derivatives of every pair in single precision.
+"""The linearised dilatation D and its transpose (theory (58)), with the derivatives of every pair in single precision.
 
-A preconditioner needs no more digits. Memory limits the speed of these passes: they read the derivatives of a pair once for each of its two
-points, and write one number for every pair.
+D is the derivative of the volume ratios of the points by the positions of the points. A preconditioner needs no more digits. Memory limits
+the speed of these passes: they read the derivatives of a pair once for each of its two points, and write one number for every pair.
 """
 
 import numpy as np
@@ -15,13 +15,13 @@ from .selective_energy import gradient_of_bond, smoothed_value
 
 
 def record_length(dimension: int) -> int:
-    """Return the number of derivatives of det F_ij of a pair: d by the bond vector, and d d by the sum of the gradients of its points."""
+    """Return the number of derivatives of a pair's volume ratio: d by its bond vector, and d d by the sum of its points' gradients."""
     return dimension + dimension * dimension
 
 
 @ByDimension
 def volume_derivatives(algebra):
-    """Build the pass that computes the derivatives of det F_ij of every pair by its bond vector and the gradients of its points."""
+    """Build the pass that computes the derivatives of det F_ij, the volume ratio of a pair, by bond vector and deformation gradients."""
     of_bond = gradient_of_bond(algebra)
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
     length = dimension
@@ -31,7 +31,8 @@ def volume_derivatives(algebra):
         """Compute the derivatives of det F_ij of every pair of points by its bond vector and by the deformation gradients of its points.
 
         A row of `derivatives` holds cof F_ij n/l, the derivative by the bond vector, and cof F_ij (I - n (x) n)/2, the derivative by F_i +
-        F_j, by columns. The other arguments are those of `selective_energy.pair_volumes`.
+        F_j, by columns; n and l are the direction and the length of the undeformed bond. The other arguments are those of
+        `selective_energy.pair_volumes`.
         """
         ends, geometry = pairs
         widest_vectors()
@@ -60,7 +61,9 @@ def volume_derivatives(algebra):
 def displacement_records(chunk, displacements, gradients, source, gradient_parity, gradient_reflection, records):
     """Write the displacement and the change of the deformation gradient of every point and ghost into a row of `records`, (n + m, d + d d).
 
-    Displacements of ghosts are given; the change of the gradient on a ghost is computed from the change on its source.
+    `gradients` holds the changes of the deformation gradients of the n points, and `displacements` has rows for the m ghosts, too. The
+    change of the gradient on a ghost is P G S, where G is the change on its `source`, P = diag(`gradient_parity`) and S =
+    diag(`gradient_reflection`).
     """
     total, dimension = displacements.shape
     n = total - source.shape[0]
@@ -122,8 +125,8 @@ def sum_pressures(algebra):
         """Sum, over the pairs of every point and ghost, the derivatives of det F_ij of a pair times the pressure of the pair.
 
         `forces` (n + m, d) receives the sums of the derivatives by the position of the point, and `moments` (n + m, d d) the sums of the
-        derivatives by its deformation gradient, by columns. `pair_pointers` bound the pairs whose first point it is, `incidence` lists the
-        pairs whose second point it is.
+        derivatives by its deformation gradient, by columns. `pair_pointers` bound the pairs that have the point as first point, `incidence`
+        lists the pairs that have it as second point.
         """
         for i in share_of(forces.shape[0], chunk):
             own = pair_pointers[i], pair_pointers[i + 1]

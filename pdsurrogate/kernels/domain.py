@@ -12,14 +12,14 @@ from ..engine.compile import inline, inlined
 from .elementary import like, select
 
 N_LIMITS = 7
-"""Number of the limits of a domain."""
+"""Number of values that bound a domain: low^2, high^2, their inverses, the least and the greatest J3^2, and the least U_nn, where low and
+high bound the principal stretches and J3 is the volume ratio."""
 
 BLEND = 0.1
 """Relative width, in squared stretch, of the band inside an edge in which the exact energy is blended in.
 
-The slope of the share is at most 1.9/BLEND: the blend changes the stress by 19 times the error of the learnt energy at the edge, which is
-less than the error of the stress of a fit whose energy and stress have been learnt together.
-"""
+The slope of the share of the exact energy is at most 1.9/BLEND: the blend changes the stress by 19 times the error of the learnt energy at
+the edge, which is less than the error of the stress of a fit whose energy and stress have been learnt together."""
 
 
 @inlined
@@ -34,8 +34,9 @@ def blend(t):
 def is_outside(a, b, U_mm, J, C33, limits):
     """Return 1 for a bond whose state lies outside a surrogate's domain, else 0; NaN and a bond without a stretch tensor are outside.
 
-    With J the product of the principal stretches, both stretches lie within [low, high] exactly if J lies within [low^2, high^2] and tr C
-    is at most high^2 + J^2/high^2 and low^2 + J^2/low^2: no eigenvalue is needed.
+    `a`, `b` and `U_mm` are the components U_nn, U_nm and U_mm of the stretch tensor, n along the bond and m across. With J the product of
+    the principal stretches in the plane, both stretches lie within [low, high] exactly if J lies within [low^2, high^2] and tr C is at most
+    high^2 + J^2/high^2 and low^2 + J^2/low^2: no eigenvalue is needed.
     """
     trace = a * a + b * b + b * b + U_mm * U_mm
     square = J * J
@@ -56,8 +57,9 @@ def is_outside(a, b, U_mm, J, C33, limits):
 def share_inside(a, b, U_mm, J, C33, outer, inner):
     """Return the share of the surrogate in the force of a bond: 1 within the interior of its domain, 0 outside, rising smoothly between.
 
-    `outer` and `inner` are the limits of the domain and of its interior. Without the band between them the force would jump at the edge by
-    the error of the surrogate, and an equilibrium with bonds on the edge need not exist.
+    The state has the components a = U_nn, b = U_nm and U_mm of the stretch tensor, n along the bond and m across, the area ratio J and the
+    squared thickness stretch C33. `outer` and `inner` are the limits of the domain and of its interior. Without the band between them the
+    force would jump at the edge by the error of the surrogate, and an equilibrium with bonds on the edge need not exist.
     """
     if is_outside(a, b, U_mm, J, C33, outer) > 0.0:
         return 0.0
@@ -84,9 +86,9 @@ def _rise(value, edge, full):
 def edge_distances(trace, J, limits):
     """Return how far a state of a sheet lies beyond each of the four edges of the domain: positive outside, all negative inside.
 
-    With L and H the squares of the least and the greatest stretch of the domain, both principal stretches lie within the domain unless tr C
-    > H + J^2/H (one is above), tr C > L + J^2/L (one is below), J > H (both are above) or J < L (both are below). Each distance is about
-    the relative change of the offending squared stretch.
+    `trace` is tr C and J is det F, both in the plane. With L and H the squares of the least and the greatest stretch of the domain, both
+    principal stretches lie within the domain unless tr C > H + J^2/H (one is above), tr C > L + J^2/L (one is below), J > H (both are
+    above) or J < L (both are below). Each distance is about the relative change of the offending squared stretch.
     """
     low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
     square, one = J * J, like(J, 1.0)
@@ -100,7 +102,7 @@ def edge_distances(trace, J, limits):
 
 @inlined
 def exact_share(trace, J, limits):
-    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its derivatives by (I, J), I = tr C.
+    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its derivatives by tr C (`trace`) and J.
 
     A switch at the edge itself would make the energy jump by the error of the fit.
     """
@@ -118,7 +120,7 @@ def exact_share(trace, J, limits):
 
 @inlined
 def _share_within(distance, by_trace, by_J):
-    """Return the share of the surrogate near one edge of its domain, 1 deep inside and 0 at the edge, and its derivatives by (I, J).
+    """Return the share of the surrogate near one edge of its domain, 1 deep inside and 0 at the edge, and its derivatives by tr C and J.
 
     `distance` is the distance beyond the edge, `by_trace` and `by_J` are its derivatives.
     """
@@ -129,7 +131,7 @@ def _share_within(distance, by_trace, by_J):
 
 @inlined
 def _product(f, g):
-    """Return the product of two functions of (I, J) and its derivatives; a function is (value, and derivatives by I and J)."""
+    """Return the product of two functions of tr C and J with its derivatives; each is a tuple (value, by tr C, by J)."""
     return f[0] * g[0], f[1] * g[0] + f[0] * g[1], f[2] * g[0] + f[0] * g[2]
 
 

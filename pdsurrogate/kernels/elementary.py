@@ -206,9 +206,9 @@ def inverse_langevin(y):
 
 @inlined
 def chain_energy(y, beta):
-    """Return the free energy of a chain of freely jointed links, y beta + log(beta/sinh(beta)), over kT and the number of links.
+    """Return the free energy of a chain of freely jointed links, y beta + log(beta/sinh(beta)), divided by kT and the number of links.
 
-    y is the extension of the chain over its full length, and beta = inverse_langevin(y). Absolute error below 1e-14.
+    y is the extension of the chain divided by its full length, and beta = inverse_langevin(y). Absolute error below 1e-14.
     """
     decay = exponential(-2 * beta)
     # 0 * beta passes NaN on, which the kernels' logarithm does not.

@@ -1,4 +1,4 @@
-"""The plane-stress energy density of a sheet, psi(tr C, det F) with C33 eliminated: exact for any law, and learnt by a network.
+"""The plane-stress energy density psi(tr C, det F) of a sheet, with C33 eliminated: exact for any law, and learnt by a network.
 
 Both are functions compiled for blocks of states, with the arguments of a bond force; they compute psi and its two derivatives,
 dimensionless, from the two invariants. By the envelope theorem the derivatives at the C33 that solves P33 = 0 are those at fixed C33: 2
@@ -16,10 +16,10 @@ from .network import GROUP, pack_units, unit_sums
 from .node_state import solve_volume_ratios
 
 INVARIANT_ROWS = 2
-"""Rows of the states: tr C and J = det F, in the plane."""
+"""Number of rows of a block of states: tr C and J = det F, both in the plane."""
 
 ENERGY_ROWS = 3
-"""Rows of the result: psi, dpsi/dtr C, dpsi/dJ."""
+"""Number of rows of the result for a block: the energy density psi, dpsi/dtr C and dpsi/dJ."""
 
 
 @cache
@@ -49,10 +49,10 @@ def analytic_energy_density(dtype):
 
 
 N_CONSTANTS = 2
-"""Number of constants after the weights: the constant and the slope of psi = sum - constant - slope log J."""
+"""Number of constants after the weights of the units: `constant` and `slope` of psi = (sum of the units) - constant - slope log J."""
 
 NETWORK_WORK_ROWS = 2
-"""Rows of working memory of a network: its features."""
+"""Number of rows of working memory that an energy network needs, one for each of its two features."""
 
 
 def pack_network(hidden_weights, hidden_biases, output_weights, dtype):
@@ -68,9 +68,10 @@ def pack_network(hidden_weights, hidden_biases, output_weights, dtype):
 def network_energy_density(activation, dtype):
     """Return the function, compiled for blocks of states, that evaluates energy networks of one hidden layer with an activation.
 
-    ``psi = sum of v a(w1 log J + w2 log(tr C/(2 J)) + b) - constant - slope log J``. The function takes the number of hidden units and the
-    weights as arguments. Both features vanish at rest, where the constant and the slope make psi and dpsi/dlog J vanish, and with them the
-    stress: 2 dpsi/dtr C + dpsi/dJ = dpsi/dlog J there.
+    ``psi = sum of v a(w1 log J + w2 log(tr C/(2 J)) + b) - constant - slope log J``: the sum runs over the hidden units, with the
+    activation a, input weights w1 and w2, bias b and output weight v of each. The function takes the number of hidden units and the weights
+    as arguments. Both features vanish in the undeformed state, where the constant and the slope make psi and dpsi/dlog J vanish, and with
+    them the stress: 2 dpsi/dtr C + dpsi/dJ = dpsi/dlog J there.
     """
     add_units = unit_sums(activation)
 

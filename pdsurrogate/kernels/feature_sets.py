@@ -15,32 +15,39 @@ from .algebra import entries
 from .elementary import inverse_cube_root, like, logarithm, quotient
 
 N_OUTPUTS = 2
-"""Number of outputs of a learnt bond force, since T_mm follows from T_nn and T_nm (theory (16)); the feature set defines their meaning."""
+"""Number of outputs of a learnt bond force. The feature set defines their meaning: two are enough, since they determine the components T_nn
+and T_nm of the bond's traction along and across the bond, from which the third component T_mm follows (theory (15))."""
 
 MOST_SHARED = 2
-"""Greatest number of values that the functions of a feature set share."""
+"""Greatest number of values that `FeatureSet.shared` may return."""
 
 
 @dataclass(frozen=True)
 class FeatureSet:
     """Choice of features and outputs of a learnt bond force.
 
+    The state of a bond is the components a = U_nn, b = U_nm and U_mm of its stretch tensor U, n along the bond and m across, the area ratio
+    J = det U and the squared thickness stretch C33. Its traction is the components T_nn, T_nm and T_mm of the stress T = R^T P.
+
     Attributes
     ----------
     names : tuple of str
         Names of the features.
     shared : callable
-        ``shared(a, b, J, C33)`` returns a tuple of values that the functions below have in common; a = U_nn, b = U_nm.
+        ``shared(a, b, J, C33)`` returns a tuple of values that the functions below have in common and take as `shared`.
     inputs : callable
-        ``inputs(shared, a, b, U_mm, J, C33, length)`` returns the features; the length is in horizons.
+        ``inputs(shared, a, b, U_mm, J, C33, length)`` returns the features; the length of the bond is in horizons.
     traction : callable
         ``traction(shared, o1, o2, a, b, U_mm, J, C33)`` returns T_nn, T_nm, T_mm from the two outputs.
     outputs : callable
-        ``outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33)`` is the inverse of `traction`, for training (NumPy only).
+        ``outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33)`` returns the two outputs that give a traction: the inverse of `traction`, for
+        training (NumPy only).
     anchored : int, optional
-        Index of the output that must vanish at rest for the force to vanish there; there T_nn is `rest_factor` times that output.
+        Index of the output that must vanish in the undeformed state for the force to vanish there.
+    rest_factor : float
+        T_nn in the undeformed state, divided by the output at index `anchored`.
     gives_transverse : bool
-        Whether T_mm is known.
+        Whether `traction` returns T_mm as well, and not 0 in its place.
     needs_length : bool
         Whether the bond's length is a feature, which is then stored for every pair.
     """
@@ -62,9 +69,9 @@ def symmetric_shared(a, b, J, C33):
 
 
 def symmetric_inputs(shared, a, b, U_mm, J, C33, length):
-    """Return the features of the symmetric set: log U_nn, log U_mm, log J, log J3^2 (theory (15)).
+    """Return the features of the symmetric set: log U_nn, log U_mm, log J, log J3^2 (theory (15)), from a = U_nn, b = U_nm and U_mm.
 
-    All are even in b = U_nm, so that mirror symmetry is exact, and all vanish at rest.
+    All are even in b, so that mirror symmetry is exact, and all vanish in the undeformed state.
     """
     return logarithm(a), logarithm(U_mm), logarithm(J), logarithm(C33 * J * J)
 
@@ -72,7 +79,8 @@ def symmetric_inputs(shared, a, b, U_mm, J, C33, length):
 def symmetric_traction(shared, o1, o2, a, b, U_mm, J, C33):
     """Return the traction T_nn, T_nm, T_mm from the outputs o1 = T_nn/(U_nn + k U_mm) and o2 = T_nm/(b (1 + k)), k = C33/J.
 
-    T and U are coaxial for every isotropic law, T_nm (U_nn - U_mm) = U_nm (T_nn - T_mm), so T_mm needs no output.
+    a = U_nn and b = U_nm are components of the stretch tensor U. T and U are coaxial for every isotropic law, T_nm (U_nn - U_mm) = U_nm
+    (T_nn - T_mm), so T_mm needs no output.
     """
     k = shared[0]
     shear = o2 * (like(a, 1.0) + k)
@@ -81,13 +89,13 @@ def symmetric_traction(shared, o1, o2, a, b, U_mm, J, C33):
 
 
 def symmetric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Return the outputs T_nn/(a + k U_mm) and T_nm/(b (1 + k)) with k = C33/J; the inverse of `symmetric_traction`."""
+    """Return the outputs T_nn/(a + k U_mm) and T_nm/(b (1 + k)), k = C33/J, that represent a traction; inverse of `symmetric_traction`."""
     k = shared[0]
     return T_nn / (a + k * U_mm), T_nm / (b * (1 + k))
 
 
 def isochoric_shared(a, b, J, C33):
-    """Return the tuple of J3^(-2/3), which the functions of the isochoric feature set share."""
+    """Return the tuple of the single value J3^(-2/3), which the functions of the isochoric feature set share."""
     return (inverse_cube_root(J * J * C33),)
 
 
@@ -96,7 +104,7 @@ def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
 
     For a law W_iso + U(J3) the traction is J3^(-1/3) times a function of Ubar alone, and an isotropic function of Ubar has two arguments:
     these features lose nothing, and isotropy and the split are exact. The second feature is cosh log(lambda_1/lambda_2) - 1; its numerator
-    is tr C/2 - J, so that the feature is zero at rest on processors whose quotient of one by one is not exactly one.
+    is tr C/2 - J, so that the feature is zero in the undeformed state also on processors whose quotient of one by one is not exactly one.
     """
     c = shared[0]
     trace = a * a + like(a, 2.0) * b * b + U_mm * U_mm
@@ -104,10 +112,11 @@ def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
 
 
 def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
-    """Return the traction T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; zero at rest if the output o2 is zero.
+    """Return the traction T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; U is the stretch tensor.
 
-    For laws that depend on I1bar only, r vanishes and p is 2 W1 J3^(-2/3). The components of T J are computed, and divided by J last: at
-    rest they are zero in exact arithmetic and in floating point, whatever the rounding of a quotient.
+    T vanishes in the undeformed state if o2 does. For laws that depend on I1bar only, r vanishes and p is 2 W1 J3^(-2/3). The components of
+    T J are computed, and divided by J last: in the undeformed state they are zero in exact arithmetic and in floating point, whatever the
+    rounding of a quotient.
     """
     c = shared[0]
     p = c * o1
@@ -128,8 +137,8 @@ def isochoric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
 def write_tractions(features: FeatureSet):
     """Return the function that turns a model's two outputs for every bond of a block into tractions, in place.
 
-    The outputs are the first two rows of `traction`; `at_rest`, the outputs at rest, is subtracted from them. `kept` holds the values of
-    `FeatureSet.shared` for every bond.
+    The function that is returned takes the outputs in the first two rows of `traction`, and subtracts `at_rest`, the outputs in the
+    undeformed state, from them. Its argument `kept` holds the values of `FeatureSet.shared` for every bond.
     """
     traction_of = inlined(features.traction)
     shared_at = entries("kept, k", [f"kept[{number}, k]" for number in range(len(features.shared(1.0, 0.0, 1.0, 1.0)))])

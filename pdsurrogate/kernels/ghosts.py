@@ -5,8 +5,8 @@ the neighbourhood of its source, each direction times a reflection. With P = dia
 
     y = shift + P y_source,    F = I + P (F_source - I) S,    K = S K_source S,
 
-in every dimension; the parities and reflections of an image of an image are products. Ghosts follow the points in arrays of n + m rows;
-matrices are stored by columns.
+for positions y, deformation gradients F and inverse shape tensors K, in every dimension; the parities and reflections of an image of an
+image are products. Ghosts follow the points in arrays of n + m rows; matrices are stored by columns.
 """
 
 from ..engine.compile import inlined, kernel
@@ -21,7 +21,7 @@ def _component(values, source, parity, shift, g, r):
 
 @kernel
 def fill_vectors(values, source, parity, shift):
-    """Write the vectors on the m ghosts, the last m rows of `values`: shift + P v, v the vector on the source and P = diag(parity)."""
+    """Write the vectors on the m ghosts, the last m rows of `values`: shift + P v, v the vector on the source, P = diag(parity)."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
@@ -43,7 +43,7 @@ def place_points(chunk, given, source, parity, shift, positions):
 
 @kernel
 def fold_vectors(values, source, parity):
-    """Add P v to the vector on the source of a ghost, v the vector on the ghost and P = diag(parity); the transpose of `fill_vectors`."""
+    """Add P v to the vector on the source of each ghost, v the vector on the ghost, P = diag(parity); the transpose of `fill_vectors`."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):

@@ -19,15 +19,17 @@ from .elementary import like, logarithm, select
 from .network import GROUP, unit_sums
 
 ROWS = 4
-"""Rows of the result: p, q, r (r is the stress across the plane of a sheet) and the energy W."""
+"""Number of rows of the result: the coefficients p, q, r of the stress (for a sheet r is the stress across its plane) and the energy W."""
 
 UNITS, GUARD, OUTSIDE = 0, 1, 2
-"""Places in the sizes: number of units, guard, and counter of the states found outside the domain."""
+"""Indices in the array ``sizes`` of a learnt energy: its number of hidden units, its guard (`EXTRAPOLATE`, `COUNT` or `TAKE_OVER`), and the
+counter of the states found outside the domain."""
 
 N_SIZES = 3
 
 AT_REST, FIRST_UNIT = 6, 7
-"""Places in the weights, after the coefficients (1, I1bar, I2bar) of both distances: the value at rest, and the weights of the units."""
+"""Indices in the array ``weights`` of a learnt energy, after the three coefficients (of 1, I1bar, I2bar) of each of the two distances: the
+value of the network in the undeformed state, and the first of the weights of the hidden units."""
 
 EXTRAPOLATE, COUNT, TAKE_OVER = 0, 1, 2
 """Guards for states outside the domain: nothing is done, they are counted, or they are counted and the exact energy replaces the learnt
@@ -42,8 +44,9 @@ distances = entries("b, I1, I2", ["b[0] + b[1] * I1 + b[2] * I2", "b[3] + b[4] *
 def network_block(activation, invariants, of_invariants):
     """Build the function for blocks of states of a network: ``W = sum of v a(w1 log(I1bar/3) + w2 log(I2bar/3) + b) - constant``.
 
-    `invariants` computes (I1bar, I2bar) from a state, and `of_invariants` the rows of the result from W and its derivatives by these
-    invariants. The function accepts states and results of either precision. Both features vanish at rest, and the constant makes W vanish
+    The sum runs over the hidden units, with the `activation` a, input weights w1 and w2, bias b and output weight v of each. `invariants`
+    computes (I1bar, I2bar) from a state, and `of_invariants` the rows of the result from W and its derivatives by these invariants. The
+    function accepts states and results of either precision. Both features vanish in the undeformed state, and the constant makes W vanish
     there; the stress vanishes as for every function of isochoric invariants.
     """
     add_units = unit_sums(activation)

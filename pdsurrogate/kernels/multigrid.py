@@ -15,13 +15,14 @@ from ..engine.vector_loads import sum_weighted_rows
 def passes_of(width: int) -> SimpleNamespace:
     """Return four passes over vectors with rows of `width` reals: `scale`, `relax`, `residual` and `add_product`.
 
-    `scale` and `relax` are steps of Jacobi's iteration for A x = b, `residual` is b - A x, and `add_product` adds A x to a vector.
+    `scale` and `relax` are steps of Jacobi's iteration for A x = b, `residual` is b - A x, and `add_product` adds A x to a multiple of a
+    vector.
     """
     add_up = sum_weighted_rows(width)
 
     @Pass
     def scale(chunk, relaxation, right, out):
-        """Compute ``out = r b``, the step of Jacobi's iteration from zero for A x = b; r is `relaxation` and b is `right`."""
+        """Compute ``out = r b``, the step of Jacobi's iteration from x = 0 for A x = b; r is `relaxation` (one factor a row), b `right`."""
         for i in share_of(right.shape[0], chunk):
             for c in range(width):
                 out[i, c] = relaxation[i] * right[i, c]

@@ -25,19 +25,20 @@ GROUP = 4
 each state more often, and a larger one pads narrow layers with more units."""
 
 SQUARE = GROUP * GROUP
-"""Weights between a group of inputs and a group of units."""
+"""Number of weights between a group of inputs and a group of units, each of `GROUP` members."""
 
 PAIR = 2
 """Number of inputs that a single hidden layer reads without padding."""
 
 PAIR_WEIGHTS = (PAIR + 2) * GROUP
-"""Weights of a group of units with a pair of inputs and one output: biases, weights of both inputs, output weights."""
+"""Number of weights of a group of units with a pair of inputs and one output: biases, weights of both inputs, output weights."""
 
 MOST_HIDDEN = 3
 """Greatest number of hidden layers, whose widths `N_SIZES` provides for. Chosen: two to four features need no more."""
 
 N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2
-"""Places in a network's sizes: rows of working memory, hidden layers, then the widths of inputs and hidden layers."""
+"""Indices in a network's array of sizes: its number of rows of working memory, its number of hidden layers, and the first of the widths of
+its inputs and hidden layers."""
 
 N_SIZES = WIDTHS + 1 + MOST_HIDDEN
 
@@ -115,8 +116,9 @@ def pack_units(hidden_weights, hidden_biases, output_weights):
 def unit_sums(activation):
     """Return the function that evaluates a hidden layer of two features p and q over a block, and its derivatives by both features.
 
-    It adds ``sum of v a(b + w1 p + w2 q)`` over the units to row 0 of `sums`, the derivative by p to row 1 and the derivative by q to row
-    2. `weights` begin with those from `pack_units`; `units` is the number of units.
+    It adds ``v a(b + w1 p + w2 q)``, summed over the units, to row 0 of `sums`, its derivative by p to row 1 and its derivative by q to row
+    2. Here a is the `activation`, and w1, w2, b and v are the two input weights, the bias and the output weight of a unit. `weights` begin
+    with those from `pack_units`; `units` is the number of units.
     """
     activate = inlined(activation)
     converted = entries("x, w", [f"like(x, w[{n}])" for n in range(PAIR_WEIGHTS)])
@@ -142,8 +144,9 @@ def unit_sums(activation):
 def pack(layers, at_rest, dtype):
     """Pack the layers of a bond-force network for `network_block`: return its sizes and its weights in `dtype`.
 
-    `layers` lists (weights, biases), weights of shape (n_in, n_out), the output layer last; `at_rest`, the two outputs at rest, is appended
-    for subtraction. Raise ValueError for more hidden layers than `MOST_HIDDEN`, for none, or for a number of outputs other than two.
+    `layers` lists (weights, biases), weights of shape (n_in, n_out), the output layer last; `at_rest`, the two outputs in the undeformed
+    state, is appended for subtraction. Raise ValueError for more hidden layers than `MOST_HIDDEN`, for none, or for a number of outputs
+    other than two.
     """
     hidden, (output_weights, output_biases) = layers[:-1], layers[-1]
     if not 1 <= len(hidden) <= MOST_HIDDEN:
@@ -200,10 +203,10 @@ def _pre_activations(rows, n_rows, weights, z):
 
 
 def add_outputs(activate, column, units, n_weights):
-    """Return the function that evaluates four units of the last hidden layer over a block and adds their shares of both outputs.
+    """Return the function that evaluates four units of the last hidden layer over a block and adds their contributions to both outputs.
 
-    ``units(w, x)`` computes the four units before their activation from `n_weights` weights and from x, the column of inputs that
-    ``column(rows, k)`` returns for bond k.
+    `activate` is the activation, and ``units(w, x)`` computes the four units before their activation from `n_weights` weights and from x,
+    the column of inputs that ``column(rows, k)`` returns for bond k.
     """
     n_outputs = GROUP * N_OUTPUTS
 

@@ -11,17 +11,18 @@ from .elementary import inverse_square_root
 plane = algebra_of(2)
 
 MOST_ITERATIONS = 40
-"""Newton steps at most. Each changes J3 by at most a factor of two, so forty reach from any start to a value 10^12 times as large or small.
+"""Greatest number of Newton steps in the search for the volume ratio J3. Each step changes J3 by at most a factor of two, so that forty
+reach a value 10^12 times as large or small as the first.
 """
 
 SWELLING = 0.02
-"""Relative growth of J3 in an iteration in which J3 is below the least that the law allows. Chosen: `MOST_ITERATIONS` of them double J3; a
-greater one carries states just below the limit farther beyond it."""
+"""Relative growth of the volume ratio J3 in an iteration that begins below the least J3 for which the law has a response. Chosen:
+`MOST_ITERATIONS` such iterations more than double J3; a greater growth would carry states just below the least J3 farther beyond it."""
 
 
 @ByDimension
 def deformation_gradients(algebra):
-    """Build the pass that computes the deformation gradient F of every point (20)."""
+    """Build the pass that computes the deformation gradient F of every point, paper (20)."""
 
     @Pass
     def deformation_gradients(chunk, positions, pointers, neighbours, weighted_bonds, inverse_shape, unsupported, gradients):
@@ -43,10 +44,11 @@ def deformation_gradients(algebra):
 def solve_volume_ratios(n, states, result, last, response, parameters, last_step=1e-8):
     """Solve P33 = 0 for the volume ratio J3 by Newton's method, in place in ``states[2]``, for the first n states of a block.
 
-    Return the number of states without a solution. Each state ends with a relative step below `last_step`; convergence is quadratic, so the
-    error is about the square of that step. `result` holds the response before the last step. A converged state waits for the others of its
-    block, so that J3 of a state depends on nothing but that state, to the last bit. `last` is a row of working memory. The residual is J3
-    dPsi/dJ3, whose slope is about the bulk modulus: from the J3 of the last evaluation one step reaches rounding, and a second confirms it.
+    The rows of `states` are tr C and J in the plane, and J3. Return the number of states without a solution. Each state ends with a
+    relative step below `last_step`; convergence is quadratic, so the error is about the square of that step. `result` holds the response
+    before the last step. A converged state waits for the others of its block, so that J3 of a state depends on nothing but that state, to
+    the last bit. `last` is a row of working memory. The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from the J3 of the
+    last evaluation one step reaches rounding, and a second confirms it.
     """
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
@@ -128,7 +130,7 @@ def node_states(chunk, gradients, volume_ratios, response, parameters, scratch, 
     """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient F (11, 21, 12, 22), with C33 from the law.
 
     A row of `records` receives (cos, sin, J, C33) of a point. Return the number of points with det F <= 0, non-finite F or no plane-stress
-    state. `volume_ratios` holds J3, the last values on entry and the new ones on exit.
+    state. `volume_ratios` holds J3, on entry the values of the last evaluation, on exit the new ones.
     """
     n = gradients.shape[0]
     widest_vectors()

@@ -47,7 +47,8 @@ def nosb_forces(algebra):
     def nosb_forces(chunk, stresses, pointers, neighbours, weighted_bonds, volumes, out):
         """Compute the force on every point i, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; return how many are not finite.
 
-        `stresses` holds P K^-1 of every point, `weighted_bonds` w x V_j of every directed bond.
+        P is the first Piola-Kirchhoff stress, K the shape tensor, V the volume of a point, w the weight and x the undeformed vector of a
+        bond. `stresses` holds P K^-1 of every point, `weighted_bonds` w x V_j of every directed bond.
         """
         without_force = 0
         for i in share_of(out.shape[0], chunk):

@@ -21,7 +21,7 @@ MOST_DEGREE = 24
 term by term, up to 625 for each output."""
 
 SCALING = 4
-"""Number of constants before the coefficients: centres and inverse half widths of both features."""
+"""Number of constants before the coefficients in the packed weights: centres and inverse half widths of both features."""
 
 _FLAGS = ("contract", "reassoc", "nsz")
 
@@ -30,7 +30,7 @@ def pack(centre, half_width, coefficients, at_rest, dtype):
     """Pack a polynomial for `polynomial_block`: return the number of terms for each degree in the second feature, and the weights.
 
     Features are mapped to (x - centre)/half_width; `coefficients` (2, inner + 1, outer + 1) multiply T_j(x1) T_i(x2). For each i,
-    coefficients after the last non-zero one cost nothing. `at_rest`, the two outputs at rest, is appended for subtraction.
+    coefficients after the last non-zero one cost nothing. `at_rest`, the two outputs in the undeformed state, is appended for subtraction.
     """
     outer = coefficients.shape[2] - 1
     used = (coefficients != 0).any(axis=0)

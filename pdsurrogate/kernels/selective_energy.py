@@ -11,7 +11,7 @@ from .algebra import ByDimension
 from .elementary import like
 
 STATE_ROWS, RESULT_ROWS = 3, 4
-"""Rows of the states and of the result of an isochoric response; the last row of the result is the energy."""
+"""Numbers of rows of the states and of the result of an isochoric response; the last row of the result is the energy."""
 
 
 @inline
@@ -34,7 +34,8 @@ def buffer_rows(dimension: int) -> int:
 def gradient_of_bond(algebra):
     """Build the function that returns the deformation gradient of a pair, F_ij = Fbar + (y/l - Fbar n) (x) n of theory (27).
 
-    Fbar is the mean of the deformation gradients of the two points, y the deformed bond vector, n and l direction and length at rest.
+    Fbar is the mean of the deformation gradients of the two points, y the deformed bond vector, n and l are the direction and the length of
+    the undeformed bond.
     """
     length, volume = algebra.DIMENSION, algebra.DIMENSION + 1
 
@@ -66,7 +67,7 @@ def pair_volumes(algebra):
 
     @Pass
     def pair_volumes(chunk, positions, gradients, pairs, buffers, volumes):
-        """Compute det F_ij of every pair of points; return the number of pairs where it is not positive or NaN.
+        """Compute det F_ij of every pair of points; return the number of pairs for which it is NaN or not positive.
 
         `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l,
         the volume of the pair and, where a body has several materials or ranks, the part of this volume counted here.
@@ -94,9 +95,10 @@ def pair_volumes(algebra):
 
 @Pass
 def means_over_bonds(chunk, pointers, pair_of, shares, values, otherwise, means):
-    """Compute, for every point, the mean of `values` of the pairs over its bonds, weighted by the bonds' shares of the point's volume.
+    """Compute the mean of the `values` of every point's pairs, weighted by the shares of its bonds in the volume of the point.
 
-    `pair_of` is the number of the pair of every directed bond. A point whose bonds have no share gets the value `otherwise`.
+    `pair_of` is the number of the pair of every directed bond, and `shares` holds the share of every directed bond. A point whose bonds
+    have no share gets the value `otherwise`.
     """
     for i in share_of(pointers.shape[0] - 1, chunk):
         total = 0.0
@@ -160,7 +162,7 @@ def volume_energies(chunk, volume_ratios, volumes, response, parameters, buffers
 
 @ByDimension
 def pair_energies(algebra):
-    """Build the pass that computes the isochoric energy of the pairs, their forces and their moments, with the pressures of the points."""
+    """Build the pass that computes the isochoric energy of pairs, and their forces and moments, which include the points' pressures."""
     of_bond = gradient_of_bond(algebra)
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
     state_rows, result_rows = matrix + dimension, matrix + dimension + STATE_ROWS
@@ -172,8 +174,8 @@ def pair_energies(algebra):
 
         The stress P of a pair includes the pressure of the pair: the sum of the `pressures` of both points, each times the share of the
         pair in the volume of the point (`shares`, (n_blocks, 2, BLOCK)). The results are: `energies`, the sums over each block of pairs;
-        `forces`, P n/l on the first point; `moments`, S = P (I - n (x) n)/2 by columns, the derivative of the energy by the deformation
-        gradient of either point.
+        `forces`, P n/l on the first point, where n and l are the direction and the length of the undeformed bond; `moments`, S = P (I - n
+        (x) n)/2 by columns, the derivative of the energy by the deformation gradient of either point.
         """
         ends, geometry = pairs
         first, second = ends

@@ -24,16 +24,17 @@ SUPPORT = 4
 MOST_FEATURES = FEATURES[-1]
 
 SCALING = 2 * MOST_FEATURES
-"""Number of constants before the coefficients: lower end and cells per unit of each feature, zero for a missing third feature."""
+"""Number of constants before the coefficients in the packed weights: lower end and cells per unit of each feature, zero for a missing third
+feature."""
 
 N_WEIGHTS, CELLS = 0, 1
-"""Places in a spline's sizes: length of its weights, then the number of cells along every feature."""
+"""Indices in a spline's array of sizes: the length of its weights, and the first of its numbers of cells along each feature."""
 
 N_SIZES = CELLS + MOST_FEATURES
 
 OFFSET, SHARES, KEPT = 0, 1, 1 + MOST_FEATURES * SUPPORT
-"""Rows of working memory: where a state's coefficients begin, the values of the B-splines by feature, and the values shared by the feature
-set.
+"""First rows of the parts of working memory: the index at which a state's coefficients begin, the values of the four B-splines of each
+feature, and the values that `FeatureSet.shared` returns.
 """
 
 WORK_ROWS = KEPT + MOST_SHARED
@@ -43,7 +44,7 @@ def pack(low, step, coefficients, at_rest, dtype):
     """Pack a spline for `spline_block`: return its sizes and its weights in `dtype`.
 
     `low` and `step` are the lower end of the box and the width of a cell for each feature, `coefficients` have shape (2, cells_1 + 3, …,
-    cells_n + 3), and `at_rest`, the two outputs at rest, is appended for subtraction.
+    cells_n + 3), and `at_rest`, the two outputs in the undeformed state, is appended for subtraction.
     """
     missing = MOST_FEATURES - len(low)
     scaling = [np.pad(values, (missing, 0)) for values in (low, 1 / np.asarray(step))]

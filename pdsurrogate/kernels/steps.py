@@ -57,9 +57,9 @@ def greatest_force_density(forces, free, volumes):
 
 @kernel
 def greatest_strain(displacements, points, first, second):
-    """Return the largest relative displacement of two bonded points, in any component, over their distance at rest.
+    """Return the largest relative displacement of two bonded points, in any component, divided by their undeformed distance.
 
-    Bonds to ghosts are left out.
+    `first` and `second` are the numbers of the points of every pair. Bonds to ghosts are left out.
     """
     largest = 0.0
     for b in range(first.shape[0]):
@@ -76,7 +76,9 @@ def greatest_strain(displacements, points, first, second):
 
 @kernel
 def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
-    """Take one explicit time step of M (a + c v) = f in place, with velocities v at half steps and a `damping` c proportional to mass.
+    """Take one explicit time step of M (a + c v) = f in place, with a `damping` c proportional to mass.
+
+    a is the acceleration, f the force, and `velocities` v are those in the middle between two positions.
 
     `step` and `last_step` are the lengths of this time step and of the step before; the velocity changes over the mean of both.
     """

@@ -1,4 +1,4 @@
-"""Sums of the pair forces, and of the stress-like moments S of the points, to forces on points.
+"""Passes that sum pair forces, and moments S (derivatives of the energy by deformation gradients), to forces on points.
 
 The order of each sum does not depend on the number of threads.
 """
@@ -15,9 +15,9 @@ def sum_pair_forces(algebra):
     def sum_pair_forces(chunk, forces, pair_pointers, incidence_pointers, incidence, unit, out):
         """Write the force on every point, times `unit` (the shear modulus), summed in double precision; return how many are not finite.
 
-        The force of a pair acts on its first point, and the opposite force on the second. `pair_pointers` bound the pairs whose first point
-        it is, `incidence` lists the pairs whose second point it is. Directed bonds are summed by this pass, too, with the reverse bonds as
-        `incidence`.
+        The force of a pair acts on its first point, and the opposite force on the second. `pair_pointers` bound the pairs that have the
+        point as first point, `incidence` lists the pairs that have it as second point. Directed bonds are summed by this pass, too, with
+        the reverse bonds as `incidence`.
         """
         without_force = 0
         for i in share_of(out.shape[0], chunk):
@@ -65,8 +65,10 @@ def add_node_forces(algebra):
     def add_node_forces(chunk, stresses, pointers, neighbours, weighted_bonds, volumes, unit, first_point, node_parts, out):
         """Add the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j to every force; return how many forces are not finite.
 
-        `stresses` holds S K^-1/V from `weigh_moments`, and the sums are multiplied by `unit`. The directed bonds are those of the points
-        from `first_point` on; `out` is changed at these points only. `node_parts` is working memory with the shape of `out`.
+        S is the moment, K the shape tensor and V the volume of a point, w the weight and x the undeformed vector of a bond;
+        `weighted_bonds` holds w x V_j. `stresses` holds S K^-1/V from `weigh_moments`, and the sums are multiplied by `unit`. The directed
+        bonds are those of the points from `first_point` on; `out` is changed at these points only. `node_parts` is working memory with the
+        shape of `out`.
         """
         without_force = 0
         for r in share_of(pointers.shape[0] - 1, chunk):

@@ -19,15 +19,15 @@ from .node_state import rotation, solve_volume_ratios, thickness_squared
 plane = algebra_of(2)
 
 MOST_ITERATIONS = 20
-"""Steps at most. Each changes J3 by at most a factor of two: J3 that twenty do not reach, a factor of a million away, is left to the
-law."""
+"""Greatest number of steps in the search for the volume ratio J3 with the learnt force. Each step changes J3 by at most a factor of two;
+where twenty, a factor of a million, do not suffice, J3 is computed from the law."""
 
 BUFFER_ROWS = STATE_ROWS + TRACTION_ROWS
-"""Rows of the buffer in the precision of the model: bond states and tractions."""
+"""Number of rows of the buffer in the precision of the model: bond states and tractions."""
 
 SCRATCH_ROWS = 16
-"""Rows of doubles: states and result of a response, the components of U in the rotated frame, the last step and its residual, the last step
-over J3, and working memory of `solve_volume_ratios`.
+"""Number of rows of doubles: states and result of a response, the components of the stretch tensor U in the rotated frame, three rows for
+the last step, its residual and slope, the last step divided by J3, and working memory of `solve_volume_ratios`.
 """
 
 
@@ -36,10 +36,10 @@ def surrogate_node_states(chunk, gradients, volume_ratios, volumetric, bond_forc
     """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient, with C33 from the learnt bond force.
 
     A row of `records` receives (cos, sin, J, C33) of a point. Return the number of points without a plane-stress state. `volume_ratios`
-    holds J3, the last values on entry and the new ones on exit. `constants` are the sizes and weights of the learnt force `bond_force`, and
-    the response and parameters of the law, which serves points outside the `domain` (2, 7) of the learnt force; in the band inside the edge
-    of the domain J3 is blended as the bond force is. `tolerance` is the relative step of J3 at which the iteration ends. `memory` is, for
-    each thread, a buffer that already holds the bond length, and the rows `work` and `scratch`.
+    holds J3, on entry the values of the last evaluation, on exit the new ones. `constants` are the sizes and weights of the learnt force
+    `bond_force`, and the response and parameters of the law, which serves points outside the `domain` (2, 7) of the learnt force; in the
+    band inside the edge of the domain J3 is blended as the bond force is. `tolerance` is the relative step of J3 at which the iteration
+    ends. `memory` is, for each thread, a buffer that already holds the bond length, and the rows `work` and `scratch`.
     """
     _, _, response, parameters = constants
     buffers, work, scratch = memory

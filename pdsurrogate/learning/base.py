@@ -19,7 +19,7 @@ COUNT = [Interval(Integral, 1, None, closed="left")]
 NOT_NEGATIVE = [Interval(Real, 0, None, closed="left")]
 POSITIVE = [Interval(Real, 0, None, closed="neither")]
 SHARE = [Interval(Real, 0, 1, closed="left")]
-"""Constraints on parameters of estimators."""
+"""Constraints on parameters of estimators, for scikit-learn's validation: whole numbers from 1; numbers from 0, above 0, and in [0, 1)."""
 
 
 def algebraic(x):
@@ -48,8 +48,8 @@ def relu(x):
 ACTIVATIONS = {function.__name__: function for function in (algebraic, logistic, tanh, relu)}
 """Functions ``f(x) -> (value, derivative)`` by name; the kernels have all of them.
 
-The expressions differ from those of `pdsurrogate.kernels.network` by 1e-15. A training magnifies the last bit into other weights, and
-only with these do the weights of the shipped artefacts come out again (``pipelines/fit_shipped.py --check``).
+The values differ from those of `pdsurrogate.kernels.network` by rounding, some 1e-15. A training magnifies such differences into other
+weights: only these expressions reproduce the weights of the shipped artefacts (``pipelines/fit_shipped.py --check``).
 """
 
 

@@ -18,7 +18,7 @@ from .sampling import COLUMNS, OUTPUTS, checked_range
 from .target import Range, Samples, Target, relative_errors
 
 SLOPE_STEP = 1e-4
-"""Relative change of lambda_b in central differences of the force: in double precision their error is 1e-8 of the slope."""
+"""Relative change of the bond stretch in central differences of the force: in double precision their error is 1e-8 of the slope."""
 
 LENGTHS, ORIENTATIONS = 2, 5
 """Bond lengths for each deformation gradient of Algorithm 1, and orientations for each length: enough for both to be spread, and few
@@ -80,7 +80,7 @@ class _BondForce(Target):
 
 
 BOND_FORCE = _BondForce()
-"""The dimensionless bond force along and across a bond, as a function of stretch, rotation, length, C33 and J."""
+"""Target: the dimensionless bond force along and across a bond, as a function of stretch, rotation, length, C33 and J of the bond."""
 
 
 def algorithm_1(
@@ -111,8 +111,9 @@ def algorithm_1(
     weight : str
         Weight function.
     nondimensional : bool
-        Whether lengths are in units of the horizon, and forces are t kappa/(w l mu). Otherwise lengths have the unit of `horizon`, and
-        forces are those of Eq. (2) on a full circular horizon, in the unit of the shear modulus over the cube of the unit of length.
+        Whether lengths are in units of the horizon, and forces t in units of w l mu/kappa, with the weight w and length l of the bond, the
+        shear modulus mu, and the shape tensor kappa I of a full circular horizon. Otherwise lengths have the unit of `horizon`, and
+        forces are those of Eq. (2) of the paper on such a horizon, in the unit of the shear modulus divided by a length cubed.
     random_state : int
         Seed.
 
@@ -160,7 +161,10 @@ def algorithm_1(
 
 
 def stiffness_slopes(force: Callable, states: np.ndarray) -> np.ndarray:
-    """Return the slopes d t_n / d lambda_b (bond force by bond stretch) of a force at fixed rotation, length, C33 and J, shape (n,)."""
+    """Return the slopes d t_n / d lambda_b, shape (n,), of a force at fixed rotation, length, C33 and J in `states`, shape (n, 5).
+
+    They are the derivatives of the force along the bond by the bond stretch; `states` has the columns `COLUMNS`.
+    """
     stretch = states[:, 0]
     low, high = (force(stretch * (1 + sign * SLOPE_STEP), *states[:, 1:].T)[:, 0] for sign in (-1, 1))
     return (high - low) / (2 * SLOPE_STEP * stretch)

@@ -22,7 +22,7 @@ def log_invariants(X) -> np.ndarray:
 
 @named()
 def rubber_energy_size(features) -> np.ndarray:
-    """Return (tr C + J^-2)/2, shape (n,), the order of magnitude of the energy of rubber, from the features `log_invariants`."""
+    """Return (tr C + J^-2)/2, shape (n,), the order of magnitude of the energy of rubber, from features as of `log_invariants`."""
     x, u = features.T
     return np.exp(x + u) + np.exp(-2 * x) / 2
 
@@ -91,11 +91,14 @@ class _SheetEnergy(EnergyTarget):
 
 
 SHEET_ENERGY = _SheetEnergy()
-"""Psi of a sheet under plane stress with C33 condensed out, a function of tr C and J in the plane."""
+"""Target: the energy of a sheet under plane stress, as a function of tr C and J in the plane; C33 follows from zero stress across it."""
 
 
 def _stability(energy, samples) -> tuple[float, float]:
-    """Return the least acoustic stiffness of a sheet and the least curvature of its energy by the log-stretches, over all samples."""
+    """Return the least second derivatives of the energy of a sheet, over all samples: by rank-one changes of F, and by log-stretches.
+
+    `energy` holds the first and second derivatives of the energy by tr C and J at the samples.
+    """
     first, second = samples.stretches.T
     m, n = (angles.reshape(-1, 1) for angles in np.meshgrid(*2 * [np.arange(0, np.pi, np.pi / 12)]))
     # F is diagonal here: m . F n and cof F : m (x) n.

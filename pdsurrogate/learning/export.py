@@ -30,7 +30,8 @@ TORCH_ACTIVATIONS = {"Algebraic": "algebraic", "Sigmoid": "logistic", "Tanh": "t
 """Names of activations in the kernels by the names of modules of torch."""
 
 AGREEMENT = 1e-5
-"""Greatest difference of the layers from the predictions of the estimator, relative to the RMS: single precision of torch."""
+"""Greatest difference between the outputs of extracted layers and the predictions of their estimator, divided by the RMS of the
+predictions. Chosen: networks of torch have single precision unless a user asks for double."""
 
 STATES = 4000
 """Most training states at which a surrogate is compared with the model that it was made of: the RMS of n normal errors is known to
@@ -44,9 +45,9 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
     the report is empty. Any other model is resampled onto a spline of the features of the model if these are two or three, else of the
     isochoric features.
 
-    The report names the model and the spline, and states the error of resampling (``rms`` and ``max`` over the RMS of the force, on states
-    of the training set) and ``jump``, the greatest step of a discontinuous function relative to the RMS of its outputs. `states` are the
-    bonds of the training set, for a model that does not keep them.
+    The report names the model and the spline, and states the error of resampling (``rms`` and ``max``, divided by the RMS of the force, on
+    states of the training set) and ``jump``, the greatest step of a discontinuous function divided by the RMS of its outputs. `states` are
+    the bonds of the training set (columns `COLUMNS`), for a model that does not keep them.
     """
     model = best_of(model)
     force, is_pipeline = force_of(model), isinstance(model, InputAwareTargetRegressor)
@@ -139,7 +140,7 @@ def force_of(model) -> Callable:
 
 
 def _checked_forces(function: Callable, *bond) -> np.ndarray:
-    """Return the forces of a user's function for bonds; raise ValueError if they are not two numbers for each bond."""
+    """Return the forces of a user's function at arrays `bond` of bond quantities; raise ValueError unless they are two for each bond."""
     force = np.asarray(function(*bond))
     if force.shape != (len(bond[0]), 2):
         raise ValueError(f"a function of bonds must give t_n and t_tau of each, an array of shape {(len(bond[0]), 2)}, not {force.shape}")
@@ -205,7 +206,7 @@ def scaled_parts(model) -> tuple[StandardScaler, Any, StandardScaler] | tuple[No
 
 
 def _polynomial_of(model):
-    """Return centres and half widths of the features and the coefficients of a fitted polynomial, all unscaled; None for other models."""
+    """Return centres and half widths of the features, and coefficients, of a fitted polynomial with scalings folded in; else None."""
     scaling, regressor, target = scaled_parts(model)
     if not isinstance(regressor, ChebyshevRegressor):
         return None
@@ -241,7 +242,7 @@ class NoNetwork(Exception):
 
 
 def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
-    """Return activation and layers of a network, with all other steps folded in as if affine; raise `NoNetwork` if there are no layers."""
+    """Return activation and layers of a network, with all other steps folded in as if affine; raise `NoNetwork` without layers."""
     if isinstance(estimator, Pipeline):
         first, rest = estimator.steps[0][1], estimator[1:]
         if not len(rest):

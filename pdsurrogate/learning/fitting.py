@@ -31,8 +31,8 @@ TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORI
 """Targets, the quantities to learn, by their names in public functions."""
 
 MEMBER_STATES = 5_000
-"""States in each set at which members of a committee, and fitted pipelines in a run, are compared with their laws: the RMS of n normal
-errors is known to 1/sqrt(2 n), here to a percent, which suffices to reject a model."""
+"""Number of states at which a member of a committee, or a fitted pipeline in a run, is compared with its law: the RMS of n normal errors is
+known to 1/sqrt(2 n), here to a percent, which suffices to reject a model."""
 
 
 def target_called(name: str) -> Target:
@@ -56,7 +56,7 @@ def training_samples(
     target: str = "bond-force",
     off_surface: float | None = None,
 ) -> Samples:
-    """Draw training samples of a law in random order, uniform in log-stretch except for a share near rest (theory, section 5).
+    """Draw training samples of a law in random order, uniform in log-stretch except for a share of small strains (theory, section 5).
 
     Parameters
     ----------
@@ -74,8 +74,9 @@ def training_samples(
         Quantity to learn: the bond force of a sheet, the energy of a sheet under plane stress, or the energy W(I1bar, I2bar) for plane
         strain, three dimensions and every bulk modulus.
     off_surface : float, optional
-        For bond forces, the share of states off the plane-stress surface, two thirds by default: stretch, rotation and C33 are perturbed
-        independently, by amounts that shrink with the strain, and the force is the exact one of the perturbed values.
+        For bond forces, the share of states off the plane-stress surface, on which C33 follows from the stretches in the plane; two thirds
+        by default. Bond stretch, rotation and C33 are perturbed independently, by amounts that shrink with the strain, and the force is the
+        exact one of the perturbed values.
 
     Returns
     -------
@@ -167,7 +168,8 @@ def surrogate_pipeline(
 ) -> InputAwareTargetRegressor:
     """Make a scikit-learn pipeline (features, scaling, dimensionless target, regressor) that predicts a target from ``Samples.X``.
 
-    Energies and their stresses are zero at rest by construction; residuals of their training are divided by the size of a rubber's energy.
+    Energies and their stresses are zero in the undeformed state by construction. In the training of energies each residual is divided by
+    the order of magnitude of the energy of rubber in its state, such as (tr C + J^-2)/2 for a sheet.
 
     Parameters
     ----------
@@ -179,13 +181,14 @@ def surrogate_pipeline(
         Quantity to predict, see `training_samples`.
     features : str, optional
         For bond forces, the features of the regressor, one of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`; "symmetric" by default. With
-        "symmetric" and "isochoric" features the force is isotropic, mirror symmetric, and zero at rest by construction.
+        "symmetric" and "isochoric" features the force is isotropic, mirror symmetric, and zero in the undeformed state by construction.
     horizon : float
-        For bond forces, the unit of length of the samples' third column.
+        For bond forces, the horizon in the unit of the bond lengths in ``Samples.X``; 1 for samples of `training_samples`.
     weight : str, optional
-        For bond forces, the weight function of samples with dimensional forces; None for dimensionless ones.
+        For bond forces, the weight function with which the forces in ``Samples.y`` were made dimensional (see
+        `pdsurrogate.learning.algorithm_1`); None for dimensionless forces.
     shear_modulus : float
-        For bond forces, the unit of stress of dimensional forces.
+        For dimensional bond forces, the shear modulus of the material in their unit of stress.
 
     Returns
     -------
@@ -258,7 +261,7 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
 
 
 def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[LearntBondForce | LearntEnergy, dict]:
-    """Return the surrogate of a fitted model and a report on its resampling; raise ValueError unless model and samples have one target."""
+    """Return the surrogate of a fitted model and a report on its resampling; raise ValueError unless both have the same target."""
     model, target = best_of(model), samples.target
     found = target_of(model)
     if found is not None and found is not target:
@@ -359,7 +362,8 @@ def cross_validate(
     Returns
     -------
     list of dict
-        For each fold ``fold``, ``rms`` and ``max`` over the RMS of the force or stress, and for energies ``energy_rms``.
+        For each fold: its number ``fold``; the errors ``rms`` and ``max`` of the force or stress, divided by the RMS of the exact ones; and
+        for energies the relative error ``energy_rms``.
 
     Raises
     ------
@@ -419,17 +423,18 @@ def evaluate(
     dict
         ``on_surface``: relative errors (``rms``, ``max``) of the force or stress, and for energies ``energy_rms``, over the box of
         stretches, uniform in their logarithms (for an isochoric energy the stretches with product 1, and Kirchhoff stresses);
-        ``by_strain``: these errors by bins of greatest principal strain; ``at_rest``: size of force, or energy and stress, at rest.
+        ``by_strain``: these errors by bins of greatest principal strain; ``at_rest``: the absolute value, in the undeformed
+        state, of the bond force, of the isochoric energy, or of the energy or stress of a sheet, whichever is greater.
 
-        For bond forces also ``off_surface``: errors off the plane-stress surface; ``least_slope``: least d t_n / d lambda_b at fixed
-        dtheta, J and C33 in the states of both sets, with ``least_slope_exact`` of the exact force. Short waves are unstable unless the
-        least slope is positive.
+        For bond forces also ``off_surface``: errors in states whose C33 is not that of plane stress; ``least_slope``: least derivative of
+        the force along the bond by the bond stretch at fixed rotation, J and C33, in the states of both sets, with ``least_slope_exact`` of
+        the exact force. Short waves are unstable unless the least slope is positive.
 
         For energies also ``least_acoustic``: least second derivative of the energy along a rank-one change m (x) n of F with unit m and n
         (for an isochoric energy changes that keep the volume), with ``least_acoustic_exact`` of the law: positive values mean that short
         waves are stable (strong ellipticity). For the energy of a sheet also ``least_curvature`` and ``least_curvature_exact``: least
-        eigenvalue of the second derivative by the logarithms of the stretches; for an isochoric energy ``shear_modulus`` at rest, which is
-        1 for the law.
+        eigenvalue of the second derivative by the logarithms of the stretches; for an isochoric energy ``shear_modulus``: that of the
+        undeformed state, which is 1 for the law.
 
     Raises
     ------

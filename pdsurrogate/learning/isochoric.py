@@ -15,9 +15,9 @@ from .target import EnergyTarget, Samples, checked_derivatives
 INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
 
 STATES_OF_STABILITY, DIRECTIONS, STEP = 1000, 24, 1e-4
-"""States and pairs of directions at which the stiffness against shear waves is evaluated, and the shear of its central differences, whose
-error is 1e-8 of the stiffness in double precision. Chosen: 24,000 samples of a smooth function of few variables; with fewer the least value
-may lie between them."""
+"""Numbers of states and of pairs of directions at which the stiffness against shear waves is evaluated, and the shear of its central
+differences, whose error is 1e-8 of the stiffness in double precision. Chosen: 24,000 samples of a
+smooth function of few variables; with fewer the least value may lie between them."""
 
 
 @named()
@@ -116,13 +116,15 @@ class _IsochoricEnergy(EnergyTarget):
 
 
 ISOCHORIC_ENERGY = _IsochoricEnergy()
-"""W of a law, a function of I1bar and I2bar."""
+"""Target: the isochoric energy W of a law (its energy apart from that of the volume change), as a function of I1bar and I2bar."""
 
 
 def _least_acoustic(derivatives, squares) -> float:
-    """Return the least second derivative of W along changes F (a (x) n) of F, over |F a|^2, with perpendicular unit vectors a and n.
+    """Return the least second derivative of W along changes F (a (x) n) of F, with perpendicular unit vectors a and n, divided by |F a|^2.
 
     All rank-one changes that keep the volume are of this kind, so that shear waves are stable if the value is positive.
+    ``derivatives(I1, I2)`` returns the derivatives of W by both invariants; `squares`, shape (3, n), are the squares of the principal
+    stretches of the states F. The minimum is over all states and over `DIRECTIONS` random pairs a, n.
     """
     random, least = np.random.default_rng(0), np.inf
     for _ in range(DIRECTIONS):

@@ -38,7 +38,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Context in which ``listener(iteration, most iterations, loss)`` is called after each iteration of a training."""
+    """Context in which ``listener(iteration, greatest number of iterations, loss)`` is called after each iteration of a training."""
     before = _listener.set(listener)
     try:
         yield
@@ -51,10 +51,10 @@ def accepted_steps(
 ) -> Iterator[tuple[np.ndarray, float]]:
     """Minimise a loss by Levenberg-Marquardt steps: yield weights and loss after each of at most ``max_iter`` accepted steps.
 
-    Training `number` of the ``n_init`` of a regressor starts from `weights`. ``normal_equations(weights)`` returns J^T J and J^T r of the
-    residuals r. The damping, relative to the diagonal of J^T J, is raised until the loss falls, and lowered after the step. The training
-    ends early where no damping makes a step an improvement: the loss is then at its least to rounding. A listener set by `listening` is
-    called after each step.
+    Training `number` of the ``n_init`` of a regressor starts from `weights`. ``normal_equations(weights)`` returns J^T J and J^T r for the
+    residuals r and their derivatives J by the weights. The damping, relative to the diagonal of J^T J, is raised until the
+    loss falls, and lowered after the step. The training ends early where no damping makes a step an improvement: the loss is then at its
+    least to rounding. A listener set by `listening` is called after each step.
     """
     loss, damping, most, listener = loss_of(weights), regressor.initial_damping, regressor.max_iter, _listener.get()
     for iteration in range(number * most + 1, (number + 1) * most + 1):
@@ -198,7 +198,10 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         return self
 
     def _train(self, first, fitted, watched, number):
-        """Train from the weights `first`; return the least validation loss, the weights at this loss, and the number of iterations."""
+        """Train from the weights `first`; return the least validation loss, the weights at this loss, and the number of iterations.
+
+        `fitted` and `watched` are the training and validation samples (`_Part`); `number` counts the trainings of a fit, from 0.
+        """
         best, kept, improved, iteration = np.inf, first, 0, 0
         for iteration, (weights, loss) in enumerate(accepted_steps(self, number, first, fitted.loss, fitted.normal_equations), 1):
             current = watched.loss(weights) if len(watched.X) else loss
@@ -269,7 +272,11 @@ class _Part:
         return normal, gradient
 
     def _fill(self, jacobian, coefs, inputs, slopes, delta):
-        """Write derivatives of an output by the hidden layers' weights; `delta` has the derivatives by the last activation's arguments."""
+        """Write the derivatives of an output by weights and biases of the hidden layers to the first columns of `jacobian`.
+
+        `inputs` and `slopes` are the inputs of each hidden layer and the slopes of its activation; `delta` holds the derivatives by the
+        arguments of the last activation.
+        """
         for layer in range(len(slopes) - 1, -1, -1):
             start, (n_in, n_out) = self.starts[layer], self.shapes[layer]
             block = jacobian[:, start : start + n_in * n_out].reshape(len(jacobian), n_in, n_out)

@@ -22,7 +22,10 @@ ROUNDING = 1e-10
 """Spread of an output, relative to the greatest output, below which the output counts as constant."""
 
 SHEARLESS = float(np.sqrt(np.finfo(float).eps))
-"""|U_nm|/U_nn up to which a bond counts as one without shear: T_nm/U_nm, a part of the outputs, has lost half of its digits there."""
+"""Ratio |U_nm|/U_nn up to which a bond counts as one without shear, with U in axes along (n) and across (m) the bond.
+
+At this ratio the quotient T_nm/U_nm of stress and stretch components, of which an output consists, has lost half of its digits.
+"""
 
 AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
 """Bond quantities of an undeformed bond of the length of the horizon."""
@@ -104,6 +107,7 @@ def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.n
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     """Return the outputs of a feature set, shape (n, 2), that correspond to bond forces y, as training targets of the regressor.
 
+    ``factor(length)`` is the unit of dimensional forces, by which y is divided; None stands for dimensionless forces.
     Outputs that vary by rounding only are made constant: scaled to unit variance they would be noise to fit. If one of the
     outputs is a derivative by the shear, both are NaN for a bond without shear, whose force does not determine the derivative.
     """
@@ -127,7 +131,11 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
 
 @named()
 def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
-    """Return the bond forces, shape (n, 2), that correspond to outputs z of a feature set; the inverse of `outputs_of_force`."""
+    """Return bond forces along and across the deformed bonds X, shape (n, 2), from outputs z, shape (n, 2), of a regressor.
+
+    The feature set named `features` defines how the outputs determine the force. ``factor(length)`` is the unit of dimensional forces, by
+    which the result is multiplied; None stands for dimensionless forces. The inverse is `outputs_of_force`.
+    """
     a, b, U_mm, J, C33, length = _bond_state(X)
     chosen = FEATURE_SETS[features]
     T_nn, T_nm, _ = chosen.traction(chosen.shared(a, b, J, C33), z[:, 0], z[:, 1], a, b, U_mm, J, C33)
@@ -136,7 +144,10 @@ def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
 
 
 def _bond_state(X):
-    """Return the stretch components a = U_nn, b = U_nm and U_mm, J, C33 and length of bonds; raise ValueError for impossible bonds."""
+    """Return the components U_nn, U_nm and U_mm of the stretch tensor, J, C33 and length of the bonds X (columns `COLUMNS`).
+
+    The axis n is along the undeformed bond, and m across. Raise ValueError for bonds that no stretch tensor has.
+    """
     stretch, rotation, length, C33, J = checked_columns(X, COLUMNS, ("stretch", "C33", "J"))
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     if not (a > 0).all():

@@ -11,8 +11,8 @@ from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.spline import SUPPORT
 
 TOLERANCE = 1e-5
-"""Error, relative RMS of the force, at which resampling ends: below the error of single precision in the sums of a run, and far below the
-error of any fit."""
+"""RMS error of a spline, divided by the RMS of the force, at which no more cells are tried: below the error of single precision in
+the sums of a run, and far below the error of any fit."""
 
 CELLS = {2: (8, 16, 32, 64), 3: (6, 12, 24)}
 """Cells along a feature to try in this order, by the number of features. Chosen: twice as many cells reduce the error of a smooth function
@@ -27,16 +27,16 @@ PER_CELL = 3
 one the spline follows every step; three cost 9 evaluations a cell for two features, 27 for three."""
 
 WORTHWHILE = 0.8
-"""Greatest share of the error that may remain with twice as many cells; otherwise more cells do not help. A smooth function would leave a
+"""Ratio of the error with twice as many cells to the error before, above which no more cells are tried. A smooth function would reach a
 sixteenth; chosen near 1, so that only functions whose noise or kinks decide the error end the search."""
 
 MARGIN = 0.01
-"""Extension of the box at either end, as a share of the range of a feature. Chosen: bonds of a run that leave the sampled box by little
-stay within the spline; a wider margin spends cells where no samples lie."""
+"""Extension of the box of features at either end, as a fraction of the range of a feature. Chosen: bonds of a run that leave the sampled
+box by little stay within the spline; a wider margin spends cells where no samples lie."""
 
 JUMP = 1e-3
-"""Change over an interval of 1e-6 of the box, relative to the RMS of the outputs, that counts as a jump: a continuous function would need a
-slope of a thousand times its size per box."""
+"""Change of a function over an interval of 1e-6 of the box of features, divided by the RMS of its values, that counts as a jump: a
+continuous function would need a slope of a thousand times its size per box."""
 
 PAIRS, HALVINGS = 32, 20
 """Number of pairs of neighbouring samples with the greatest changes that are searched for jumps, and of halvings of the interval between:
@@ -47,9 +47,9 @@ ANGLES = np.arange(8) * (np.pi / 8) + 0.2
 no shear."""
 
 LEAST_DISTORTION = 0.01
-"""Value of tr Cbar/(2 Jbar) - 1 below which a function of bonds is extrapolated linearly from this value and its double: towards 0 the
-shear of bonds determines the outputs less and less. Chosen: the principal stretches then differ by 15 %; with a smaller value errors of the
-function are magnified more, with a greater one the straight line replaces more of it."""
+"""Value of the second isochoric feature, cosh log(lambda_1/lambda_2) - 1, below which a function is extrapolated linearly from this value
+and its double: towards 0 the shear of bonds determines the outputs less and less. Chosen: the principal stretches then differ by
+15 %; with a smaller value errors of the function are magnified more, with a greater one the straight line replaces more of it."""
 
 
 class Spline(NamedTuple):
@@ -63,7 +63,8 @@ class Spline(NamedTuple):
 def fitted_spline(function: Callable, low: np.ndarray, high: np.ndarray, cells: int) -> tuple[Spline, np.ndarray]:
     """Return the least-squares spline of a function over a box, and the sampled function values, shape (samples along a feature, …, 2).
 
-    `function` returns outputs, shape (m, 2), of features, shape (m, n). Raise ValueError, with the place, for a value that is not finite.
+    The box from `low` to `high` has `cells` cells along each of the n features. `function` returns outputs, shape (m, 2), of features,
+    shape (m, n). Raise ValueError, with the place, for a value that is not finite.
     """
     n = len(low)
     places = np.linspace(0, cells, PER_CELL * cells + 1)
@@ -88,7 +89,7 @@ def _grid(low, high, count) -> np.ndarray:
 
 
 def greatest_jump(function: Callable, low: np.ndarray, high: np.ndarray, values: np.ndarray) -> float:
-    """Return the greatest jump of a function, relative to its RMS, found by halving the intervals of greatest change between samples.
+    """Return the greatest jump of a function, divided by its RMS, found by halving the intervals of greatest change between samples.
 
     The result is nearly 0 for a continuous function, and the greatest step near the samples for a piecewise constant function. `values`
     are the sampled function values that `fitted_spline` returns.
@@ -115,7 +116,8 @@ def greatest_jump(function: Callable, low: np.ndarray, high: np.ndarray, values:
 def resampled(function: Callable, low, high, error: Callable[[Spline], float]) -> tuple[Spline, float]:
     """Return a spline of a function with as many cells as `TOLERANCE` needs, and the jump of the function (0 if it is continuous).
 
-    ``error(spline)`` returns the error of the spline; more cells are tried only while they reduce the error enough (`WORTHWHILE`).
+    `low` and `high` are the ends of the box of features. ``error(spline)`` returns the error of the spline; more cells are tried
+    only while they reduce the error enough (`WORTHWHILE`).
     """
     n, best, least = len(low), None, np.inf
     for cells in CELLS[n]:

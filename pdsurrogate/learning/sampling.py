@@ -11,7 +11,7 @@ from ..materials import Law, plane_stress
 from .base import named
 
 COLUMNS = ("stretch", "rotation", "length", "C33", "J")
-"""Columns of X: lambda_b, dtheta (radians), l_b, C33, det F in the plane."""
+"""Columns of X: bond stretch, rotation of the bond relative to its horizon in radians, bond length, C33, and det F in the plane."""
 
 OUTPUTS = ("t_n", "t_tau")
 """Columns of y: bond force along and across the deformed bond."""
@@ -22,8 +22,9 @@ def wide_bonds(
 ) -> tuple[np.ndarray, np.ndarray, dict, np.ndarray]:
     """Draw bond-force samples uniform in log-stretch (theory, section 5): return X, y, their design and principal stretches.
 
-    States near rest come first. The share `off_surface` of the states is off the plane-stress surface: lambda_b, dtheta and C33 are
-    perturbed independently, by amounts that shrink with the strain, and the force is the exact one of the perturbed values.
+    The share `near_rest` of the states, with small strains (`log_stretches`), comes first. The share `off_surface` is off the plane-stress
+    surface, on which C33 follows from the in-plane stretches: bond stretch, rotation and C33 are perturbed independently, by amounts that
+    shrink with the strain, and the force is the exact one of the perturbed values.
     """
     check_share(off_surface, "off_surface")
     low, high = stretch_range
@@ -57,15 +58,15 @@ def wide_bonds(
 
 
 def random_order(n_samples: int, near_rest: float, random_state: int) -> np.ndarray:
-    """Return a random order of row numbers for drawn samples: without it the samples near rest come first, and folds would differ."""
+    """Return a random order of the rows of drawn samples, in which states of small strain come first and would make folds unequal."""
     return np.arange(n_samples) if near_rest == 0 else np.random.default_rng([random_state, 1]).permutation(n_samples)
 
 
 def log_stretches(random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
-    """Return logarithms of principal stretches, shape (n_samples, 2), uniform within their bounds except for a share near rest.
+    """Return logarithms of principal stretches, shape (n_samples, 2), uniform within their bounds except near the undeformed state.
 
-    The share `near_rest` has strains from 0.1 % to 30 %, uniform in the logarithm of the strain. Where a bound limits the strain further,
-    and a tenth of this limit is less than 0.1 %, strains begin at this tenth.
+    The share `near_rest` of the samples has strains from 0.1 % to 30 %, uniform in the logarithm of the strain. Where a bound limits the
+    strain further, and a tenth of this limit is less than 0.1 %, strains begin at this tenth.
     """
     logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
     n_near = int(near_rest * n_samples)
@@ -78,10 +79,11 @@ def log_stretches(random: np.random.Generator, n_samples: int, low: float, high:
 
 
 PERTURBATION = {"log_stretch": 0.15, "rotation": 0.08, "log_C33": 0.35, "full_from_strain": 0.2}
-"""Greatest perturbations of a bond off the plane-stress surface, and the log-strain from which perturbations have their full size.
+"""Greatest perturbations of bond stretch, rotation and C33 in samples, and the log-strain from which perturbations have their full size.
 
-In a run J and C33 of a bond are means over two points, so that bonds leave the plane-stress surface, the farther the greater the strain is
-(theory, section 5). Chosen: with smaller perturbations more bonds leave the domain of a surrogate; greater ones cost accuracy everywhere.
+In a run J and C33 of a bond are means over two points, so that bonds leave the plane-stress surface, on which C33 follows from the
+in-plane stretches, the farther the greater the strain is (theory, section 5). Chosen: with smaller perturbations more bonds leave the
+domain of a surrogate; greater ones cost accuracy everywhere.
 """
 
 
@@ -104,7 +106,10 @@ def range_of_stretches(trace, J) -> tuple[float, float]:
 
 @named()
 def force_factor(length, horizon: float, weight: str, shear_modulus: float):
-    """Return w l mu/kappa, by which a dimensionless bond force is multiplied to give the force of Eq. (2) on a full circular horizon."""
+    """Return w l mu/kappa, the factor from a dimensionless bond force to the force of Eq. (2) of the paper on a full circular horizon.
+
+    Here w is the weight and l the `length` of a bond, mu the shear modulus, and kappa I the shape tensor of the full horizon.
+    """
     function = WEIGHT_FUNCTIONS[weight]
     return function.function(length, horizon) * length * shear_modulus / (function.moments[0] * horizon**4)
 
@@ -123,7 +128,10 @@ def checked_range(stretch_range) -> tuple[float, float]:
 
 
 def on_surface(law, stretch_1, stretch_2, angle):
-    """Return U_nn, U_nm, J, and C33 under plane stress, of bonds at an angle to the axes of two principal stretches."""
+    """Return the stretch components U_nn and U_nm, J, and C33 under plane stress of bonds in states with given principal stretches.
+
+    The axis n is along a bond and m across; `angle` is that between the bond and the axis of `stretch_1`.
+    """
     cos, sin = np.cos(angle), np.sin(angle)
     J = stretch_1 * stretch_2
     C33 = plane_stress.thickness_stretch_squared(law, stretch_1**2 + stretch_2**2, J)

@@ -106,7 +106,7 @@ class FitSettings(StrictModel):
         return low if self.least is None else self.least, high if self.greatest is None else self.greatest
 
     def pipeline(self) -> tuple[InputAwareTargetRegressor, str]:
-        """Return the unfitted pipeline of these settings and its description in words; raise ValueError for settings that do not fit."""
+        """Return the unfitted pipeline of these settings and its description in words; raise ValueError for wrong or contradictory ones."""
         if self.energy and (given := [key for key in ("features", "degree") if getattr(self, key) is not None]):
             raise ValueError(f"{given[0]} is of bond forces; for the network of an energy choose units")
         if self.units is None and not self.energy:
@@ -161,7 +161,7 @@ class FitSettings(StrictModel):
         members : sequence of Law
             Laws of the members of a committee.
         hull : dict, optional
-            Hull of the test data from which the law was identified, for the design.
+            Hull of the test data from which the law was identified, which becomes part of the surrogate's domain.
         identification : dict, optional
             Report of the identification of the law, for the card.
         progress : callable
@@ -182,7 +182,10 @@ class FitSettings(StrictModel):
         return lambda folder, name, version: store(pipeline, samples, law, folder, name, version, text, fitted)
 
     def committee(self, laws: Sequence[Law], progress: Callable[[int], None] = lambda member: None) -> list[tuple]:
-        """Return the members of a committee for `store`: a fit to each law with its own seed. Call `progress` with each number, from 0."""
+        """Fit a pipeline to each law, each with its own seed; return the members (model, samples, law) of a committee, for `store`.
+
+        `progress` is called with the number of each member, from 0, when its fit begins.
+        """
         members = []
         for number, law in enumerate(laws):
             progress(number)

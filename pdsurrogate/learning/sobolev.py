@@ -32,7 +32,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     anchor : array-like, shape (n_features,), default=None
         Features at which the function is exactly zero.
     flat : tuple of int, default=()
-        Features by which the derivative is zero at the anchor.
+        Numbers of the features by which the derivative is exactly zero at the anchor.
     size : callable, default=None
         ``size(X)``, shape (n_samples,): known size of the function and its derivatives, by which residuals are divided.
     max_iter : int, default=400
@@ -184,7 +184,10 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         return outputs
 
     def _train(self, function, first, number):
-        """Train the network from the parameters `first`; return the last loss, the last parameters, and the number of iterations."""
+        """Train the network from the parameters `first`; return the last loss, the last parameters, and the number of iterations.
+
+        `function` is the network with its loss (`_Function`); `number` counts the trainings of a fit, from 0.
+        """
         steps, waiting = [(first, function.loss(first))], self.n_iter_no_change
         for step in accepted_steps(self, number, first, function.loss, function.normal_equations):
             steps.append(step)
@@ -194,13 +197,17 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
 
 
 def values_and_slopes(X, W, b, v, activation: str, columns: int) -> np.ndarray:
-    """Return outputs v . a(W x + b) of a network with activation a and, in further columns, their derivatives by features, (n, columns)."""
+    """Return the outputs of a network at X and, in further columns, their derivatives by the features, shape (n, columns).
+
+    The output at features x is the sum of a(x W + b) times the output weights v, with weights W and biases b of the hidden layer and the
+    activation a.
+    """
     value, slope, _ = ACTIVATIONS[activation](X @ W + b)
     return np.column_stack([value @ v, (slope * v) @ W.T])[:, :columns]
 
 
 class _Function:
-    """Network v . a(W x + b) + constant with its gradient and its loss at weighted samples, as functions of the vector of parameters.
+    """Network of one hidden layer with its gradient and its loss at weighted samples, as functions of the vector theta of its parameters.
 
     With an anchor the network has no constant; the value at the origin is subtracted, and so are the derivatives there by the features in
     ``flat``.
@@ -232,7 +239,10 @@ class _Function:
         return A.T @ A + np.diag(self.penalty), A.T @ residuals.ravel() + self.penalty * theta
 
     def _at_samples(self, function, theta):
-        """Return `function` (outputs or Jacobian) at the samples, (n, columns, ...), less value and ``flat`` derivatives at the origin."""
+        """Return `function` (outputs or Jacobian) at the samples, shape (n, columns, ...).
+
+        With an anchor the value at the origin, and the linear function with the derivatives ``flat`` there, are subtracted.
+        """
         values = function(theta, self.X, self.columns)
         if self.anchored:
             origin = function(theta, np.zeros((1, self.d)), 1 + self.d)[0]

@@ -22,13 +22,13 @@ from .pipeline import feature_set_of
 from .target import REPORTED_STATES, Samples, Target
 
 MOST_CHARACTERS = 200
-"""Most characters of a parameter on a card: a nested estimator is written as its ``repr``, which may run to pages. Chosen: they hold the
-name and the first parameters of an estimator."""
+"""Most characters of the text of a regressor's parameter on a card: a nested estimator is written as its ``repr``, which may run to
+pages. Chosen: they hold the name and the first parameters of an estimator."""
 
 
 @dataclass(frozen=True)
 class CardText:
-    """Text of a user for the card of an artefact, in addition to the entries computed from the model.
+    """Text of a user for the card (``card.json``) of an artefact, in addition to the entries computed from the model.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def _surrogate_and_entry(
 
 
 def search_table(search) -> list[dict]:
-    """Return, for a card, the table of a fitted search over parameters: a dictionary of parameters, mean score and spread for each try."""
+    """Return, for a card, the table of a fitted search over parameters: for each try its parameters, mean score and standard deviation."""
     found = search.cv_results_
     scores = "mean_test_score" if "mean_test_score" in found else f"mean_test_{search.refit}"
     rows = zip(found["params"], found[scores], found[scores.replace("mean", "std")], strict=True)

@@ -31,11 +31,11 @@ Range = tuple[float, float]
 """Least and greatest principal stretch."""
 
 REPORTED_STATES, REPORT_SEED = 20_000, 1_000_003
-"""States in each set of a report of errors, and their seed, which no training samples use. Chosen: each bin of strain has a tenth as many
-states, and 2,000 give the RMS of a bin to two per cent."""
+"""Number of states in each set of a report of errors, and their seed, which no training samples use. Chosen: each bin of strain has a tenth
+as many states, and 2,000 give the RMS of a bin to two per cent."""
 
 ANCHOR = (0.0, 0.0)
-"""Features of the state at rest, where an energy is zero."""
+"""Features of the undeformed state, in which an energy is zero."""
 
 STRAIN_BINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0)
 """Bounds of the bins of greatest principal strain in error reports: two or three in a decade, up to the strain at a stretch of 4."""
@@ -84,7 +84,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
     ----------
     regressor_ : estimator
     offsets_ : ndarray, shape (n_outputs,)
-        Values subtracted from the transformed outputs.
+        Values subtracted from the predictions of the transformed outputs, so that the anchored ones are zero at `anchor`.
     training_inputs_ : ndarray, shape (n_samples, n_features), or None
         Inputs of the training; None after reading from a file.
     n_features_in_ : int
@@ -272,7 +272,7 @@ class Target:
         ``domain_of_states(law, X)``: domain of a surrogate that is fitted to states (columns `columns`) of an unknown design.
     surrogate : callable
         ``surrogate(model, law, domain, name, states=None)``: surrogate of a fitted model, and a report of its resampling, empty for a
-        surrogate that equals the model.
+        surrogate that equals the model; ``states`` are the inputs of its training.
     scaling : callable
         ``scaling(model)``: scalings of a fitted model for its card.
     _predicted : callable
@@ -310,7 +310,7 @@ class Target:
     def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         """Return the errors of a model against a law over a range of stretches, in the form that `pdsurrogate.evaluate` returns."""
         samples = self.draw(law, n_samples, stretch_range, random_state=random_state, **self._reported)
-        # Half of the states lie near rest, so that there are some in every bin.
+        # Half of the states lie near the undeformed state, so that there are some in every bin.
         spread = self.draw(law, max(n_samples, 1000), stretch_range, random_state=random_state + 1, **{**self._reported, "near_rest": 0.5})
         predicted, strain, bins = self._predicted(model, law, spread.X), np.abs(spread.stretches - 1).max(axis=1), []
         for low, high in strain_bins(*stretch_range):
@@ -353,7 +353,7 @@ class EnergyTarget(Target):
     _n_units : int
         Units of the network of a pipeline that is made without a regressor.
     _flat : tuple of int
-        Features by which the derivative is made zero at rest, where all features are zero.
+        Numbers of the features by which the derivative is made zero in the undeformed state, where all features are zero.
     _functions : tuple of NamedFunction
         Functions of a pipeline, which pickles store by their names: features of the invariants, names of the features, size of the energy,
         derivatives by features from those by invariants, and the inverse of the latter.
@@ -361,7 +361,7 @@ class EnergyTarget(Target):
         ``_states(law, stretches)``: X and y at given principal stretches, shape (n, 2) or (n, 3).
     _draw_logs : callable
         ``_draw_logs(random, n_samples, low, high, near_rest)``: logarithms of principal stretches, uniform within their bounds except for
-        a share near rest.
+        the share `near_rest`, which has small strains.
     _stresses : callable
         ``_stresses(stretches, first, second)``: principal stresses from the derivatives of the energy by the two invariants.
     """
@@ -423,19 +423,19 @@ class EnergyTarget(Target):
 
 
 def checked_derivatives(X, y, columns: tuple[str, str], outputs: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return X and y transposed; raise ValueError for wrong numbers of columns or for invariants X that are not positive."""
+    """Return X and y transposed; raise ValueError unless they have these `columns` and `outputs`, and all invariants X are positive."""
     check_targets(y, outputs)
     return checked_columns(X, columns, columns[::-1]), y.T
 
 
 def relative_errors(predicted: np.ndarray, exact: np.ndarray) -> dict[str, float]:
-    """Return the RMS (``rms``) and the greatest (``max``) error of vectors, shape (n, d), divided by the RMS of the exact ones."""
+    """Return the RMS (``rms``) and greatest (``max``) error of predicted vectors, shape (n, d), divided by the RMS of the exact ones."""
     error = np.linalg.norm(predicted - exact, axis=1)
     size = np.sqrt((exact**2).sum(axis=1).mean())
     return {"rms": float(np.sqrt((error**2).mean()) / size), "max": float(error.max() / size)}
 
 
 def strain_bins(low: float, high: float) -> list[tuple[float, float]]:
-    """Return the bins (least, greatest) of greatest principal strain up to the strain at the stretches `low` and `high`."""
+    """Return the bins (least, greatest) of greatest principal strain, up to the greater strain at the stretches `low` and `high`."""
     reach = max(high - 1, 1 - low)
     return [(least, min(greatest, reach)) for least, greatest in pairwise(STRAIN_BINS) if least < reach * (1 - 1e-9)]

@@ -40,7 +40,7 @@ class TorchMLPRegressor(BasePerceptron):
     n_iter_ : int
         Epochs.
     loss_, validation_loss_ : float
-        Mean squared errors of all samples, and of the validation part, NaN without one.
+        Mean squared errors of all samples, and of the validation part; the latter is NaN without one.
     n_features_in_ : int
 
     Examples

@@ -27,14 +27,17 @@ class WeightedSquares(torch.nn.Module):
     """Loss function: mean squared error, weighted by the last column of the targets, which holds the weights of the samples."""
 
     def forward(self, outputs, targets):
-        """Return the weighted mean squared error of outputs, shape (n, d), against targets, shape (n, d + 1)."""
+        """Return the weighted mean squared error of outputs, shape (n, d).
+
+        `targets`, shape (n, d + 1), hold the exact outputs and, in the last column, the weights of the samples.
+        """
         return (targets[:, -1:] * (outputs - targets[:, :-1]) ** 2).mean()
 
 
 def train(regressor, X, Y, weights):
     """Train a network; return its weights, biases, number of epochs, and least validation loss (NaN without a validation part).
 
-    The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`.
+    The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`; `weights` are those of the samples, or None.
     """
     outputs = Y.shape[1]
     Y = np.column_stack([Y, np.ones(len(Y)) if weights is None else weights / weights.mean()])

@@ -22,7 +22,7 @@ results of the three steps disagree, and ten times their disagreement is allowed
 """
 
 AT_REST = 1e-6
-"""Relative deviation allowed between the moduli at rest and those that the law states: they are formulas, exact but for rounding."""
+"""Relative deviation allowed between the undeformed moduli from derivatives and those that the law states; both are formulas."""
 
 LOG_STRETCHES = np.array([[0.0, 0.0], [1e-3, 0.0], [0.04, -0.01], [0.2, 0.1], [0.7, -0.3], [1.2, -0.7]])
 """Isochoric states by two principal log-stretches: undeformed, nearly so, and up to large strains; those beyond a law's limit are skipped.
@@ -32,14 +32,14 @@ VOLUME_RATIOS = np.array([1.0, 0.9, 0.98, 1.001, 1.03, 1.15])
 """Volume ratios at which U is checked; the undeformed state comes first, as in `LOG_STRETCHES`."""
 
 _consistent: set = set()
-"""Laws that have passed, by their expressions and parameters."""
+"""Keys of the laws that have passed `check_consistency` in this process: class, expressions and parameters."""
 
 
 def check_consistency(law: Law) -> None:
     """Check the derivatives of a law against its energy, and its undeformed state, once per process for each class and set of parameters.
 
-    Raise ValueError if a derivative is not that of the energy, or if the undeformed law has a stress or other moduli; the message names the
-    derivative, the law's value and the right one.
+    Raise ValueError if a derivative is not that of the energy, or if the undeformed law has a stress or moduli other than those it states;
+    the message names the derivative, the law's value and the right one.
     """
     parameters = np.asarray(law.parameters, dtype=float)
     expressions = (getattr(law, name, None) for name in ("isochoric", "term", "coefficients", "volumetric"))
@@ -86,11 +86,13 @@ def _check_stretches(law, parameters) -> None:
 
 
 def compare_derivatives(owner, expression, values, arguments, derivatives, modulus, relative=RELATIVE) -> np.ndarray:
-    """Compare stated derivatives with central differences, raise ValueError for a wrong one, and return the results at the first state.
+    """Compare stated derivatives with central differences, raise ValueError for a wrong one, and return the values at the first state.
 
-    ``values(*arguments)`` returns the rows (energy and derivatives); messages call it `expression` of the `owner`. Each of `derivatives` is
-    a tuple of its name, its row, the weights of the rows that it differentiates, and the direction in which the arguments change. The
-    deviation `relative` is allowed. All states are evaluated at once, since a law may be a sum of many terms.
+    `arguments` is a dictionary of arrays, one value for each state. `values` is a function of these arrays that returns rows (energy and
+    derivatives); messages call it `expression` of the `owner`. Each of `derivatives` is a tuple of its name, its row, the weights of the
+    rows that it differentiates, and the direction in which the arguments change. A deviation of `relative` times the derivative is allowed,
+    or times `modulus`/100 if that is greater, and more where the differences do not converge (see `RELATIVE`). All states are evaluated at
+    once, since a law may be a sum of many terms.
     """
     states = np.stack(list(arguments.values()))
     sizes = [STEPS[:, None] * np.maximum(np.abs(np.asarray(way) @ states), 1.0) for *_, way in derivatives]

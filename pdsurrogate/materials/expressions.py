@@ -23,7 +23,7 @@ from ..kernels.elementary import exponential, inverse_cube_root, like, logarithm
 from .response import Response
 
 LEAST_SEPARATION = 3e-6
-"""Difference of the logarithms to which two equal in-plane stretches are separated.
+"""Least difference between the logarithms of two principal stretches in the plane; equal stretches are moved apart by as much.
 
 All results are even in the difference, so they change by some 1e-11, which is the size of rounding there.
 """
@@ -31,7 +31,7 @@ All results are even in the difference, so they change by some 1e-11, which is t
 
 @inlined
 def sheet_invariants(state):
-    """Return I1bar and I2bar from tr C in the plane, J in the plane and J3, with C33 = (J3/J)**2."""
+    """Return I1bar and I2bar of a sheet from its state: tr C and det F = J in the plane, and volume ratio J3, with C33 = (J3/J)**2."""
     trace, J, J3 = state
     c = inverse_cube_root(J3 * J3)
     C33 = (J3 / J) * (J3 / J)
@@ -42,8 +42,9 @@ def sheet_invariants(state):
 def of_sheet_invariants(state, isochoric, volumetric):
     """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(I1bar, I2bar) + U(J3).
 
-    p and q are the coefficients of the stress in theory (7). The residual is J3 dPsi/dJ3 at fixed F in the plane, which vanishes in plane
-    stress, and its slope is the derivative by J3 (paper, Eq. (9), with the exponent of its first term corrected to +2/3).
+    `isochoric` is (W, W1, W2, W11, W12, W22), and `volumetric` is (U, U', U''). p and q are the coefficients of the stress in theory (7).
+    The residual is J3 dPsi/dJ3 at fixed F in the plane, which vanishes in plane stress, and its slope is the derivative by J3 (paper,
+    Eq. (9), with the exponent of its first term corrected to +2/3).
     """
     trace, J, J3 = state
     W, W1, W2, W11, W12, W22 = isochoric
@@ -89,7 +90,9 @@ def sheet_stretches(state):
 def of_sheet_stretches(state, stretches, sums, volumetric):
     """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(x1, x2, x3) + U(J3).
 
-    The principal stresses are P_a = (g_a - g_3)/lambda_a, the pressure eliminated by P33 = 0; p lambda_a^2 + q = g_a - g_3 for both.
+    The principal stresses in the plane are P_a = (g_a - g_3)/lambda_a, with the derivatives g_a of W by the logarithmic stretches and the
+    pressure eliminated by P33 = 0; the coefficients p and q follow from p lambda_a^2 + q = g_a - g_3 for both. `sums` is
+    (W, g1, g2, g3, h), see `PrincipalStretchLaw.term`.
     """
     trace, _, J3 = state
     _, _, _, s1, s2, _ = stretches
@@ -105,7 +108,7 @@ def of_sheet_stretches(state, stretches, sums, volumetric):
 
 @inlined
 def _held(state):
-    """Return the state (tr C, J, J3) of a sheet with J3 = J, which means C33 = 1."""
+    """Return the state (tr C, J, J3) of a sheet with its J3 replaced by J, so that C33 = 1."""
     return state[0], state[1], state[1]
 
 
@@ -206,8 +209,8 @@ def _solid_stretches(state):
 def _of_solid_stretches(state, stretches, sums, volumetric):
     """Return the stress coefficients p, q, r and the energy of a solid from the derivatives of W(x1, x2, x3) + U(J).
 
-    The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U'; the polynomial in the squared stretches through them, by divided
-    differences, has p, q J and r as coefficients.
+    The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U', with the derivatives g_a of W by the logarithmic stretches. The
+    quadratic polynomial that takes these values at the squared stretches has the coefficients q J, p and r, found by divided differences.
     """
     J = state[2]
     _, _, _, s1, s2, s3 = stretches
@@ -221,23 +224,26 @@ def _of_solid_stretches(state, stretches, sums, volumetric):
 
 
 PLANE_STRESS = Response(5, 2, sheet_invariants, of_sheet_invariants, sheet_stretches, of_sheet_stretches, curvature=True)
-"""Response of (trace, J, J3) for plane stress: p, q, residual J3 dPsi/dJ3 of P33 = 0 at fixed in-plane F, its J3 derivative, and Psi."""
+"""Response of a sheet in plane stress to (tr C, J, J3): stress coefficients p and q, residual, slope of the residual, and energy Psi.
+
+The residual of P33 = 0 is J3 dPsi/dJ3 at fixed F in the plane, and its slope is the derivative by J3.
+"""
 
 PLANE_STRAIN = _of_held_sheet(5, _stress_rows, isochoric=False)
-"""Response of (trace, J, J3) for plane strain, with the rows of `PLANE_STRESS`, so that kernels can use either response.
+"""Response of a sheet in plane strain to (tr C, J, J3), with the rows of `PLANE_STRESS`, so that kernels can use either response.
 
 p, q and the energy are those at J3 = J, whatever J3 is passed; the condition P33 = 0 is replaced by J3/J - 1 = 0, with its derivative by
 J3.
 """
 
 ISOCHORIC_PLANE_STRAIN = _of_held_sheet(4, _isochoric_rows, isochoric=True)
-"""Response of (trace, J, J3): p, q, the Kirchhoff stress across the plane, and the energy, all from W alone.
+"""Response of a sheet in plane strain to (tr C, J, J3): p, q, the Kirchhoff stress across the plane, and the energy, all from W alone.
 
-U adds J U' to q and to the stress across the plane, since its stress is U' times the cofactor of F.
+U adds J U' to q and to the stress across the plane, since the first Piola-Kirchhoff stress from U is U' times the cofactor of F.
 """
 
 SOLID = Response(4, 2, _solid_invariants, _of_solid_invariants, _solid_stretches, _of_solid_stretches)
-"""Response of (tr C, tr cof C, J): p, q, r and the energy."""
+"""Response of a solid to (tr C, tr cof C, J): stress coefficients p, q and r of P = p F + q cof F + r F C, and the energy."""
 
 ISOCHORIC_SOLID = replace(SOLID, isochoric=True)
-"""Response of (tr C, tr cof C, J): p, q, r and the energy, all from W alone; U adds U' to q."""
+"""Response of a solid as `SOLID`, with all results from W alone; U adds U' to q."""

@@ -25,7 +25,7 @@ class HomogeneousState:
     stretch, lateral_stretch, thickness_stretch : float
         Principal stretches along x1, along x2, and through the thickness.
     volume_ratio : float
-        J3, deformed over undeformed volume.
+        J3, deformed volume divided by undeformed volume.
     nominal_stress, lateral_stress : float
         P11 and P22, in the same unit as the shear modulus.
     energy_density : float
@@ -76,7 +76,10 @@ def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousStat
 
 
 def _root(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Return the zeros of increasing functions of positive numbers, with slopes by differences; NaN where a function is not finite."""
+    """Return the zeros of increasing functions of positive numbers, by Newton's method from `start` with slopes from differences.
+
+    ``function(x)`` evaluates all functions, one for each element of x. A zero is NaN where its function is not finite.
+    """
     found = newton(lambda x: (function(x), (function((1 + STEP) * x) - function(x)) / (STEP * x)), start, 1e-8)
     with np.errstate(all="ignore"):
         return np.where(np.isfinite(function(found)), found, np.nan)

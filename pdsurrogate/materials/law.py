@@ -61,7 +61,7 @@ class Law(ABC):
 
     @property
     def parameters(self) -> np.ndarray:
-        """Dimensionless parameters, float64, in the order in which the law's expressions read them; by default K/mu and then `shape`."""
+        """Dimensionless parameters, float64, in the order in which the law's expressions read them; by default K/mu and the `shape`."""
         return np.array([self.bulk_modulus / self.shear_modulus, *self.shape.values()])
 
     @staticmethod
@@ -86,7 +86,7 @@ class Law(ABC):
         return replace(self, shear_modulus=self.shear_modulus * factor, bulk_modulus=self.bulk_modulus * factor)
 
     def describe(self) -> dict:
-        """Return name and parameters of the law as a dictionary, in the form used by scenes and cards."""
+        """Return name and parameters of the law as a dictionary, in the form used by scenes and artefact cards."""
         return {"law": self.name, **{field.name: getattr(self, field.name) for field in fields(self)}}
 
     def _repr_html_(self) -> str:
@@ -141,7 +141,7 @@ class PrincipalStretchLaw(Law):
         """Return the constants of term k of W, a tuple of numbers read from the law's `parameters`."""
 
     def sums(self, stretches: tuple, parameters: np.ndarray) -> list:
-        """Return the sums over all terms of (W, g1, g2, g3, h) at stretches given as (x1, x2, x3, s1, s2, s3), as in `term`."""
+        """Return (W, g1, g2, g3, h), each summed over all terms, at stretches given as (x1, x2, x3, s1, s2, s3); see `term`."""
         terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(int(parameters[1])))
         return [sum(parts) for parts in zip(*terms, strict=True)]
 
@@ -150,6 +150,7 @@ class PrincipalStretchLaw(Law):
     def term(x1, x2, x3, s1, s2, s3, coefficients):
         """Return one term of W as (energy, g1, g2, g3, h).
 
-        ``x`` are the logarithms of the isochoric principal stretches and ``s`` their squares; ``g`` are the derivatives by x1, x2 and x3,
-        and ``h`` is the second derivative along (-1, -1, 2)/3, the direction in which J3 changes the stretches at fixed F in the plane.
+        ``x`` are the logarithms of the isochoric principal stretches and ``s`` the squares of these stretches; ``g`` are the derivatives by
+        x1, x2 and x3, and ``h`` is the second derivative along (-1, -1, 2)/3, the direction in which J3 changes the stretches at fixed F in
+        the plane.
         """

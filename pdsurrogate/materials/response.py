@@ -41,9 +41,10 @@ class Response:
         ``stretches(state)`` returns logarithms and squares (x1, x2, x3, s1, s2, s3) of the isochoric principal stretches, no two of them
         equal.
     of_stretches : callable
-        ``of_stretches(state, stretches, sums, volumetric)`` returns the result from the sums (W, g1, g2, g3, h) over the terms.
+        ``of_stretches(state, stretches, sums, volumetric)`` returns the result from the sums (W, g1, g2, g3, h) over the terms of a
+        `PrincipalStretchLaw`.
     curvature : bool
-        Whether `of_stretches` uses h, which is 0 otherwise.
+        Whether `of_stretches` uses h; if not, h is 0 in compiled functions.
     isochoric : bool
         Whether U is left out.
     """
@@ -90,13 +91,16 @@ def _nothing(J3, parameters):
 
 
 def volume_energy_block(law: Law) -> CFunc:
-    """Return a function, compiled for blocks of states, of a law's U and U' from the volume ratio in the first row of the states."""
+    """Return a compiled function that computes a law's U and U' for a block of states, with the volume ratio in the first row of states."""
     check_consistency(law)
     return block_function_of(_volume_block, STRESS_RESPONSE, law.volumetric, _energy, 0, 0)
 
 
 def volume_residual_block(law: Law) -> CFunc:
-    """Return a function, compiled for blocks of states, of J3 U' and its derivative by J3, in rows 2 and 3 as in `PLANE_STRESS`."""
+    """Return a compiled function that computes J3 U' and its derivative by J3 for a block of states, with J3 in row 2 of the states.
+
+    The results are in rows 2 and 3, as in `PLANE_STRESS`.
+    """
     return block_function_of(_volume_block, STRESS_RESPONSE, law.volumetric, _residual, 2, 2)
 
 
@@ -112,7 +116,10 @@ def _residual(J3, volumetric):
 
 
 def _volume_block(volumetric, of_volume, volume, row):
-    """Build the function that writes two results of U for a block of states, from row `row` on; J3 is in row `volume` of the states."""
+    """Build the function that writes the two results of `of_volume` for a block of states, from row `row` of the result on.
+
+    ``of_volume(J3, volumetric)`` is called with the result (U, U', U'') of `volumetric`; J3 is in row `volume` of the states.
+    """
 
     def response(states, parameters, result):
         widest_vectors()

@@ -76,7 +76,10 @@ class Solid:
         return invariants(F)
 
     def volume_ratio(self, law: Law, *invariants):
-        """Return the volume ratio J3, shape (...), from the `invariants` of F: the last of them, det F, except under plane stress."""
+        """Return the volume ratio J3, shape (...): the last of `invariants`, det F, except under plane stress.
+
+        `invariants` are the results of the function `invariants` of F, passed as separate arguments.
+        """
         return np.broadcast_arrays(*(np.asarray(value, float) for value in invariants))[-1]
 
     def first_piola_stress(self, law: Law, F):
@@ -96,9 +99,9 @@ class Solid:
     def stress_and_energy(self, law: Law, F, volume_ratio, bulk_stress, isochoric=None):
         """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points, in the same unit as the shear modulus.
 
-        U is evaluated at `volume_ratio` (n,): det F, or the smoothed ratio of a selective energy. `bulk_stress` (n,) is U' in units of mu
-        at that ratio, or as the bonds use it (theory (51)); it is unused under plane stress, where J3 determines the stress. `isochoric`
-        replaces the law's own `isochoric_response`.
+        U is evaluated at `volume_ratio` (n,): det F, or the smoothed ratio of a selective energy (W at bonds, U at points).
+        `bulk_stress` (n,) is U' in units of mu at that ratio, or as the bonds use it (theory (51)); it is unused under plane stress, where
+        J3 determines the stress. `isochoric` are results in place of those of the law's own `isochoric_response`.
         """
         check_consistency(law)
         F = np.asarray(F, dtype=float)
@@ -208,10 +211,11 @@ class PlaneStress(PlaneStrain):
         return energy, by_trace, by_J, *(weights @ slopes / trace for slopes in along_trace), -(weights @ along_J) / J
 
     def bond_traction(self, law: Law, normal_stretch, shear_stretch, area_ratio, C33):
-        """Return (T_nn, T_nm, T_mm) of the exact bond force in the corotated frame, R^T P / mu (theory (7), (11)).
+        """Return the components (T_nn, T_nm, T_mm) of R^T P / mu, from which the exact bond force follows (theory (7), (11)).
 
-        The bond is given by a = U_nn = lambda_b cos(dtheta), b = U_nm = lambda_b sin(dtheta), J and C33; these need not satisfy plane
-        stress.
+        n is the direction of the undeformed bond, m is normal to it in the plane, and F = R U. The bond is given by the components
+        U_nn = lambda_b cos(dtheta), `normal_stretch`, and U_nm = lambda_b sin(dtheta), `shear_stretch`, with the stretch lambda_b of the
+        bond and its rotation dtheta relative to R; `area_ratio` is J = det F. The arguments need not satisfy plane stress.
         """
         a, b, J, C33 = (np.asarray(value, dtype=float) for value in (normal_stretch, shear_stretch, area_ratio, C33))
         U_mm = lateral_stretch(a, b, J)
@@ -239,7 +243,7 @@ def newton(function: Callable[[np.ndarray], tuple], start: np.ndarray, tolerance
 plane_stress, plane_strain, solid = PlaneStress(), PlaneStrain(), Solid()
 
 PLANES = {"stress": plane_stress, "strain": plane_strain, "space": solid}
-"""States by the names that scenes and settings use."""
+"""States of a body (`PlaneStress`, `PlaneStrain` or `Solid`) by the names that scenes and settings use."""
 
 SHEETS = ("stress", "strain")
 """Names of the states of two-dimensional bodies."""

@@ -11,13 +11,14 @@ from ..kernels.elementary import chain_energy, exponential, inverse_langevin, se
 from .law import PrincipalStretchLaw, check_number
 
 MOST_TERMS = 8
-"""Most terms of a law of sums of powers. Chosen: fits to tests use three to eight terms, and a response costs as much as its terms."""
+"""Greatest number of terms with an exponent in a law of sums of powers. Chosen: fits to tests use three to eight terms, and a response
+costs as much as its terms."""
 
 NOT_GIVEN: Any = None
-"""Default of a modulus that follows from others; after the construction it is a number."""
+"""Default of a modulus that the constructor of a law computes from other parameters."""
 
 SECOND_AT_REST = 3 * 3**0.5
-"""I2bar^1.5 of the undeformed state."""
+"""Value of I2bar^1.5 in the undeformed state, where I2bar = 3."""
 
 GREATEST_POWER = 3
 """Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3. Chosen: the third power, as in Yeoh's law, describes the rise of the stress at
@@ -25,8 +26,8 @@ great stretches; higher ones would act at the greatest stretches of the data alo
 
 DEGREE = 29
 """Degree of the polynomials that the quadrature integrates exactly. Chosen: Lebedev's rule of this degree has 302 directions, 46 of which
-differ in their squares; a lower degree makes the law less exact towards its limit, where the longest chains carry all, a higher one costs
-in proportion."""
+differ in the squares of their components; a lower degree makes the law less exact towards its limit, where the longest chains carry all, a
+higher one costs in proportion."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Ogden(PrincipalStretchLaw):
     Parameters
     ----------
     shear_modulus : float, optional
-        mu = sum_k mu_k alpha_k / 2; it follows from the terms, and if given must be the same.
+        mu = sum_k mu_k alpha_k / 2; it follows from the terms, and if given must equal this sum.
     bulk_modulus : float, optional
         K, same unit; 100 mu by default.
     moduli : tuple of float
@@ -62,7 +63,7 @@ class Ogden(PrincipalStretchLaw):
     reference: ClassVar[str] = "Ogden 1972"
     costly: ClassVar[bool] = True
     lists: ClassVar[tuple[str, ...]] = ("moduli", "exponents")
-    """Parameters that are several numbers."""
+    """Names of the parameters that are tuples of numbers."""
 
     shear_modulus: float = NOT_GIVEN
     bulk_modulus: float = NOT_GIVEN
@@ -101,7 +102,7 @@ class Ogden(PrincipalStretchLaw):
                 )
 
     def _stiffness(self) -> float:
-        """Return the shear modulus at rest that follows from the moduli and exponents."""
+        """Return the shear modulus of the undeformed material that follows from the moduli and exponents."""
         return sum(modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)) / 2
 
     def scaled(self, factor: float) -> Self:
@@ -137,13 +138,13 @@ class Polyconvex(Ogden):
     """Polyconvex law, Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + sum_k a_k x^k + sum_k b_k y^k + U(J3).
 
     Here l are the isochoric principal stretches, x = I1bar - 3 and y = I2bar^1.5 - 3 sqrt 3.  With a_k and b_k that are not negative,
-    moduli that have the signs of their exponents, and exponents of size 1 or more, every term is polyconvex: the invariants among all
-    deformations, the powers among those that keep the volume.
+    moduli that have the signs of their exponents, and exponents of size 1 or more, every term is polyconvex: those of the
+    invariants among all deformations, those of powers of stretches among deformations that keep the volume.
 
     Parameters
     ----------
     shear_modulus : float, optional
-        mu = sum_k mu_k alpha_k / 2 + 2 a_1 + 3 sqrt 3 b_1; it follows from the terms, and if given must be the same.
+        mu = sum_k mu_k alpha_k / 2 + 2 a_1 + 3 sqrt 3 b_1; it follows from the terms, and if given must equal this.
     bulk_modulus : float, optional
         K, same unit; 100 mu by default.
     moduli, exponents : tuple of float

@@ -34,24 +34,37 @@ def _arctangent(y, x):
 
 
 def shared(a, b, J, C33):
-    """Return the values that `inputs`, `traction` and `outputs` have in common: the bond stretch lambda_b and its inverse."""
+    """Return the bond stretch lambda_b and its inverse, which `inputs`, `traction` and `outputs` use, from a = U_nn and b = U_nm.
+
+    U is the stretch tensor in the axes n and m along and across the undeformed bond, in all functions of this feature set.
+    """
     stretch = np.sqrt(a * a + b * b)
     return stretch, like(a, 1.0) / stretch
 
 
 def inputs(shared, a, b, U_mm, J, C33, length):
-    """Return the paper's five features of a bond: stretch lambda_b, rotation dtheta, relative length l_b/delta, C33, det F."""
+    """Return the paper's five features of a bond: stretch, rotation relative to its horizon, length divided by the horizon, C33, and J.
+
+    `shared` is the result of the function of this name; a = U_nn and b = U_nm are components of the stretch tensor (theory (10)).
+    """
     return shared[0], arctangent(b, a), length, C33, J
 
 
 def traction(shared, o1, o2, a, b, U_mm, J, C33):
-    """Return stress components T_nn and T_nm from the force components t_n, t_tau along and across the deformed bond; T_mm is set to 0."""
+    """Return the stress components T_nn, T_nm and T_mm in the axes n, m along and across the undeformed bond (theory (11)).
+
+    `o1` and `o2` are the components of the force along and across the deformed bond, and a = U_nn and b = U_nm those of the stretch tensor.
+    The force does not determine T_mm, which is set to 0.
+    """
     inverse = shared[1]
     return (o1 * a - o2 * b) * inverse, (o1 * b + o2 * a) * inverse, like(a, 0.0) * o1
 
 
 def outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Return the force components t_n, t_tau along and across the deformed bond from T_nn and T_nm: the inverse of `traction`."""
+    """Return the force components along and across the deformed bond from the stress components T_nn and T_nm: the inverse of `traction`.
+
+    The stress is in the axes n, m along and across the undeformed bond; a = U_nn and b = U_nm are components of the stretch tensor.
+    """
     inverse = shared[1]
     return (T_nn * a + T_nm * b) * inverse, (T_nm * a - T_nn * b) * inverse
 

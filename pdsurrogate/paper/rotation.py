@@ -11,7 +11,10 @@ from ..engine.passes import Pass, share_of
 
 @Pass
 def convected_rotations(chunk, gradients, records):
-    """Overwrite the rotation (cos, sin) in the points' records with the convected rotation of F, given by columns, shape (n, 4)."""
+    """Overwrite the rotation of every point, cos and sin in the first two columns of `records`, with the paper's rotation.
+
+    It is the mean rotation of the two base vectors by the deformation gradient; `gradients`, shape (n, 4), holds F11, F21, F12, F22.
+    """
     for i in share_of(gradients.shape[0], chunk):
         F11, F21, F12, F22 = gradients[i, 0], gradients[i, 1], gradients[i, 2], gradients[i, 3]
         angle = 0.5 * (np.arcsin(F21 / np.sqrt(F11 * F11 + F21 * F21)) - np.arcsin(F12 / np.sqrt(F12 * F12 + F22 * F22)))

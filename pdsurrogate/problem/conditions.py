@@ -22,15 +22,17 @@ from .programme import Prescription, Stage
 from .regions import BodyRegions
 
 RIGID = 1e3
-"""Stiffness of rigid regions over that of the rest of the body in a first guess; the guess is then moved until they are rigid. Chosen:
-strains of the regions are a thousandth of those beside them; a greater ratio costs digits of the factorisation."""
+"""Stiffness of rigid regions divided by that of the rest of the body, for the first guess of an equilibrium; the guess is then moved until
+the regions are rigid. Chosen: strains of the regions are a thousandth of those beside them; a greater ratio costs digits of the
+factorisation."""
 
 SAMPLES = 5
-"""Number of values of the parameter in each stage at which prescribed motions are compared: if equal there, they count as equal. Chosen:
-amplitudes are smooth or tables, and two different ones that agree at five values are not written by accident."""
+"""Number of values of the loading parameter in each stage at which two prescribed motions are compared; motions equal at all of them count
+as equal. Chosen: amplitudes are smooth or tables, and two different ones that agree at five values are not written by accident."""
 
 LEAST_SPREAD = 1e-6
-"""Singular value of the constraints below which a rigid motion counts as free: two points a thousandth of the body apart yield more."""
+"""Singular value of the matrix of constraints on the rigid motions below which a motion counts as free. Chosen: two held points that are a
+thousandth of the body apart yield more."""
 
 
 def conditions_of(
@@ -51,8 +53,8 @@ def conditions_of(
     Raises
     ------
     ValueError
-        If a region is empty, two entries move a point or plane differently, an amplitude is not zero at rest, or nothing keeps a piece of
-        the body where it is; names the key.
+        If a region is empty, two entries move a point or plane differently, an amplitude is not zero at the start, or nothing keeps a piece
+        of the body where it is; the message names the key.
     """
     body, stretched = regions.body, scene.stretched
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
@@ -101,7 +103,10 @@ def conditions_of(
 
 
 def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
-    """Raise ValueError if later prescriptions hold all that one holds in a component: its force would be reported as zero."""
+    """Raise ValueError for a support that has no effect along a component, since later prescriptions hold all of its points along it.
+
+    Results would report the force of such a support along this component as zero.
+    """
     holder, _, component = loading.counted
     counted = np.zeros((len(loading.names), loading.body.dimension), dtype=bool)
     counted[holder, component] = True
@@ -115,9 +120,9 @@ def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
 
 
 def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> Held:
-    """Return the points that a prescription holds, as a part of the boundary conditions.
+    """Return the points that a prescription holds, as a held part of the body; `names` are the supports whose forces are reported.
 
-    In a programme with dynamics (`moving`) a support at a place between points is refused with ValueError.
+    Raise ValueError for a support at a place between points in a programme with dynamics (`moving`).
     """
     body, share = regions.body, regions.body.share
     points = regions.points(one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key)
@@ -136,9 +141,10 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
 
 
 def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
-    """Raise ValueError if an amplitude is not zero at rest, or two held parts prescribe different motions of a point.
+    """Raise ValueError if a prescribed displacement is not zero at the start, or two held parts prescribe different motions of a point.
 
-    The later part would otherwise override the earlier one without notice.
+    The later part would otherwise override the earlier one without notice. `ends` are the loading parameter at the start and at the end of
+    every stage; motions are compared at `SAMPLES` values in each stage.
     """
     samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
     every, error = Loading(body, "t", 0.0, (), [], held, Loads(body, [])), 1e-9 * body.spacing
@@ -164,7 +170,7 @@ def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
 def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:
     """Raise ValueError if a piece of the body can move or turn as a whole: it would have no equilibrium, or many.
 
-    With `only` no other rigid motion than this one is checked.
+    With `only`, a description as from `_free_motions`, no other rigid motion is checked. `key` and `advice` appear in the message.
     """
     body, share = loading.body, loading.body.share
     count, piece = loading.pieces()
@@ -241,7 +247,7 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads:
     Raises
     ------
     ValueError
-        For a region that is empty, or a load on an edge that is held by reflection; names the key.
+        For a region that is empty, or a load on an edge that is held by reflection; the message names the key.
     """
     found: list[DeadLoad | Pressure] = []
     for number, load in enumerate(scene.loads):
@@ -257,7 +263,7 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads:
 
 
 def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:
-    """Return the facets that a traction or pressure acts on; raise ValueError if one lies in a reflection plane."""
+    """Return the facets that a traction or pressure acts on; raise ValueError, naming the `key`, if one lies in a reflection plane."""
     facets, surface = regions.facets(load.region, key), regions.surface()
     for plane in body.planes:
         distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
@@ -269,7 +275,10 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
 
 
 def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tuple[np.ndarray, np.ndarray]:
-    """Return the own points that a dead load (traction, force or body force) acts on, and its forces on them (theory (43))."""
+    """Return this rank's own points on which a dead load (traction, force or body force) acts, and its forces on them (theory (43)).
+
+    Raise ValueError, with the `key` of the load's region, for a load on an edge or face that is held by reflection.
+    """
     if load.kind == "traction":
         facets, surface = _facets_of(key, load, body, regions), regions.surface()
         corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]

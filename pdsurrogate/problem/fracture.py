@@ -10,10 +10,10 @@ from ..scenes.tip_diameter import TIP_DIAMETER, tip_diameter
 
 
 def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
-    """Return the critical bond stretch with which a crack grows once its energy release rate reaches the fracture energy.
+    """Return the critical bond stretch with which a crack grows when its energy release rate reaches the fracture energy.
 
-    At a blunted tip rubber fails in uniaxial tension, and the fracture energy is the energy density at failure times an effective diameter
-    of the tip (Thomas 1955).  Here the horizon sets that diameter, d = `tip_diameter` delta:
+    At a blunted tip rubber fails in uniaxial tension, and the fracture energy G is the energy density psi at the stretch lambda_c of
+    failure times an effective diameter d of the tip (Thomas 1955).  Here d is `tip_diameter` times the horizon:
 
         G = psi_uniaxial(lambda_c) d,
 
@@ -71,7 +71,8 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
 
         T = 2 F lambda / h - w(lambda),   w = 2 b psi(lambda),
 
-    with F = b h P(lambda).  For legs that hardly stretch T = 2 F / h.
+    with F = b h P(lambda).  b and h are width and thickness of a leg, psi is the energy density and P the nominal stress of the law in
+    simple tension.  For legs that hardly stretch T = 2 F / h.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     force : float
         Force on each leg.
     leg_width, thickness : float
-        b and h of a leg, undeformed.
+        Undeformed width b and thickness h of a leg.
 
     Returns
     -------
@@ -114,7 +115,10 @@ def _check_positive(values: dict[str, float]) -> None:
 
 
 def _stretch_at(law: Law, quantity: str, wanted: float, what: str) -> float:
-    """Return the uniaxial stretch at which a quantity of a law has a wanted value; raise ValueError if the law ends before."""
+    """Return the uniaxial stretch at which a quantity of a law, an attribute of its homogeneous state, has a wanted value.
+
+    Raise ValueError if the law ends before; `what` describes the wanted value in the message.
+    """
     checked_law(law)
 
     def excess(stretch: float) -> float:

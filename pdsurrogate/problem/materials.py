@@ -27,8 +27,8 @@ MOST_CONTRAST = 30.0
 and thin soft layers lock."""
 
 NOT_CONFINED = 2.0
-"""Bulk modulus of a soft material over the shear modulus of a stiff one, beyond which the run warns of confined parts in plane strain.
-Chosen: a stiff material of more than half this bulk modulus yields as much as the soft one where it is confined."""
+"""Bulk modulus of a soft material divided by the shear modulus of a stiff one, beyond which the run warns of confined parts in plane
+strain. Chosen: a stiff material of more than half this bulk modulus yields as much as the soft one where it is confined."""
 
 AS_GOOD_AS_RIGID = 1e4
 """Ratio of shear moduli beyond which the run recommends a rigid region for the stiff material.
@@ -57,7 +57,10 @@ def warn_of_bulk_moduli(scene: Scene) -> None:
 
 
 def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[str]) -> None:
-    """Warn of materials that are too thin or too stiff for the force model; raise ValueError for a rigid region one cell thick."""
+    """Warn of materials that are too thin or too stiff for the force model; raise ValueError for a rigid region one cell thick.
+
+    `model` is the name of the force model, and `rigid` lists the names of the rigid regions.
+    """
     laws = [portion.law for portion in force.portions]
     if rigid:
         _check_rigid_thickness(scene, force.interfaces.cells_across(len(laws), LEAST_LOADED_CELLS), ", ".join(rigid))
@@ -89,7 +92,10 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
 
 
 def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
-    """Raise ValueError for rigid regions one cell thick, and warn of thin rigid regions with a traction or pressure in the scene."""
+    """Raise ValueError for rigid regions one cell thick, and warn of thin rigid regions with a traction or pressure in the scene.
+
+    `cells` is the thickness of the regions in cells, and `names` their names in the messages.
+    """
     if cells < 2:
         raise ValueError(f"materials: a rigid region ({names}) is one cell thick, and needs 2; take a smaller spacing")
     if 0 < cells < LEAST_LOADED_CELLS and {load.kind for load in scene.loads} & {"traction", "pressure"}:
@@ -110,17 +116,16 @@ def scene_errors(scene: Scene, key: str = "") -> Iterator[None]:
 
 
 def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
-    """Return the force model of every material of a scene, after checks: `model` of the rest of the body, then those of `materials`.
+    """Check the force models of a scene and return them: `model`, then the model of each entry of the scene's `materials`.
 
-    An entry of `materials` has the model that it names; or else the model of the rest, if this describes the entry's law; or else a
-    surrogate of the entry's law of the same kind.
+    `model` is that of the body outside the regions of `materials`. An entry has the model that it names; or else `model`, if this describes
+    the entry's law; or else a surrogate of the entry's law of the same kind.
 
     Raises
     ------
     SceneError
         If a model does not describe its material, or cannot honour a setting of the scene, an artefact cannot be read or is of another kind
-        than the model of the rest, a region is rigid and the model of the rest has no energy, or no critical stretch follows from the
-        fracture energy with this model.
+        than `model`, a region is rigid and `model` has no energy, or no critical stretch follows from the fracture energy with `model`.
     """
     with scene_errors(scene):
         settings_of(scene).check(model.name, model.honoured(scene.plane))
@@ -135,7 +140,7 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
 
 
 def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
-    """Return the force model of an entry of `materials`; raise ValueError if it cannot be combined with `rest`, the body's model."""
+    """Return the force model of an entry of `materials`; raise ValueError if it does not fit `rest`, the model of the rest."""
     if part.material.rigid:
         if rest.family != "bond energy":
             raise ValueError(f"a rigid region takes a force that has an energy, as bond-energy; {rest.name} has none")
@@ -164,7 +169,7 @@ def portions_of(
     scene : Scene
     body : Body
     models : list of ForceModel
-        Force model of the rest of the body, then those of the scene's `materials`.
+        Force model of the body outside the regions of the scene's `materials`, then one for each of these.
     regions : BodyRegions
 
     Returns

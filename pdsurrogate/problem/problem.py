@@ -28,14 +28,14 @@ from .regions import BodyRegions
 
 @dataclass(frozen=True)
 class Problem:
-    """Scene compiled for a run on this rank.
+    """Scene compiled for a run on this rank (one of several parallel processes, or the only one).
 
     Attributes
     ----------
     scene : Scene
         Scene that the results describe; the solvers do not read it.
     models : sequence of ForceModel
-        Force model of the rest of the body, then those of the scene's `materials`; empty where no force is bound.
+        Force model of the body outside the regions of the scene's `materials`, then one for each of these; empty where no force is bound.
     settings : ForceSettings
         Choices for the evaluation of the force models.
     body : Body
@@ -76,7 +76,7 @@ class Problem:
         return self.scene.law()
 
     def describe(self) -> dict:
-        """Return the entries of a run's summary that follow from the scene alone."""
+        """Return the entries of a run's summary that follow from the scene and the names of its force models."""
         units = self.scene.units
         return {
             "scene": self.scene.name,
@@ -186,7 +186,8 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     Raises
     ------
     SceneError
-        If the body cannot be built, a region is empty, or the body is held or loaded in a way that has no solution; names the key.
+        If the body cannot be built, a region is empty, or the body is held or loaded in a way that has no solution; the message names the
+        key.
     """
     if models:
         warn_of_bulk_moduli(scene)

@@ -51,7 +51,11 @@ class Stage:
 
 
 def stages_of(scene: Scene) -> tuple[Stage, ...]:
-    """Return the stages of a scene's programme: one for each step; or with grips, one for each stretch, and a last one for dynamics."""
+    """Return the stages of a scene's programme.
+
+    A body between grips has a stage in equilibrium for each stretch and, if the scene gives dynamics, a last stage in dynamics; any other
+    body has one stage for each step of the scene.
+    """
     if not scene.stretched:
         return tuple(
             Stage(step.to, step.outputs, step.largest_increment, step.dynamics, f"steps.{number}.dynamics")
@@ -65,7 +69,7 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
 
 @dataclass(frozen=True)
 class NominalStress:
-    """Nominal stress of a body between grips: the outward force of one grip along the loaded axis over its cross-section.
+    """Nominal stress of a body between grips: the outward force of one grip along the loaded axis, divided by the cross-section there.
 
     Attributes
     ----------
@@ -74,7 +78,7 @@ class NominalStress:
     area : float
         Cross-section of the body at the grip.
     number : int
-        Number of the grip among the holders.
+        Number of the grip among the supports whose forces are reported.
     """
 
     edge: str
@@ -94,7 +98,8 @@ class Measures:
     Attributes
     ----------
     nominal_stress : NominalStress or None
-        Nominal stress of a body between two grips; without it results report moments, and outputs in dynamics among the levels.
+        Nominal stress of a body between two grips; None for other bodies, whose results report moments, and have a row of
+        ``summary["levels"]`` for every output in dynamics.
     lateral : int or None
         Axis across the load, along which the displacements of the edges of a rectangle between grips are reported; None otherwise.
     areas : dict of float
@@ -138,7 +143,7 @@ class Prescription:
     displacement : ndarray, shape (d,)
         Displacement where the factor is 1.
     factor : callable
-        Function of the loading parameter.
+        Factor as a function of the loading parameter.
     words : str
         Description for figures.
     rotation : float or None
@@ -177,10 +182,10 @@ class Prescription:
     def held(
         self, names: tuple[str, ...], points: np.ndarray, places: np.ndarray, components: tuple[int, ...] | None = None, **further
     ) -> Held:
-        """Return the held part that makes the prescribed motion: the given points, or a plane with points next to it, by their places.
+        """Return a held part of the body, points or a reflection plane, that makes the prescribed motion.
 
-        `names` lists all supports whose forces are reported, in which this one finds its number; `components` are by default all that are
-        prescribed, and `further` is passed to `Held`.
+        `points` are the held points, or those with images in the plane, `places` (k, d) the undeformed places of the part, `names` all
+        supports whose forces are reported, `components` the held ones (by default all prescribed ones), `further` more fields of `Held`.
         """
         holder = None if self.holder is None else names.index(self.holder)
         angle = None if self.rotation is None else self.angle
@@ -230,7 +235,8 @@ def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ..
 def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) -> Prescription:
     """Return the prescribed motion of one entry of the scene's `prescribed`.
 
-    `label` is the name under which results report its force, `span` the range of the loading parameter in the programme.
+    `number` is the position of the entry in the list, `label` the name under which results report the force of this support, and `span` the
+    least and greatest loading parameter of the programme.
     """
     entry, key = scene.prescribed[number], f"prescribed.{number}"
     values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
@@ -244,10 +250,11 @@ def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) 
 
 
 def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], t: float) -> float:
-    """Return the value of an amplitude at t, continued beyond the programme's `span`; raise InvalidState where it has no value.
+    """Return the value of an amplitude at t; beyond the programme's `span`, its least and greatest t, the amplitude is extrapolated.
 
-    An amplitude may have no value beyond the programme, but viscous forces need one slightly later: the amplitude is continued at its last
-    rate, so that parts that move at the end of the programme keep their velocity.
+    Viscous forces need values slightly after the end of the programme, where the amplitude itself may be undefined. The extrapolation, by
+    reflection in the point at the end, keeps the velocity of parts that move there. Raise InvalidState, with the `key` of the amplitude in
+    the scene, if the amplitude is undefined at a t within the span that is used.
     """
     try:
         within = min(max(t, span[0]), span[1])

@@ -39,9 +39,9 @@ Such points lie on either side of an axis of symmetry, where a support at one of
 
 
 class _Parts:
-    """Base class of the things that regions contain, each with a place: the points of a body, or the facets of its boundary.
+    """Base class for the points of a body, or the facets of its boundary, each at a place, among which those in a region are searched.
 
-    A search for those in a region returns the distance of each from it: 0 for those that are in it, infinite if undefined.
+    Every search returns the distances of all points or facets from the region: 0 for those in it, infinite where no distance is defined.
     """
 
     def __init__(self, regions: "BodyRegions", places: np.ndarray, groups: Mapping[str, np.ndarray]) -> None:
@@ -49,7 +49,7 @@ class _Parts:
         self.corners = regions.lower, regions.upper
 
     def group(self, name: str) -> np.ndarray:
-        """Return the points or facets in a physical group of the mesh file."""
+        """Return the distances from a physical group of the mesh file: 0 for its points or facets, infinite for others."""
         if not self.groups:
             raise ValueError(f"there is no group {name!r}: the body is of no mesh with physical groups of cells or lines")
         if name not in self.groups:
@@ -57,7 +57,7 @@ class _Parts:
         return self.numbered(self.groups[name])
 
     def numbered(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the result of a search that found the points or facets with the given numbers."""
+        """Return the distances that mean that the points or facets with the given numbers are in the region: 0 for them, else infinite."""
         distance = np.full(len(self.places), np.inf)
         distance[numbers] = 0.0
         return distance
@@ -82,7 +82,11 @@ class _Points(_Parts):
         return np.where(distance < reach, 0.0, distance)
 
     def listed(self, region: Region) -> np.ndarray:
-        """Return the points whose numbers a region lists, or those nearest to its place `near`: several if equally near."""
+        """Return the distances from the points that a region lists by number, or from those nearest to its place `near`.
+
+        They are 0 for these points, infinite for others. Several points may be equally near (`ALIKE`). Raise ValueError if a number is too
+        great, or if no point is near the place.
+        """
         share = self.body.share
         if region.near is not None:
             distance = np.linalg.norm(self.places - np.array(region.near), axis=1)
@@ -118,7 +122,7 @@ class _Facets(_Parts):
 
 
 def _facets_of(surface: Surface, name: str) -> np.ndarray:
-    """Return the numbers of the facets of the outline, of all holes, or of one hole, by name."""
+    """Return the numbers of the facets of a part of the boundary: "outline", "holes" for all holes, or "holes.0", ... for one of them."""
     holes = np.char.startswith(surface.parts, "holes.")
     found = np.flatnonzero(~holes if name == "outline" else holes if name == "holes" else surface.parts == name)
     if not len(found):
@@ -130,10 +134,10 @@ def _facets_of(surface: Surface, name: str) -> np.ndarray:
 class BodyRegions:
     """Regions of a scene, resolved into numbers of points of its body and of facets of its boundary.
 
-    The points of a region are those inside it; of an edge, those within a cell of the edge; of the outline and the holes, those within a
-    cell of their facets; of a group of a mesh, those of its cells, or of the cells with one of its lines as a side. The facets of a region
-    are those whose middle is inside it; of an edge, those on the edge; of the outline and the holes, their own; of a group, those of its
-    cells or lines.
+    Which points belong to a region depends on its kind: for a shape the points inside it; for an edge, the outline or the holes the points
+    within a cell of it; for a group of a mesh the points of its cells, or of the cells with one of its lines as a side. Facets belong to a
+    shape if their middle is inside it, to an edge, the outline or the holes if they are part of it, and to a group if they are of its cells
+    or lines.
 
     Error messages identify a region by its name, or by the `key` of the entry that defines it in place.
 
@@ -157,22 +161,23 @@ class BodyRegions:
         return _Facets(self, self.surface().midpoints(), self.surface().groups)
 
     def points(self, reference: str | Region, key: str | None = None) -> np.ndarray:
-        """Return the numbers of the points in a region.
+        """Return the numbers of the points in a region, given as a `Region` or by name.
 
         Raises
         ------
         ValueError
-            If there are none; the message names the region and the nearest point.
+            If there are none; the message names the region (one without a name by `key`) and the nearest point.
         """
         return self._found(reference, key, self._points)
 
     def facets(self, reference: str | Region, key: str | None = None) -> np.ndarray:
-        """Return the numbers of the facets in a region.
+        """Return the numbers of the facets in a region, given as a `Region` or by name.
 
         Raises
         ------
         ValueError
-            If there are none, or a node of a facet has too few points near it to determine its motion; names the region and the place.
+            If there are none, or a node of a facet has too few points near it to determine its motion; the message names the region (one
+            without a name by `key`) and the place.
         """
         found = self._found(reference, key, self._facets)
         surface = self.surface()
@@ -184,7 +189,7 @@ class BodyRegions:
         return found
 
     def edge(self, reference: str | Region) -> str | None:
-        """Return the name of the edge or face of the bounding box that a region is; None if it is anything else."""
+        """Return the name of the edge or face of the bounding box that a region consists of; None for any other region."""
         return whole_edge(self._scene, reference, self.body.faces)
 
     def is_place(self, reference: str | Region) -> bool:
@@ -204,7 +209,7 @@ class BodyRegions:
         Raises
         ------
         ValueError
-            If it does not; names the key and the nearest point.
+            If the place lies elsewhere; the message names `key`, the key of the place in the scene, and the nearest point.
         """
         at = np.array([place], dtype=float)
         surface = self.surface()
@@ -230,7 +235,7 @@ class BodyRegions:
         return reference
 
     def _resolved(self, reference: str | Region, parts: _Points | _Facets) -> np.ndarray:
-        """Return the distance of each of the parts from a region, 0 for those that are in it."""
+        """Return the distances of points or facets, `parts`, from a region: 0 for those in it."""
         region = self._unnamed(reference)
         if isinstance(region, str):
             if region in edge_names(self._scene.dimension):
@@ -250,7 +255,7 @@ class BodyRegions:
         return np.where(distance <= self._tolerance, 0.0, distance)
 
     def _nearby(self, reference: str | Region, parts: _Points | _Facets, distance: np.ndarray) -> str:
-        """Return, for the message about an empty region, which point or facet is nearest, or why there is none."""
+        """Return, for the message about an empty region, which point or facet is nearest by the given distances, or why none is near."""
         region = self._unnamed(reference)
         if isinstance(region, Region) and region.both is not None:
             counts = [f"{key} {(self._resolved(member, parts) == 0).sum()}" for key, member in region.members()]

@@ -108,15 +108,15 @@ class Communicator:
         self.agree(error)
 
     def gather(self, rows: np.ndarray) -> list[np.ndarray] | None:
-        """Return the arrays of all ranks on the first rank; None on the others."""
+        """Return, on the first rank, the list of the arrays `rows` of all ranks; None on the others."""
         return self._world.gather(rows)
 
     def hand_out(self, parts: Sequence[np.ndarray] | None) -> np.ndarray:
-        """Return the array that the first rank sends to this one."""
+        """Return this rank's item of `parts`, a list of one array for each rank that the first rank gives; the others give None."""
         return self._world.scatter(parts)
 
     def exchange(self, outgoing: dict[int, np.ndarray], incoming: dict[int, np.ndarray]) -> None:
-        """Send arrays to some ranks and receive arrays from others, all at the same time."""
+        """Send the arrays `outgoing`, by rank, and overwrite the arrays `incoming`, by rank, with those received; all at the same time."""
         if not self._mpi:
             return
         byte = self._mpi.BYTE

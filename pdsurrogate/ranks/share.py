@@ -1,4 +1,4 @@
-"""Division of a body among ranks: the share of each, with points of its own and a halo of points that other ranks own."""
+"""Division of a body among ranks: the share of each rank, with points of its own and a halo of points that other ranks own."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Halo:
         self._send = {rank: order[np.searchsorted(names, asked, sorter=order)] for rank, asked in enumerate(wanted) if len(asked)}
 
     def fill(self, *fields: np.ndarray) -> None:
-        """Copy the rows of the halo in each field, in place, from the ranks that own them; a field may have more rows, for images."""
+        """Copy the rows of the halo in each field, in place, from the ranks that own them; further rows, as of images, stay as they are."""
         for field in fields:
             for rows, values in self._exchanged(field, self._send, self._receive):
                 field[rows] = values
@@ -61,7 +61,7 @@ class Halo:
 
 
 class Rows:
-    """Correspondence between an array's rows on this rank, own ones or copies, and its rows for the whole body.
+    """Correspondence between the rows of an array on this rank, which it owns or has copied, and the rows of that array for the whole body.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ class Share:
         return self.ranks.to_all(None if whole is None else float(whole.sum()))
 
     def joined(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return the rows of all ranks together, without rows of halo points; the rows of a rank belong to its given local `points`."""
+        """Return the rows of all ranks as one array, without rows of halo points; `points` are the local points to which `rows` belong."""
         return np.concatenate(self.everywhere(rows[self.own[points]]))
 
     def pieces(self, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
@@ -242,16 +242,17 @@ class Share:
 
 
 def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
-    """Return the number of connected components of n points joined by bonds with ends `first`, `second`, and each point's, shape (n,).
+    """Return the number of connected components of n points, and the number of the component of each point, shape (n,).
 
-    Only the bonds given here count: ranks do not communicate, unlike in `Share.pieces`.
+    Bonds join the points `first` to the points `second`. Only the bonds given here count: ranks do not communicate, unlike in
+    `Share.pieces`.
     """
     graph = sparse.coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(n, n))
     return connected_components(graph, directed=False)
 
 
 def bond_counts(points: np.ndarray, radius: float, chosen: slice = slice(None)) -> np.ndarray:
-    """Return the number of points within a radius of each chosen point, itself included, as a measure of its cost of computation."""
+    """Return, for each chosen point, the number of points within a radius, itself included, which measures the cost of computing it."""
     counted = cKDTree(points).query_ball_point(points[chosen], radius, return_length=True)
     return np.asarray(counted, dtype=float)
 

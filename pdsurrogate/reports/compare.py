@@ -1,4 +1,4 @@
-"""Speed against error of every force model, measured in one interleaved run, with its table and figure."""
+"""Speed and error of every force model, timed in alternation, with a table and a figure of the comparison."""
 
 import itertools
 from collections.abc import Callable, Iterator
@@ -26,23 +26,24 @@ from ..scenes import load_scene
 from .speed import UNDISTURBED, TimedModel, measure_speed, sheet
 
 Progress = Callable[[str, float, int, str], None]
-"""Function that receives the stage, how much of it is done (fractions of a model count), the total, and a description."""
+"""Function that receives the stage of a comparison, the number of models (or timings) done in it, possibly a fraction, the total number,
+and a description."""
 
 FITTING, TIMING, ERRORS = "Fitting", "Timing", "Errors, section 6.2"
-"""Stages of a comparison."""
+"""Stages of a comparison: fitting or loading the models, timing them, and measuring their errors."""
 
 RIVAL, REFERENCE = "BA-NOSB", "NOSB"
-"""Titles of the two models with whose cost the cost of the other models is compared."""
+"""Titles of the two models with which the cost of every model is compared."""
 
 
 SHIPPED = {("symmetric", 20): "neo-hookean@1", ("isochoric", 4): "neo-hookean@2"}
-"""Shipped networks of Neo-Hookean rubber by their features and units, which need no fit."""
+"""Shipped artefacts of Neo-Hookean rubber, used instead of a fit, by their feature set and number of hidden units."""
 
 
 class Plan(NamedTuple):
-    """Force model to be compared: its title, a function that loads or fits it, its precisions, and changes (KEY=VALUE) to the scene.
+    """Force model to be compared: its title, a function that loads or fits it, its precisions, and changes to the scene of `measure_scene`.
 
-    ``{size}`` in the title stands for the model's size.
+    ``{size}`` in the title stands for `ForceModel.size`; a change is a text KEY=VALUE.
     """
 
     title: str
@@ -54,7 +55,8 @@ class Plan(NamedTuple):
 def plans(law: Law, quick: bool) -> Iterator[Plan]:
     """Yield plans of all force models to be compared for a material law: exact models, NOSB, BA-NOSB, and surrogates of several sizes.
 
-    Surrogates are fitted to the law; for Neo-Hookean rubber the shipped networks are used as they are.
+    Surrogates are fitted to the law, except for the networks in `SHIPPED` and "neo-hookean-paper" for Neo-Hookean rubber. `quick` selects
+    fewer and smaller fits.
     """
     shipped = isinstance(law, NeoHookean)
     samples = learning.training_samples(law, 3000 if quick else 8000, learning.reachable_stretches(law), random_state=0)
@@ -96,7 +98,7 @@ def plans(law: Law, quick: bool) -> Iterator[Plan]:
 
 
 def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[TimedModel]:
-    """Return the force models to be compared for a law, loaded or fitted, one for each precision."""
+    """Return the force models to be compared for a law, loaded or fitted, one for each precision, to be timed on `body`."""
     planned, found = list(plans(law, quick)), []
 
     def iteration(number: int, what: str, now: int, most: int, loss: float) -> None:
@@ -113,10 +115,11 @@ def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Ti
 
 
 def measure_error(entry: TimedModel, law: Law, n_samples: int) -> dict:
-    """Return the errors of a learnt model against the exact law, and for a bond force the least slope d t_n / d lambda_b.
+    """Return the errors of a learnt model against the exact law at `n_samples` states; empty for other models.
 
-    The errors are those of the compiled kernel in its own precision, on and off the plane-stress surface, of an energy on it alone. The
-    slope is found in double precision. For other models the result is empty.
+    They are relative errors (RMS and greatest) of the compiled kernel in its own precision: of bond forces on and off the surface of states
+    of plane stress, of an energy's stresses on it alone. For a bond force the least slope of its component along the bond by the bond
+    stretch is added, in double precision.
     """
     if isinstance(entry.model, EnergySurrogate):
         # An energy gives the stress on the surface only, since C33 is not among its inputs.
@@ -134,7 +137,11 @@ def measure_error(entry: TimedModel, law: Law, n_samples: int) -> dict:
 
 
 def measure_scene(entry: TimedModel, law: Law, spacing: float) -> dict:
-    """Run the uniaxial scene of the paper's section 6.2 with a candidate; return its greatest errors, evaluations and seconds."""
+    """Run the uniaxial scene of the paper's section 6.2 with a force model, and return its errors and cost as columns of a row.
+
+    The columns are the greatest relative errors of nominal stress and lateral displacement over the stretches (against the exact uniaxial
+    solution), the number of force evaluations, the seconds without compilation, and the solver's method; or else the reason of a failure.
+    """
     changes = [f"spacing={spacing}", f"precision={entry.precision}", *entry.changes]
     scene = load_scene("uniaxial", changes, material=law.describe())
     try:
@@ -160,7 +167,7 @@ def compare(
     Parameters
     ----------
     law : Law, optional
-        Neo-Hookean with K = 100 mu by default.
+        Material of the comparison; by default Neo-Hookean rubber with K = 100 mu.
     quick : bool
         Coarser scene, smaller fits and shorter timings: for a first look, not for quoting.
     progress : callable
@@ -171,7 +178,7 @@ def compare(
     Returns
     -------
     dict
-        ``machine``, ``material``, ``settings`` and ``models``: a list of rows, one for each model and precision.
+        ``machine``, ``material``, ``settings``, and in ``models`` a list of rows, one for each model and precision.
 
     Raises
     ------
@@ -213,16 +220,16 @@ COLUMNS = {
     "6.2: stress / displ. error (%)": "{scene_stress_error:.2g} / {scene_displacement_error:.2g}",
     "6.2: evaluations, s": "{scene_evaluations}, {scene_seconds:.2f}",
 }
-"""Title of each column of the comparison, and the form of its entries."""
+"""Title of each column of the comparison's table, and the format by which its cells show a row of the report."""
 
 
 def table(report: dict) -> tuple[list[str], list[list[str]]]:
-    """Return the header and the rows of the table of a comparison, as texts, one row for each model and precision."""
+    """Return the header and the rows, as texts, of the table of a report by `compare`, with one row for each model and precision."""
     return list(COLUMNS), [[_cell(form, row) for form in COLUMNS.values()] for row in report["models"]]
 
 
 def _cell(form: str, row: dict) -> str:
-    """Return the text of a table cell from a format and a model's figures; ``-`` for a missing figure, "failed" if its scene failed."""
+    """Return the text of a table cell from a format and a row of the report; ``-`` if a value is missing, or "failed" if of the scene."""
     percent = {key: 100 * row[key] for key in ("scene_stress_error", "scene_displacement_error") if key in row}
     try:
         return form.format(**{**row, **percent})
@@ -231,7 +238,7 @@ def _cell(form: str, row: dict) -> str:
 
 
 def caution(rows: list[dict]) -> str:
-    """Return a warning if other work on the machine disturbed the timings; empty if not."""
+    """Return the text of a warning if other work on the machine disturbed the timings of a report's rows; empty if not."""
     most = max(max(row["disturbance_1"], row["disturbance_all"]) for row in rows)
     if most <= UNDISTURBED:
         return ""
@@ -239,7 +246,10 @@ def caution(rows: list[dict]) -> str:
 
 
 def pareto_figure(report: dict) -> Figure:
-    """Return a figure of the models' errors off the plane-stress surface against their cost; models without such an error are lines."""
+    """Return a figure of the models' RMS force errors at states off the plane-stress surface against their cost.
+
+    `report` is a result of `compare`. A model without a measured error is drawn as a vertical line at its cost.
+    """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(8.6, 4.4), layout="constrained")
         axis, floor = figure.subplots(), 1e-9

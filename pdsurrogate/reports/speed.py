@@ -17,28 +17,32 @@ from ..forces import ForceModel, ForceSettings
 from ..materials import Law, homogeneous
 
 ENOUGH = 12
-"""Number of undisturbed timings required for every model. Chosen: the median of twelve hardly depends on single timings; more of them take
-longer to find on a busy machine."""
+"""Number of undisturbed timings (see `UNDISTURBED`) required for every model and number of threads. Chosen: the median of twelve hardly
+depends on single timings; more of them take longer to find on a busy machine."""
 
 UNDISTURBED = 1.1
-"""Ratio of the reference arithmetic's time around a timing to its shortest time, up to which the timing counts as undisturbed. Chosen:
-another process on the same core makes it 2; a ratio nearer to 1 rejects timings for nothing but noise."""
+"""Slowdown of a core up to which a timing counts as undisturbed by other processes.
+
+The slowdown is that of reference arithmetic (a fixed loop, `arithmetic`), timed just before and after every timing: its longer time there
+divided by its shortest time in the whole measurement. Chosen: another process on the same core makes it 2; a limit nearer to 1 rejects
+timings for nothing but noise.
+"""
 
 TIMINGS = 4
-"""Timings in each turn of a model. Chosen: more turns instead of longer ones spread the timings of all models over the same quiet and busy
-moments; each turn costs `WARM_UP`."""
+"""Number of timings of a model in each of its turns; models are timed in turns. Chosen: short turns spread the timings of all models over
+the same quiet and busy moments, but each turn costs `WARM_UP`."""
 
 WARM_UP = 8e-3
-"""Seconds for which a model runs before it is timed, since the caches first hold another model's data. Chosen: some evaluations of the body
-that is timed; a longer one leaves less time for timings."""
+"""Seconds for which a model runs untimed at the start of each turn, since the caches still hold another model's data. Chosen: time for some
+evaluations; a longer warm-up leaves less time for timings."""
 
 PIECE = 5e-4
-"""Seconds of reference arithmetic before and after each timing, on one thread of an undisturbed core. Chosen: long against the resolution
-of the clock, short against the evaluation that it accompanies."""
+"""Seconds that the reference arithmetic before and after each timing takes on one thread of an undisturbed core. Chosen: long against the
+resolution of the clock, short against the force evaluation that is timed."""
 
 
 ROWS = 2
-"""Rows of the buffer: arguments and values."""
+"""Number of rows in the buffer of `arithmetic`: one of arguments, one of values."""
 
 
 def sheet() -> Body:
@@ -47,7 +51,7 @@ def sheet() -> Body:
 
 
 def bench_positions(body: Body, law: Law) -> np.ndarray:
-    """Return positions of a body's points, shape (n, 2), at uniaxial stretch 2 with smooth waves, so that the states of bonds differ."""
+    """Return positions of a body's points, shape (n, 2), in uniaxial tension to stretch 2, with waves that make bond states differ."""
     state = homogeneous.uniaxial(law, 2.0)
     x1, x2 = body.points.T
     wave = 0.2 * body.horizon
@@ -57,7 +61,10 @@ def bench_positions(body: Body, law: Law) -> np.ndarray:
 
 @dataclass(frozen=True)
 class TimedModel:
-    """Force model in one precision on a body, whose evaluations are timed; for a comparison its title, and changes to the scene."""
+    """Force model, in one precision and on one body, whose evaluations are timed.
+
+    `compare` also uses its title, and changes (texts KEY=VALUE) to the scene of `measure_scene`.
+    """
 
     model: ForceModel
     precision: str
@@ -71,26 +78,29 @@ def measure_speed(
 ) -> list[dict]:
     """Measure the nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
 
-    All cases are timed in turns of some milliseconds. A core may be shared with other work, which comes and goes; a processor that runs two
-    threads on a core then needs half as much time again. Therefore reference arithmetic that needs no memory is timed just before and after
-    every timing, on as many threads. Only timings are used around which the arithmetic ran at full speed, and their medians are returned;
-    the models' own times play no part in the selection.
+    A directed bond is one end of a bond: each bond counts twice. The bond pass is the part of the evaluation that runs over bonds, from
+    known states of the points. All cases are timed in turns of some milliseconds. A core may be shared with other work, which comes and
+    goes; a processor that runs two threads on a core then needs half as much time again. Therefore reference arithmetic that needs no
+    memory is timed just before and after every timing, on as many threads. Only timings are used around which the arithmetic ran at full
+    speed, and their medians are returned; the models' own times play no part in the selection.
 
     Parameters
     ----------
     cases : list of TimedModel
     law : Law
+        Material of the bodies.
     patience : float
-        Seconds after which the least disturbed timings are used.
+        Seconds after which the least disturbed timings are used, even if fewer than `ENOUGH` of them are undisturbed.
     progress : callable
-        Called with the progress (timings done, or the share of the patience that has passed), the total, and a description.
+        Called with the progress, the total and a description. The progress is the number of pairs (case, number of threads) that have
+        enough undisturbed timings, or the total times the share of `patience` that has passed, whichever is greater.
 
     Returns
     -------
     list of dict
         For each case ``ns_per_directed_bond_1`` and ``ns_per_directed_bond_all``, ``ns_bond_pass_1`` and ``ns_bond_pass_all``,
         ``thread_speedup``, ``arithmetic_speedup`` (gain of the arithmetic from threads around these timings), ``disturbance_1`` and
-        ``disturbance_all`` (time of the arithmetic around these timings over its best), and the medians of all timings,
+        ``disturbance_all`` (time of the arithmetic around these timings divided by its shortest), and the medians of all timings,
         ``ns_per_directed_bond_1_at_any_time`` and ``ns_per_directed_bond_all_at_any_time``.
     """
     threads = sorted({1, most_threads()})
@@ -134,10 +144,10 @@ def measure_speed(
 
 
 def _turns_of(case: TimedModel, law: Law, count: int, yardstick: Callable[[], float]) -> Callable[[], list[tuple[float, float, float]]]:
-    """Return a function that times a force model several times on `count` threads and returns a list of timings.
+    """Return a function that times a force model `TIMINGS` times on `count` threads and returns the list of timings.
 
-    A timing holds the seconds of the whole evaluation, of the bond pass, and of the reference arithmetic (`yardstick`) before or after
-    them, whichever was slower.
+    A timing holds the seconds of the whole evaluation, of the bond pass, and of the reference arithmetic just before or just after them,
+    whichever is longer; the function `yardstick` runs this arithmetic and returns its seconds.
     """
     positions, out = bench_positions(case.body, law), np.empty_like(case.body.points)
     with thread_count(count):
@@ -165,9 +175,9 @@ def _turns_of(case: TimedModel, law: Law, count: int, yardstick: Callable[[], fl
 
 @Pass
 def arithmetic(chunk, rounds, buffers):
-    """Do reference arithmetic: evaluate a polynomial on a block of single-precision numbers `rounds` times, shared among threads.
+    """Do reference arithmetic: evaluate a polynomial on a block of single-precision numbers `rounds` times, shared among the threads.
 
-    The block stays in the first-level cache, so that memory does not limit the gain from threads.
+    The block of each thread, in `buffers`, stays in the first-level cache, so that memory does not limit the gain from threads.
     """
     widest_vectors()
     rows = block_rows(buffers[chunk.thread])
@@ -184,7 +194,7 @@ def arithmetic(chunk, rounds, buffers):
 
 
 def _arithmetic_on(count: int) -> Callable[[int], float]:
-    """Return a function that times a given number of rounds of `arithmetic`, in seconds; `count` is the number of threads in use."""
+    """Return a function that takes a number of rounds of `arithmetic` and returns their seconds; `count` threads must be in use."""
     buffer = aligned_rows((count, ROWS, BLOCK), np.float32, 0.5)
 
     def seconds(rounds: int) -> float:

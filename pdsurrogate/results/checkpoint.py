@@ -47,7 +47,8 @@ class Checkpoint(NamedTuple):
         ----------
         folder : Path
         identity : dict
-            Entries that must be equal in the run that resumes: the contents of the run (`contents_of`), and sizes.
+            Entries that must be equal in the run that resumes: its scene, force models and mesh (see `contents_of`), and its numbers of
+            points and bonds.
         """
         text = json.dumps({"format": FORMAT, "identity": identity, "progress": self.progress}, allow_nan=False)
         # First, so that the head of the file identifies it.
@@ -63,7 +64,7 @@ class Checkpoint(NamedTuple):
         ----------
         folder : Path
         identity : dict
-            Identity of the run that resumes.
+            Identity of the run that resumes, as for `write`.
         shapes : dict
             Shape and dtype of every required array.
 
@@ -107,7 +108,10 @@ def identity_in(folder: Path) -> dict | None:
 
 
 def _parts_of(path: Path, names: Collection[str] | None = None) -> tuple[dict, dict[str, np.ndarray]]:
-    """Return the description (a dictionary) and the named arrays of a checkpoint's file; raise one of `_DAMAGE` if it cannot be read."""
+    """Return the description (a dictionary) and the arrays of a checkpoint's file: all arrays, or only those listed in `names`.
+
+    `names` must list the description too. Raise one of `_DAMAGE` if the file cannot be read.
+    """
     with path.open("rb") as file:
         arrays = read_arrays(file, names)
     return json.loads(arrays.pop(_DESCRIPTION).tobytes().decode()), arrays

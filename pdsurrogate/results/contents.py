@@ -13,7 +13,7 @@ from ..scenes import Mesh, Scene, SceneError
 from ..scenes.reading import leaves
 
 MESH = "mesh"
-"""Key of the digest of a mesh file."""
+"""Key of the digest of the scene's mesh file among the digests of the force models."""
 
 MOST_TOLD, MOST_CHARACTERS = 3, 60
 """Number of differences that a message lists, and characters of a value in it. Chosen: the message stays some lines long, and three
@@ -31,8 +31,9 @@ def contents_of(scene: Scene, models: Sequence[ForceModel]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``scene_as_run``: the scene with all defaults, as plain values; ``force``: name of the force model, with several materials of that
-        outside the regions of ``materials``; ``digests``: digest of every force model by its name, and of the mesh file under `MESH`.
+        ``scene_as_run``: the scene with all defaults, as plain values; ``force``: name of the force model, in a body of several materials
+        the model outside the regions of ``materials``; ``digests``: digest of every force model by its name, and of the mesh file under
+        `MESH`.
     """
     digests = {model.name: digest_of_model(model) for model in models}
     if isinstance(scene.body, Mesh):
@@ -41,7 +42,10 @@ def contents_of(scene: Scene, models: Sequence[ForceModel]) -> dict[str, Any]:
 
 
 def contents_in(entries: Any) -> dict[str, Any] | None:
-    """Return the contents of a run from its summary or a checkpoint's identity; None if they are missing, as in earlier versions."""
+    """Return the scene, the name of the force and the digests of a run, in the form of `contents_of`; None if they are missing or invalid.
+
+    `entries` is what was read from the run's ``summary.json`` or from the identity in its checkpoint (`Checkpoint.write`).
+    """
     try:
         scene = Scene.model_validate(entries["scene_as_run"])
         return {"force": entries["force"], "digests": dict(entries["digests"]), "scene_as_run": _dump(scene)}
@@ -50,7 +54,10 @@ def contents_in(entries: Any) -> dict[str, Any] | None:
 
 
 def differences_between(there: dict[str, Any], now: dict[str, Any]) -> str:
-    """Return a text that says how the contents of two runs, one before and one `now`, differ; empty if they are equal."""
+    """Return a text that says how two runs differ in scene, force model or mesh file; empty if they are equal but for the scene's title.
+
+    `there` is the run found in a folder, `now` the run that is to begin, both in the form of `contents_of`.
+    """
     before, after = ({**contents["scene_as_run"], "title": None} for contents in (there, now))
     found = differences_of(before, after)
     if there["force"] != now["force"]:

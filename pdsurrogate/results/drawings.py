@@ -1,4 +1,4 @@
-"""Drawings of a result: its states, its curves, an animation of its dynamics, and a page of HTML with all of it and no links."""
+"""Drawings of a result: pictures of its states, curves, an animation of its dynamics, and a page of HTML that needs no other file."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ FRAMES_PER_SECOND = 8
 """Frames of an animation per second. Chosen: single states can be told apart, and the usual number of them takes some seconds."""
 
 SHOWN_SHARE = 1e-3
-"""Share of the greatest force above which a component of force is drawn or printed. Chosen: smaller components may be residuals, which an
-equilibrium leaves up to a thousandth of the forces that drive the body."""
+"""Size of a force component, divided by that of the greatest component, above which it is drawn or printed. Chosen: smaller ones may be
+residuals, which an equilibrium leaves up to a thousandth of the forces that drive the body."""
 
 PAGE = Path(__file__).with_name("page.html")
-"""Template of the page."""
+"""Path of the template that `html_page` fills in."""
 
 MOST_OUTPUTS = 40
-"""Greatest number of states on a page; of a longer run they are spread evenly. Chosen: the page holds a picture of every state and field,
-so that its size grows with both."""
+"""Greatest number of states on a page of HTML; from a longer run, states are chosen evenly. Chosen: the page holds a picture of every field
+in every state, so that its size grows with both."""
 
 MOST_ROWS = 200
-"""Greatest number of rows of the history on a page; of more rows every second, third and so on is shown. Chosen: the table stays readable,
-and the file of the history has all rows."""
+"""Greatest number of rows of a run's history on a page of HTML; of a longer one every second, third or further row is shown. Chosen: the
+table stays readable, and ``history.csv`` has all rows."""
 
 USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
-"""Fields that a page shows by default, where the last state has them."""
+"""Fields that a page of HTML shows by default, as far as the last state has them."""
 
 
 def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:
-    """Return a figure of the deformed body in the states of given numbers, coloured by a field."""
+    """Return a figure of the deformed body in the states of given numbers, coloured by a field, by default each to a scale of its own."""
     # A state may have to be read from its file.
     states = [result.states[number][1] for number in numbers]
     values, titles = [scalars_of(fields, field) for fields in states], [result.title(number) for number in numbers]
@@ -121,7 +121,7 @@ def _save_animation(result: Result, path: Path) -> None:
 
 
 def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[int, int], None] = lambda done, of: None) -> str:
-    """Return a page in HTML that shows a result: pictures of fields over the outputs, curves, tables and versions.
+    """Return a page in HTML that shows a result: pictures of fields at the outputs, curves, tables, and versions of the software.
 
     Parameters
     ----------
@@ -163,7 +163,10 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
 
 
 def _pictures(result: Result, field: str, shown: list[int]) -> Iterator[str]:
-    """Yield pictures of states of given numbers, coloured by a field to one scale, as data URIs; empty for a state without the field."""
+    """Yield, for each state number in `shown`, a picture coloured by a field, as a data URI; all pictures have one scale of colours.
+
+    A state without the field gives empty text; raise ValueError if it is the last one.
+    """
     values = {}
     for number in shown:
         try:

@@ -15,7 +15,7 @@ from ..body.cell_mesh import FACES, CellMesh
 from .files import MARK, replacing
 
 Moved = list[tuple[CellMesh, np.ndarray]]
-"""Cells of states, each with the displacements of their nodes."""
+"""One entry for each state: the cells of the body, and the displacements of their nodes, shape (k, d)."""
 
 Limits = tuple[float, float]
 """Values at the ends of a scale of colours."""
@@ -32,16 +32,17 @@ STYLE: dict[Any, Any] = {
 """Settings of Matplotlib for all figures: letters of 9 points, as in print at the width of a page, and no frame where there is no axis."""
 
 INCHES_OF_A_LETTER = 0.6 * STYLE["font.size"] / 72
-"""Mean width of a letter in the font of `STYLE`, 0.6 of its size."""
+"""Mean width of a letter in inches: 0.6 of the font size in `STYLE`."""
 
 ONE_COLOUR = 1e-4
-"""Share of the greatest value: fields that vary by less are shown in one colour. Equilibria are found to some 1e-6."""
+"""Least range of a scale of colours, divided by the greatest absolute value on it: a field that varies by much less, as by residuals
+of a solver (some 1e-6), has one colour."""
 
 MOST_TICKS = 6
-"""Ticks along the axis of a curve: more numbers, of times above all, would run into each other."""
+"""Greatest number of intervals between ticks on the horizontal axis of curves: with more, their numbers would run into each other."""
 
 MOST_MARKED = 30
-"""Points of a curve up to which each is marked: more marks would run into each other."""
+"""Number of points of a curve below which every point is marked: more marks would run into each other."""
 
 
 ELEVATION, AZIMUTH = 22.0, -58.0
@@ -49,7 +50,7 @@ ELEVATION, AZIMUTH = 22.0, -58.0
 
 _UP, _ROUND = np.radians([ELEVATION, AZIMUTH])
 EYE = np.array([np.cos(_UP) * np.cos(_ROUND), np.cos(_UP) * np.sin(_ROUND), np.sin(_UP)])
-"""Direction from the body to the eye."""
+"""Unit vector from a solid to the viewer, by `ELEVATION` and `AZIMUTH`."""
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -59,7 +60,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
-    """Return the displaced corners of cells in the plane, shape (n, 4, 2); a triangle repeats its last corner."""
+    """Return the corners of cells in the plane after a displacement of the nodes (k, 2), shape (n, 4, 2); triangles repeat the last."""
     places = cells.nodes + displacement
     return np.concatenate([places[block[:, [0, 1, 2, 3] if block.shape[1] == 4 else [0, 1, 2, 2]]] for block in cells.blocks])
 
@@ -71,7 +72,10 @@ def limits_of(values: np.ndarray) -> Limits:
 
 
 def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
-    """Draw deformed cells, shape (n, 4, 2), in colours of their values; fit the axis to the cells and return the drawn collection."""
+    """Draw deformed cells, shape (n, 4, 2), in colours of their values; fit the axis to the cells and return the drawn collection.
+
+    `limits` are options of Matplotlib's PolyCollection for the scale of colours, such as ``clim``.
+    """
     drawn = PolyCollection(cells, array=values, cmap="turbo", edgecolors="none", linewidths=0, antialiased=False, rasterized=True, **limits)
     axis.add_collection(drawn)
     low, high = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
@@ -167,7 +171,7 @@ def _solids(moved: Moved, values: list[np.ndarray], label: str, titles: list[str
 
 
 def cut_of(cells: CellMesh) -> tuple[int, float]:
-    """Return the plane through the middle of a solid that a picture shows: the number of its normal axis, and its coordinate there."""
+    """Return the plane of the section in figures of a solid: its normal axis (0, 1 or 2), the thinnest direction, and its position."""
     # The last of equal sides, so that the cut of a cube shows x1, the direction of loading.
     sides = np.ptp(cells.nodes, axis=0)[::-1]
     axis = 2 - int(np.argmin((sides / sides.max()).round(9)))
@@ -177,7 +181,8 @@ def cut_of(cells: CellMesh) -> tuple[int, float]:
 def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray, box: np.ndarray, zoom: float) -> None:
     """Draw a solid from outside: the outer sides of the cells that face the viewer.
 
-    `nodes` are the deformed nodes, shape (k, 3), `of_cells` the colours of the cells, shape (n, 4), and `box` the corners of the view.
+    `nodes` are the deformed nodes, shape (k, 3), `of_cells` the colours of the cells (RGBA), shape (n, 4), `box` the lower and upper corner
+    of the part of space in view, shape (2, 3), and `zoom` the magnification.
     """
     axes.set(xlim=box[:, 0], ylim=box[:, 1], zlim=box[:, 2])
     axes.set_box_aspect(box[1] - box[0], zoom=zoom)

@@ -16,8 +16,8 @@ MARK = "pdsurrogate run"
 """Mark within the first `HEAD` bytes of every state file and picture that this package writes; it identifies them later."""
 
 HEAD = 2048
-"""First bytes of a file in which `MARK` stands. Chosen: the metadata of pictures and the header of a state file end before it, and no more
-is read of large files."""
+"""Number of bytes at the beginning of a file among which `MARK` stands, and which are read to recognise the file. Chosen: the metadata of
+pictures and the header of a state file are shorter."""
 
 
 @contextmanager
@@ -62,7 +62,7 @@ def head_of(path: Path) -> bytes:
 
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
-    """Create a folder and its missing parents when a context begins; when it ends, remove those of these folders that are empty."""
+    """Create a folder and its missing parents when a context begins; when it ends, remove those that were created and are still empty."""
     new = [place for place in (folder, *folder.parents) if not place.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:

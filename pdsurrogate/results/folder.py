@@ -1,11 +1,13 @@
 """Folder of results: which files in it belong to a run, and when a new run may replace them.
 
-A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces ``NAME-000.pvtu``, ``NAME-000.piece0.vtu`` and so on),
-``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``, ``history.csv``, ``convergence.csv`` and
-``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A file with such a name belongs to a run if its first bytes
-show it, for example by `MARK`; any other file is never replaced, and raises `FolderTaken`.  A folder holds a run of a scene if its summary
-or, without one, its checkpoint names the scene, or if a PVD index of that name carries the mark.  Summary and checkpoint also hold the
-contents of the run, see `contents_of`.
+A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces, which several ranks write, ``NAME-000.pvtu`` and
+``NAME-000.piece0.vtu``), ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``,
+``history.csv``, ``convergence.csv`` and ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.
+
+A file with such a name belongs to a run if its first bytes show it, for example by `MARK`; any other file is never replaced, but raises
+`FolderTaken`.  A folder holds a run of a scene if its summary or, without one, its checkpoint names the scene, or if a PVD index of that
+name carries the mark.  Summary and checkpoint also hold the scene of the run and the digests of its force models and mesh, see
+`contents_of`.
 """
 
 import json
@@ -26,7 +28,7 @@ from .files import MARK, head_of, made, remove_leftovers
 SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
 
 RUNNING, INTERRUPTED, FAILED, DONE = "running", "interrupted", "failed", "done"
-"""Values of ``status`` in a summary; a killed run leaves the first."""
+"""Values of ``status`` in a summary; the summary of a killed run still has ``running``."""
 
 
 class FolderTaken(ValueError):
@@ -44,12 +46,12 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
     """Reserve a folder for this run during a context; create the folder if necessary, and remove it if it stays empty.
 
     A thread may reserve a folder again that it holds already. A lock file names the process and its host; a run replaces the lock of a
-    process on this host that no longer exists. Another run that is writing there may end within `patience` seconds.
+    process on this host that no longer exists. If another run is writing there, wait up to `patience` seconds for its end.
 
     Raises
     ------
     FolderTaken
-        If another run is writing there.
+        If another run is still writing there after the wait.
     """
     with made(folder):
         place, thread = folder.resolve(), threading.get_ident()
@@ -74,7 +76,7 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
 def _remove_if_left(lock: Path, folder: Path, until: float) -> None:
     """Remove the lock file of a folder if the process that wrote it no longer exists.
 
-    If it may still exist, wait a moment, or raise FolderTaken after the time `until`.
+    If the process may still exist, wait a moment, or raise FolderTaken after the time `until`, in seconds of ``time.monotonic``.
     """
     with suppress(FileNotFoundError):  # another process has removed it
         owner = lock.read_text("utf-8")
@@ -122,14 +124,15 @@ def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
     ----------
     folder : Path
     contents : dict
-        Contents of the run, see `contents_of`.
+        Scene, force models and mesh of the run, see `contents_of`.
     overwrite : bool
-        Whether to replace other runs, and runs that did not reach their end.
+        Whether to replace results of other runs as well, and interrupted runs with a checkpoint.
 
     Raises
     ------
     FolderTaken
-        If the folder holds results of another run, an interrupted run with equal contents, or a file named like a result that no run wrote.
+        If the folder holds results of another run, a checkpoint of an equal run that was interrupted, or a file named like a result that
+        no run wrote.
     """
     names, name = _scenes_in(folder), contents["scene_as_run"]["name"]
     check_names(folder, name)
@@ -152,7 +155,7 @@ def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
 def check_names(folder: Path, name: str, resumed: bool = False) -> None:
     """Raise FolderTaken if a folder has a file that is named like a result of the scene `name` but was not written by a run.
 
-    If `resumed`, the checkpoint is not checked.
+    For a run that is `resumed`, the checkpoint is not checked.
     """
     for path in (*(folder / kind for kind in (SUMMARY, *_HEADS)), *_files_of(folder, name)):
         if path.exists() and not _is_ours(path) and not (resumed and path.name == CHECKPOINT):
@@ -160,7 +163,10 @@ def check_names(folder: Path, name: str, resumed: bool = False) -> None:
 
 
 def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
-    """Remove the files of earlier runs from a folder, and no other files, after `check_room` has permitted it."""
+    """Remove the files of earlier runs, and no others, from a folder for a run with the given `contents`.
+
+    Raise FolderTaken if `check_room` does not permit it.
+    """
     check_room(folder, contents, overwrite)
     name = contents["scene_as_run"]["name"]
     remove_leftovers(folder)
@@ -195,9 +201,9 @@ def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
 
 
 def differences_from(path: Path, key: str, asked: dict) -> tuple[dict, str]:
-    """Return the content of a JSON file, and in words how plain values differ from those that it has under a key, empty if they are equal.
+    """Return the content of a JSON file, and a text that says how its entry `key` differs from the settings `asked`, empty if it is equal.
 
-    Raise FolderTaken if the file has no such values.
+    Raise FolderTaken if the file cannot be read or has no such entry.
     """
     try:
         written = json.loads(path.read_text("utf-8"))

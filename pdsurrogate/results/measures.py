@@ -16,9 +16,9 @@ from ..scenes import Probe
 
 
 def strain_energy(force: InternalForce) -> float:
-    """Return the stored energy of a body in the state that its force evaluated last; for a sheet per unit thickness.
+    """Return this rank's share of the stored energy of a body in the state that its force evaluated last; for a sheet per unit thickness.
 
-    For a force without an energy, the law's energy at the deformation gradients of the points is used instead.
+    For a force without an energy, the law's energy at the deformation gradients of the rank's own points is used instead.
     """
     if force.has_energy:
         return force.energy()
@@ -51,8 +51,9 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
     """Return the roughness of the lateral displacement along the loaded axis, which reveals zero-energy modes.
 
-    The roughness is the root mean square of second differences between neighbouring points, over the greatest displacement.  For a smooth
-    field of wavelength L it is about (2 pi cell/L)^2 / 2; for a mode that alternates from point to point, about 1.
+    The roughness is the root mean square of the second differences of this displacement between neighbouring points on a line, divided by
+    its greatest absolute value.  For a smooth field of wavelength L it is about (2 pi cell/L)^2 / sqrt(2); for a mode that alternates from
+    point to point it is 4.
     """
     order, line = _lines_along(body, axis)
     u, x = displacements[order, 1 - axis], body.points[order, axis]
@@ -81,8 +82,9 @@ class PointState:
     force : InternalForce
         Force model on the body.
     positions : ndarray, shape (n, d)
+        Deformed positions of the points.
     damage : ndarray, shape (n,), optional
-        Share of broken bonds, in a run with fracture.
+        Broken bonds of each point as a share of its bonds, in a run with fracture.
 
     Attributes
     ----------
@@ -101,10 +103,10 @@ class PointState:
     energy_density : ndarray, shape (n,)
         Stored energy per undeformed volume.
     deviation : ndarray, shape (n,), or None
-        See `InternalForce.learnt`.
+        How far the points are beyond the training domain of a surrogate, see `InternalForce.learnt`; None without a domain.
     member_deviation : ndarray, shape (n,), or None
-        See `InternalForce.learnt`.
-    kept : dict of str
+        Greatest deviation of the members of a committee from the surrogate, see `InternalForce.learnt`; None without a committee.
+    kept : dict of ndarray
         Internal states of the force that results show, by name, see `pdsurrogate.forces.term.Kept`.
     """
 
@@ -135,12 +137,12 @@ class PointState:
 
     @cached_property
     def stretches(self) -> np.ndarray:
-        """Principal stretches in falling order, shape (n, d); for a sheet only the two in its plane."""
+        """Principal stretches in descending order, shape (n, d); for a sheet only the two in its plane."""
         return principal_stretches(self.F)
 
     @cached_property
     def principal_stretches(self) -> np.ndarray:
-        """Three principal stretches in falling order, including the stretch of a sheet's thickness, shape (n, 3)."""
+        """Three principal stretches in descending order, including the stretch of a sheet's thickness, shape (n, 3)."""
         if self.plane == "space":
             return self.stretches
         return -np.sort(-np.column_stack([self.stretches, self.deformation_gradient[:, 2, 2]]), axis=1)
@@ -251,7 +253,7 @@ def unit_of(name: str) -> str | None:
 
 
 def _split(name: str) -> tuple[str, tuple[int, ...]]:
-    """Return the name of a field and the indices of a component from the name of a component: ("stress", (1, 1)) for ``stress_22``."""
+    """Split the name of a component into field and indices, ("stress", (1, 1)) for ``stress_22``; other names have no indices, ()."""
     found = re.fullmatch(r"(.+)_([123]{1,2})", name)
     return (found[1], tuple(int(digit) - 1 for digit in found[2])) if found else (name, ())
 
@@ -266,7 +268,7 @@ class Probes:
     portion_of : ndarray of int, shape (n,), optional
         Number of the material of every point, in a body of several materials.
     share : Share
-        Share of the body on this rank.
+        Points of the body that this rank owns; by default ``body.share``.
 
     Raises
     ------

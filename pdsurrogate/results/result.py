@@ -33,14 +33,14 @@ class Result:
     body : Body or None
         None for a result that was read from files.
     summary : dict
-        Content of ``summary.json``: identity, size, convergence, cost, ``levels``, scene as run and provenance.
+        Content of ``summary.json``: names and digests of the inputs, size, convergence, cost, ``levels``, scene as run and provenance.
     history : list of dict
         Rows of ``history.csv``, whose headers add units to these names: a row for every output in equilibrium, and for every few steps of
         dynamics.
     states : States
         Fields on the points at every output of the run, in equilibrium or in dynamics: pairs of a moment and fields, see
-        `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`. Every output is a level as well, except
-        those in dynamics of a body between grips.
+        `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`. Every output also has an entry in
+        `levels`, except those in dynamics of a body between grips.
     convergence : list of dict
         Rows of ``convergence.csv``: residual and energy through the search for equilibrium, and increments that failed.
 
@@ -63,7 +63,7 @@ class Result:
 
     @property
     def levels(self) -> list[dict]:
-        """Measured quantities, such as stress or forces, at every level of the loading programme."""
+        """Measured quantities, such as stress or forces, at every level: a stretch between grips, or an output of the steps."""
         return self.summary["levels"]
 
     @property
@@ -77,7 +77,7 @@ class Result:
         return isinstance(self.states, StatesInFiles) and self.states.in_pieces
 
     def displacement(self, level: int = -1) -> np.ndarray:
-        """Return the displacements of the points at a level, shape (n, d)."""
+        """Return the displacements of the points in the state of number `level`, from 0; by default the last one; shape (n, d)."""
         return self._fields(level)["displacement"][:, : self.scene.dimension]
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
@@ -115,7 +115,7 @@ class Result:
             write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
 
     def figure(self) -> Figure:
-        """Return a figure of the deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
+        """Return a figure of the deformed body at every level, coloured by the displacement across the loaded direction.
 
         A programme of steps is shown at a few outputs, coloured by the magnitude of the displacement; a run with fracture is coloured by
         damage.  A solid is shown from outside and cut through the middle.
@@ -130,11 +130,11 @@ class Result:
         return _drawings().states_figure(self, field, chosen)
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
-        """Return the cells of the body at a level, separated along open cracks, and the displacements of their nodes, shape (k, d)."""
+        """Return the cells of the body in state number `level`, separated along open cracks, and the displacements of its nodes (k, d)."""
         return self.states.cells(level) if self.body is None else deformed_cells(self.body, self._fields(level))
 
     def field(self, name: str, level: int = -1) -> np.ndarray:
-        """Return the values of a field on the points at a level.
+        """Return the values of a field on the points in one state.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Result:
         return values_of(self._fields(level), name)
 
     def field_names(self, level: int = -1) -> list[str]:
-        """Return the names of the fields of the state at a level; docs/guide/results.md defines the fields."""
+        """Return the names of the fields of the state of number `level`, from 0; docs/guide/results.md defines the fields."""
         return list(self._fields(level))
 
     def _fields(self, level: int) -> dict[str, np.ndarray]:
@@ -177,15 +177,16 @@ class Result:
         return self.states[level][1]
 
     def plot(self, field: str = "displacement", level: int = -1, limits: tuple[float, float] | None = None) -> Figure:
-        """Return a figure of the deformed body at a level, coloured by a field.
+        """Return a figure of the deformed body in one state, coloured by a field.
 
         Parameters
         ----------
         field : str
             Field or component as for `field`; a vector is shown by its length.
         level : int
+            Number of the state, from 0; the last one by default.
         limits : tuple of float, optional
-            Values at the ends of the scale of colours; by default the least and the greatest.
+            Values at the ends of the scale of colours; by default the least and the greatest value.
 
         Returns
         -------
@@ -251,7 +252,10 @@ class Result:
         return [number for number, level in enumerate(self.levels) if "time" in level]
 
     def chosen_states(self, most: int = 4) -> list[int]:
-        """Return the numbers of the states that `figure` shows: all levels, or at most `most` outputs, spread over the growth of cracks."""
+        """Return the numbers of the states that `figure` shows: all if grips load the body without dynamics, otherwise at most `most`.
+
+        The latter are spread evenly over the outputs (with grips those in dynamics), or with fracture over the growth of cracks.
+        """
         moving, count, stretched = self.in_dynamics(), len(self.states), self.scene.stretched
         if stretched and self.scene.dynamics is None:
             return list(range(count))
@@ -265,7 +269,7 @@ class Result:
         return sorted(set(chosen.round().astype(int).tolist()))
 
     def title(self, number: int) -> str:
-        """Return the title of a state for figures: its stretch or loading parameter, and in dynamics the time."""
+        """Return the title of the state of a given number for figures: its stretch or loading parameter, and in dynamics the time."""
         moment, moving = self.states.moments[number], number in self.in_dynamics()
         if self.scene.stretched:
             at = f"stretch {moment.stretch:.3f}" if moving else f"stretch {moment.stretch:g}"

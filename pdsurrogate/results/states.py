@@ -21,12 +21,11 @@ class Moment:
     Attributes
     ----------
     run_time : float
-        Coordinate on an axis that orders all states of the run: 1 at the first level in equilibrium, 2 at the second level, and so on; from
-        the last level on the time of the dynamics is added.
+        Number that orders all states of the run: the count of outputs in equilibrium so far, plus `time`.
     stretch : float or None
-        Distance of the grips over its undeformed value, in a scene with grips.
+        Distance of the grips divided by its undeformed value, in a scene with grips.
     time : float
-        Total time of all stages in dynamics so far; 0 at levels before them.
+        Total time of all stages in dynamics so far; 0 before the first of them.
     t : float or None
         Loading parameter of a scene with steps.
     """
@@ -51,7 +50,7 @@ class States:
         self._kept: list[Fields | Path] = [{} for _ in self.moments]
 
     def append(self, moment: Moment, fields: Fields | Path) -> None:
-        """Record a state: its moment and its fields on the points, which are None on a rank that does not keep them, or their file."""
+        """Record a state: its moment, and its fields on the points (each None on a rank that keeps none) or the path of their file."""
         self.moments.append(moment)
         self._kept.append(fields)
 
@@ -104,9 +103,9 @@ class StatesInFiles(States):
         Parameters
         ----------
         folder, name
-            Parameters of the class.
+            As for the class.
         most : int, optional
-            Number of states in the summary of the run; a run that was killed may have written one more.
+            Greatest number of states to return: the number in the summary of the run, as a killed run may have written one more.
 
         Raises
         ------

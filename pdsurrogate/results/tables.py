@@ -20,7 +20,7 @@ UNITS_OF_COLUMNS = {
     r"force_.*": "force",
     r"(.*_)?displacement_.*": "length",
 }
-"""Units of a scene by patterns of the columns that have them."""
+"""Units of the columns of tables: from a regular expression of the names of columns to the name of a unit in `Units`."""
 
 
 def column_title(column: str, units: Units) -> str:
@@ -40,7 +40,7 @@ def columns_of(rows: Iterable[dict]) -> list[str]:
 
 
 def write_tables(folder: Path, summary: dict, history: list[dict], convergence: list[dict], units: Units) -> None:
-    """Write ``history.csv``, ``convergence.csv`` and, last, ``summary.json`` of a run to a folder."""
+    """Write ``history.csv``, ``convergence.csv`` (if it has rows) and, last, ``summary.json`` of a run to a folder."""
     title = partial(column_title, units=units)
     write_text(folder / HISTORY, as_csv(history, title))
     if convergence:
@@ -74,7 +74,10 @@ def _plain(text: str) -> int | float | str:
 
 
 def html_history(rows: Sequence[dict], units: Units, without: str = "", digits: int = 5) -> str:
-    """Return an HTML table of rows of the history, without columns whose names begin with `without`; empty text if there are no rows."""
+    """Return an HTML table of rows of the history, with numbers of `digits` significant digits; empty text if there are no rows.
+
+    Columns whose names begin with `without` are left out, if it is not empty.
+    """
     columns = [column for column in columns_of(rows) if not (without and column.startswith(without))]
     cells = [[f"{row[column]:.{digits}g}" if column in row else "" for column in columns] for row in rows]
     return html_table([column_title(column, units) for column in columns], cells) if rows else ""

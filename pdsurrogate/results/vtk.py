@@ -10,7 +10,7 @@ from ..body import CellMesh
 from .files import MARK, replacing, write_text
 
 CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
-"""Names of cells by dimension and number of corners."""
+"""Names of the types of cells in meshio, by dimension and number of corners."""
 
 DISPLACEMENT = "displacement"
 EXACT = ("position", DISPLACEMENT)
@@ -32,7 +32,7 @@ def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str
         Cells in the order of the points of the body.
     nodes : ndarray, shape (k, d)
         Displacements of the nodes of the cells.
-    fields : dict of ndarray, each of shape (n,) or (n, k)
+    fields : dict of ndarray, each of shape (n,) or (n, components)
         Fields on the points.
     values : dict of float
         Single values by name, such as the time.
@@ -83,13 +83,13 @@ def write_pieces(path: Path, pieces: list[str], fields: dict[str, int]) -> None:
 
 
 def write_index(path: Path, entries: list[tuple[float, str]]) -> None:
-    """Write a PVD index file, which lists the files of states with their times."""
+    """Write a PVD index file, which lists states: `entries` are the time and the file name of each."""
     lines = [f'<DataSet timestep="{time:.17g}" part="0" file={quoteattr(file)}/>' for time, file in entries]
     _write_listing(path, "Collection", "", lines)
 
 
 def _write_listing(path: Path, kind: str, attributes: str, lines: list[str]) -> None:
-    """Write an XML file of VTK, of a given kind, that refers to other files by given lines."""
+    """Write an XML file of VTK that lists other files: one element of a given `kind` and `attributes`, with `lines` as its content."""
     head = f'<?xml version="1.0"?>\n<!--{MARK}-->\n<VTKFile type="{kind}" version="0.1" byte_order="LittleEndian">'
     inner = "\n".join(f"    {line}" for line in lines)
     write_text(path, f"{head}\n  <{kind}{attributes}>\n{inner}\n  </{kind}>\n</VTKFile>\n")
@@ -128,7 +128,7 @@ def read_index(path: Path) -> list[Path]:
 
 
 def read_values(path: Path) -> dict[str, float]:
-    """Return the single values by name in a state's file that `write_state` wrote, without reading the fields after them."""
+    """Return the single values, such as the time, by name from a state's file that `write_state` wrote, without reading its fields."""
     for _, element in ElementTree.iterparse(pieces_of(path)[0]):
         if element.tag == "FieldData":
             return {array.get("Name"): float(array.text) for array in element}

@@ -16,13 +16,14 @@ STEPS_PER_ROW = 20
 """Steps between rows of the history; every output has a row as well. Chosen: waves take longer than twenty steps to cross a few horizons.
 
 Work and damped energy are summed in every step by the trapezoidal rule; in the plane, with grips and a force that has no energy, they are
-summed over these rows, since the account cannot close. The viscous part needs the elastic forces at the positions. These are evaluated in
-each row and, if the force has an energy, in every step for this number of steps after a bond breaks, because they then change fast, and
-while held parts change their velocity; in other steps they are approximated (`ExplicitDynamics.elastic`)."""
+summed over these rows, since the account cannot close. The energy dissipated by viscosity follows from the elastic forces at the present
+positions. These forces are evaluated in each row and, if the force has an energy, in every step for this number of steps after a bond
+breaks, because they then change fast, and while held parts change their velocity; in other steps they are approximated
+(`ExplicitDynamics.elastic`)."""
 
 MOST_ENERGY = 1.5
-"""Greatest kinetic plus damped energy over the supplied energy; more indicates an unstable step, or a force that has no energy. Half of the
-supplied energy covers the errors of the trapezoidal rule and of the points' own strain energy.
+"""Greatest ratio of kinetic plus damped energy to the supplied energy; a greater one indicates an unstable step, or a force that has no
+energy. Half of the supplied energy covers the errors of the trapezoidal rule and of the points' own strain energy.
 
 The part above 1 is relative to the greatest energy supplied so far: a force map has no energy, so that the account of a body that has
 been unloaded and has returned nearly all its energy has an error in proportion to the energy that it held, not to the remaining energy."""
@@ -51,20 +52,21 @@ class Account:
     initial_energy : float
         Kinetic energy and strain energy at the start.
     work, damped_energy, released_energy : float
-        Work of all holders and loads, energy dissipated by damping, and energy released by breaking bonds since then.
+        Work of all supports and loads, energy dissipated by damping, and energy released by breaking bonds, since the start.
     power, damped_power : Power
-        Power of holders and loads, and of damping, as last computed; lists in a checkpoint.
+        Power of supports and loads, and of damping, as last computed; lists in a checkpoint.
     rate_time : float
-        Time at which these powers were computed: at the last row of the history or in a step since.
+        Time at which `power` and `damped_power` were computed: at the last row of the history or in a step since.
     row_time : float
         Time of the last row of the history.
     most_put_in : float
         Greatest sum of initial energy and work at any row.
     gap, greatest_gap : float
-        Energy at the last row, including dissipated and released energy, minus the supplied energy; and its value of greatest magnitude.
+        Energy at the last row, including dissipated and released energy, minus the supplied energy; and, of the values at all rows, the
+        one of greatest magnitude.
     on_planes, levers : list or None
-        Forces f that each reflection plane exerts, and sums of f (x) y over the places y at which f act, from the elastic forces
-        (see `ExplicitDynamics.elastic`); None until they are computed.
+        Forces f that each reflection plane exerts on the body, and sums of f (x) y over the places y at which they act, both due to the
+        elastic forces alone (see `ExplicitDynamics.elastic`); None until they are computed.
     last_break : int
         Step in which a bond last broke.
     outputs : int
@@ -101,7 +103,7 @@ class Bookkeeping:
     viscosity : float
         Retardation time of the stage.
     timed : bool
-        Whether the stage has a duration of its own.
+        Whether the scene gives the duration of the stage, not a rate.
 
     Attributes
     ----------
@@ -121,7 +123,10 @@ class Bookkeeping:
         self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
 
     def kinetic_energy(self) -> float:
-        """Return the kinetic energy at the time of the positions if `every_step`, else with the velocities half a step before."""
+        """Return the kinetic energy at the time of the positions if `every_step`, else from the velocities half a step before it.
+
+        Raise Diverging if the energy is not finite.
+        """
         integrator = self._integrator
         kinetic = integrator.kept_energy()[1] if self.every_step else integrator.kinetic_energy()
         if not np.isfinite(kinetic):
@@ -129,9 +134,9 @@ class Bookkeeping:
         return kinetic
 
     def count_release(self) -> None:
-        """Add the kinetic energy that bonds broken in the last step removed, the change in `kept_energy`, to the released energy.
+        """Add the kinetic energy lost by the breaking of bonds in the last step to the released energy, if `every_step`.
 
-        Without `every_step` nothing is added.
+        The lost energy is the difference of the two energies that `ExplicitDynamics.kept_energy` returns.
         """
         if self.every_step:
             arriving, leaving = self._integrator.kept_energy()
@@ -150,23 +155,24 @@ class Bookkeeping:
         return viscosity > 0 and self._run.loading.unevenness(last, now, now + viscosity * motion.rate) > LEAST_UNEVENNESS
 
     def _power_of_holders(self, reactions: Reactions) -> Power:
-        """Return the power of all supports at given reactions, with their velocities over the last step and over the next one."""
+        """Return the power of all supports at given reactions: with their velocities in the last step, in the next, and the mean."""
         course, time, step = self._run.loading.course, self.account.time, self._integrator.last_step
         before = course.power(reactions, self._motion, time, step)
         after = course.power(reactions, self._motion, time + step, step) if self.every_step else before
         return Power(before, 0.5 * (before + after), after)
 
     def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
-        """Return the work by the trapezoidal rule over the `elapsed` time, from the power `last` at its start and `power` at its end."""
+        """Return the work done in the `elapsed` time by the trapezoidal rule, from `last` and `power`, the power at its start and end."""
         if self.every_step and elapsed < 1.5 * self._integrator.last_step:
             return 0.5 * elapsed * (last.after + power.before)
         return 0.5 * elapsed * (last.now + power.now)
 
     def advance(self, reactions: Reactions, evaluate: bool) -> None:
-        """Add the work of supports and loads, and the energy that damping dissipated, since the last call to the account.
+        """Add to the account the work of supports and loads, and the energy dissipated by damping, since the last call.
 
-        On call the force was last evaluated for the motion, with its `reactions`. The viscous part needs the elastic forces at the
-        positions: with `evaluate` the force is evaluated there, otherwise they are approximated by `ExplicitDynamics.elastic`.
+        `reactions` are those of the supports in the last evaluation of the force, the one for the motion. The energy dissipated by
+        viscosity follows from the elastic forces at the positions: with `evaluate` the force is evaluated there, otherwise
+        `ExplicitDynamics.elastic` approximates it.
         """
         run, account, integrator = self._run, self.account, self._integrator
         elapsed, held = account.time - account.rate_time, self._power_of_holders(reactions)
@@ -193,7 +199,10 @@ class Bookkeeping:
         account.power, account.damped_power, account.rate_time = power, damped, account.time
 
     def _elastic_reactions(self, held: Reactions, evaluated: bool) -> Reactions:
-        """Return the reactions to the elastic forces: exact if these were just `evaluated`, else approximated from reactions `held`."""
+        """Return the reactions of the supports to the elastic forces alone.
+
+        They are exact if the elastic forces were just `evaluated`, else approximated from `held`, the reactions to all forces.
+        """
         account, loading, on_points = self.account, self._run.loading, self._integrator.elastic_with_loads()
         if evaluated:
             found = loading.reactions(self._run.force, on_points)
@@ -206,9 +215,10 @@ class Bookkeeping:
         return found
 
     def columns(self, kinetic: float, strain: float, first: bool) -> dict[str, float]:
-        """Return the energies of a row of the history; raise Diverging if kinetic and damped energy exceed the supplied energy.
+        """Return the energies of a row of the history; raise Diverging if kinetic and damped energy exceed the bound `MOST_ENERGY`.
 
-        `first` marks the first row of the stage, at which the energies are the initial ones.
+        `kinetic` and `strain` are the kinetic and strain energy at the row; `first` marks the first row of the stage, at which they are the
+        initial energies.
         """
         account = self.account
         account.row_time = account.time
@@ -226,7 +236,11 @@ class Bookkeeping:
         return {"work": account.work, "kinetic_energy": kinetic, "damped_energy": account.damped_energy, "strain_energy": strain}
 
     def entries(self) -> dict:
-        """Return the entries of the run's summary on the energy account: energy supplied, last and greatest gap in per cent, a remark."""
+        """Return the entries of the run's summary about the energy account.
+
+        They are the energy supplied, the last and the greatest gap in per cent of it, and a `remark`: text if the account does not close
+        or cannot, else None.
+        """
         account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
         if not self.closes:
             remark = f"{self._run.model.name} has no energy: whether the motion keeps it is not known"

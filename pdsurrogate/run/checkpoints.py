@@ -23,12 +23,12 @@ SECONDS_BETWEEN_CHECKPOINTS = 30.0
 to repeat; shorter intervals would mostly write files."""
 
 PAUSE_SHARE = 20
-"""Least time between two checkpoints, or two writings of the tables, over the time that the last one took: a run spends a twentieth of its
-time on either at most."""
+"""Least pause after writing a checkpoint, or the tables, divided by the time that the writing took: a run spends at most about a twentieth
+of its time on either."""
 
 SECONDS_BETWEEN_TABLES = 1.0
-"""Seconds added to the pause after the tables were written, unless a state is recorded: a watched file shows increments, but fast runs do
-not write for each one."""
+"""Seconds added to the pause after the tables were written; omitted when a state is recorded. A watched file thus shows increments, but
+fast runs do not write for each one."""
 
 ACCEPTED = "accepted_"
 """Prefix of the names of arrays in a checkpoint that belong to the last equilibrium on the way to an output."""
@@ -41,7 +41,7 @@ class State:
     Attributes
     ----------
     parameter : float
-        Loading parameter at the positions.
+        Loading parameter at the present positions.
     begin : float
         Loading parameter at which the present stage began.
     stage, outputs : int
@@ -53,16 +53,17 @@ class State:
     wasted : int
         Number of force evaluations in increments that failed.
     greatest_drive : float
-        Greatest `Equilibrium.drive` of the outputs so far.
+        Greatest driving force (`Equilibrium.drive`) of the outputs so far.
     crack : dict or None
-        Entry of the summary about cracks.
+        Entry of the summary about cracks; None without fracture or before dynamics.
     dynamics : list of dict
         Entries of the summary about the stages in dynamics.
     levels, history, convergence : list of dict
-        Measures at every level; rows of the history; rows about the search for equilibrium.
+        Rows of ``summary["levels"]``, the measurements at outputs; rows of the history; rows of the table of convergence, about the search
+        for equilibrium.
     beyond_data : list of dict
-        For every recorded state with a force learnt from test data, the share of the bonds or points beyond these data, and the greatest
-        distance from them.
+        With a force learnt from test data, a row for every recorded state: the fraction of bonds or points beyond these data, and their
+        greatest distance from the data.
     """
 
     parameter: float
@@ -184,11 +185,11 @@ class Record:
         self._run, self._summary, self._began, self._earliest = run, None, 0.0, 0.0
 
     def begin(self, summary: dict) -> None:
-        """Set the summary with which the tables begin; before that nothing is written."""
+        """Set the summary of the run at its start, of which later tables contain updated copies; before this call nothing is written."""
         self._summary, self._began = summary, time.monotonic()
 
     def keep_if_due(self, rest: float = SECONDS_BETWEEN_TABLES) -> None:
-        """Write the tables if they are due: `rest` seconds after the pause that followed their last writing."""
+        """Write the tables if they are due: `rest` seconds after the pause (`PAUSE_SHARE`) that followed their last writing."""
         run, state, began = self._run, self._run.state, time.monotonic()
         if self._summary is None or began < self._earliest + rest:
             return

@@ -14,8 +14,8 @@ from .run import Run
 logger = logging.getLogger(__name__)
 
 LEAST_RATIO = 0.1
-"""Determinant of the deformation gradient below which a point that has lost bonds has failed: intact rubber in a tear stays above 0.5.
-Chosen lower than for a bond (`COLLAPSED`), since all bonds of the point break."""
+"""Determinant of the deformation gradient below which a point that has lost bonds counts as failed; intact rubber in a tear stays above
+0.5. Chosen lower than the bound for a single bond (`COLLAPSED`), since a point that fails loses all its bonds."""
 
 
 class Cracks:

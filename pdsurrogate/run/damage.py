@@ -20,14 +20,15 @@ class Damage:
     ----------
     body : Body
     critical_stretch : float
-        Bond stretch above 1 at which a bond breaks.
+        Greatest ratio of deformed to undeformed length that a bond bears, greater than 1: a bond with a greater one breaks.
 
     Attributes
     ----------
     broken : ndarray of bool, shape (n_pairs,)
-        True for pairs that have broken.
+        True for pairs (undirected bonds) that have broken.
     recent : ndarray of int, shape (n_pairs,)
-        Number of the event in which each pair broke since the last output, from 1; 0 for other pairs.
+        For pairs that broke since the last output, the number of the event (call of `break_bonds`) in which they broke, rising with time;
+        0 for other pairs.
     """
 
     def __init__(self, body: Body, critical_stretch: float) -> None:
@@ -91,9 +92,10 @@ class Damage:
         return found
 
     def in_order(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middles (k, d) of pairs of the whole body in the order in which they broke, and the numbers (k,) of their events.
+        """Return the middles (k, d) of the given pairs of all ranks in the order in which they broke, and the numbers (k,) of their events.
 
-        Within an event the order is that of the pairs in the whole body, the same on any number of ranks.
+        `pairs` are numbers of pairs of this rank that are in `recent`. Within an event the order is that of the pairs in the whole body,
+        the same on any number of ranks.
         """
         body, share = self.body, self.body.share
         pairs = pairs[self._rows.own[pairs]]
@@ -105,7 +107,10 @@ class Damage:
         return places[order], events[order]
 
     def at_points(self) -> np.ndarray:
-        """Return the damage of every point, shape (n,): the share of its bonds, by weight and volume, cut or broken (paper, Eq. (31))."""
+        """Return the damage of every point, shape (n,): the fraction of its bonds that are cut or broken (paper, Eq. (31)).
+
+        A bond counts in proportion to its weight function times the volume of its other end.
+        """
         return 1 - _by_points(self.body, self.body.bonds.first, self.body.bonds.second, self._weights * ~self.broken) / self._whole
 
 
@@ -114,7 +119,10 @@ def _lengths(body: Body, first, second) -> np.ndarray:
 
 
 def _by_points(body: Body, first: np.ndarray, second: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return, for every point, the sum over given bonds of weight times the volume of the other end, shape (n,)."""
+    """Return for every point, shape (n,), the sum over its bonds of weight times volume of the other end.
+
+    The bonds are given by their ends `first` and `second` and their weights, shape (k,) each.
+    """
     n, volumes, within = len(body), body.all_volumes, second < len(body)
     return np.bincount(first, weights * volumes[second], n) + np.bincount(second[within], (weights * volumes[first])[within], n)
 

@@ -22,14 +22,15 @@ from .run import Run
 logger = logging.getLogger(__name__)
 
 HARD = 2.0
-"""Force evaluations of an increment, over the mean of earlier increments in its stage, beyond which the next one is not lengthened. Chosen:
-an increment of twice the length that needs twice the evaluations gains nothing."""
+"""Force evaluations of an increment, divided by the mean for earlier increments of the stage, beyond which the next increment is not
+lengthened. Chosen: an increment of twice the length that needs twice the evaluations gains nothing."""
 
 FARTHEST = 0.5
-"""Greatest distance, over the extent of the body, by which loads may carry a point from the first guess of an increment.
+"""Greatest distance by which loads may carry a point from the first guess of an increment, divided by the extent of the body; beyond it the
+increment fails.
 
-Without an equilibrium a solver moves points that far within some ten evaluations, and then needs thousands to fail; equilibria beyond this
-distance are found with shorter increments too."""
+Where no equilibrium exists, a solver moves points that far within some ten evaluations, and would need thousands to fail by itself;
+equilibria beyond this distance are found with shorter increments too."""
 
 PATIENCE, LEAST_PATIENCE = 30, 2000
 """Force evaluations allowed after a failed increment until one succeeds: a multiple of the mean of earlier successful increments, and a
@@ -50,8 +51,8 @@ FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
 """Strain whose stress equals the rounding error of the forces, by precision. In single, forces at a strain of 1e-4 were 0.03 % off."""
 
 MOST_OFF = 1e-3
-"""Greatest permitted sum of all loads and reactions of an equilibrium, over the forces that drive the body: twice what a solver may leave
-(`UNBALANCED`), so that only a fault, and not a converged state, exceeds it."""
+"""Greatest permitted magnitude of the sum of all loads and reactions in equilibrium, divided by the forces that drive the body: twice what
+a solver may leave (`UNBALANCED`), so that only a fault, and not a converged state, exceeds it."""
 
 FAILURES = NoEquilibrium, InvalidState
 """Errors of an increment that a shorter increment may avoid."""
@@ -190,7 +191,7 @@ class Equilibria:
         return equilibrium
 
     def _best(self, guesses: list[np.ndarray], target: float) -> np.ndarray:
-        """Return the first guess (n, d) with the least residual force at the loading parameter `target`."""
+        """Return, of several first guesses (n, d), the one with the least residual force at the loading parameter `target`."""
         run = self.run
 
         def residual(guess: np.ndarray) -> float:
@@ -206,12 +207,14 @@ class Equilibria:
         return guesses[0] if len(guesses) == 1 else min(guesses, key=residual)
 
     def _take_back(self, increments: Increments, error: Exception, cause: Exception, spent: bool) -> None:
-        """Undo an increment that failed with an error, and shorten it unless all evaluations for failures are `spent`.
+        """Undo an increment that failed with an error, and shorten it unless all evaluations allowed for failures are `spent`.
+
+        `cause` is the error to report: `error`, or the RanAway with which an earlier, longer increment failed.
 
         Raises
         ------
         NoEquilibrium, InvalidState
-            If the increment cannot be shortened; an error of the type of `cause`, with the loading that was reached.
+            If the increment cannot be shortened: an error of the type of `cause`; the message says which loading was reached.
         """
         run, state = self.run, self.run.state
         run.note(increments.target, failure=str(error))
@@ -229,7 +232,7 @@ class Equilibria:
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
 
     def _record_reached(self) -> None:
-        """Record the last equilibrium before the run fails, if it converges to the tolerance of an output."""
+        """Record the last equilibrium, which a failed run has reached, if it converges to the tolerance of an output."""
         run = self.run
         target, run.target = run.target, run.state.parameter
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
@@ -325,7 +328,7 @@ def _check_resolved(run: Run, target: float) -> None:
 
 
 def _is_driven(run: Run, parameter: float) -> bool:
-    """Return whether the body is strained at a value of the parameter: neither at rest nor, without loads, moved rigidly."""
+    """Return whether the body is strained at a value of the loading parameter: False if it is undeformed, or unloaded and moved rigidly."""
     if run.loading.at_rest(parameter):
         return False
     return run.body.share.any(bool((run.loaded.applied() * run.loading.free).any())) or not is_rigid(run.loaded)

@@ -32,18 +32,19 @@ FEW = 8
 """Greatest number of points of a region that are marked by dots as well, since so few cells are hardly seen."""
 
 SIGHT, WITHIN = 0.75, 0.6
-"""Distances in cells to decide whether a body hides a place: where the line of sight begins, and how near to it a point is in the way.
+"""Distances in cells that decide whether a body hides a place from the eye: from the place to the start of the line of sight, and from
+this line to a point that blocks it.
 
 Over a side that faces the eye, the line of sight begins 0.77 cells or more from the nearest point, which is half a cell below that side;
 the second distance is less than that, and more than the half cell at which a line passes between two rows."""
 
 ARROW = 0.12
-"""Length of an arrow over the extent of the body. Chosen: long enough to show its direction, short enough that arrows of neighbouring
+"""Length of an arrow divided by the extent of the body. Chosen: long enough to show its direction, short enough that arrows of neighbouring
 regions stay apart."""
 
 
 class _Mark(NamedTuple):
-    """Labelled part of the body in a picture: label, points, colour, place of the arrow, and direction of motion or load, or None."""
+    """Labelled part of the body in a picture: label, points, colour, place of an arrow, and its direction, or None without an arrow."""
 
     text: str
     points: np.ndarray
@@ -97,7 +98,7 @@ def preview(scene: Scene) -> Figure:
 
 
 def _marks(problem: Problem) -> list[_Mark]:
-    """Return the labelled parts of the body to draw, later ones over earlier ones: materials, regions, prescribed motions and loads."""
+    """Return the labelled parts of the body in the order of drawing: materials, regions, prescribed motions and loads."""
     scene, regions = problem.scene, problem.regions
     found: list[tuple[str, np.ndarray, np.ndarray | None]] = []
     for number, part in enumerate(scene.materials):
@@ -180,7 +181,10 @@ def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tupl
 
 
 def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
-    """Return whether the body hides a place from the eye: points of the body lie along the line of sight, up to the distance `reach`."""
+    """Return whether the body hides a place from the eye: whether points lie along the line of sight, up to the distance `reach`.
+
+    `cell` is the side of a cell, the unit of `SIGHT` and `WITHIN`.
+    """
     way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * figures.EYE
     return bool((points.query(place + way)[0] < WITHIN * cell).any())
 

@@ -81,7 +81,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
     time : float, optional
         Time since the dynamics began; None in equilibrium.
     drive : float, optional
-        Magnitude of the forces that drive the body, see `force_balance`.
+        Magnitude of the forces that drive the body (`Equilibrium.drive`), which makes the force balance relative.
     """
     reactions, declared = run.loading.reactions(run.loaded), run.problem.measures
     row: dict = {run.loading.parameter: run.state.parameter}
@@ -126,7 +126,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
 
 
 def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float | None:
-    """Return the magnitude of the sum of all loads and reactions over `drive`, the forces that drive the body; None without `drive`."""
+    """Return the magnitude of the sum of all loads and reactions, divided by `drive`, the driving forces; None if `drive` is 0 or None."""
     if not drive:
         return None
     total = reactions.on_planes.sum(axis=0)
@@ -137,7 +137,11 @@ def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float 
 
 
 def _lateral(body: Body, displacements: np.ndarray, axis: int) -> dict[str, float]:
-    """Return half the mean approach of a rectangle's two edges along an axis, their greatest displacement, and its roughness."""
+    """Return measurements of the displacements along an axis across the load, at the two edges of a rectangle that are normal to it.
+
+    They are half the mean approach of the two edges, the greatest displacement of a place on them, and the roughness of the displacements
+    of all points (`measures.roughness`).
+    """
     _, low, high = measures.edge_displacements(body, displacements, axis)
     return {
         "lateral_displacement": float((low - high).mean() / 2),

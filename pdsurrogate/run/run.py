@@ -25,7 +25,7 @@ from .damage import Damage
 from .interruption import Interruption
 
 MOST_GATHERED = 500_000
-"""Points of a body on several ranks beyond which each rank writes its own piece of a state.
+"""Number of points of a body on several ranks (parallel processes) beyond which each rank writes its own piece of a state.
 
 Gathering the state of so many points costs the first rank 0.16 GB and 10 s of processor time, while the others wait."""
 
@@ -60,7 +60,7 @@ class Silent:
 
 
 class Oversubscribed(RuntimeWarning):
-    """Warning of more threads than cores: a rank that waits for others in a loop occupies a core that these need."""
+    """Warning that ranks have more threads than there are cores: a rank waits in a loop, and occupies a core that another rank needs."""
 
 
 class Run:
@@ -70,7 +70,7 @@ class Run:
     ----------
     scene : Scene
     models : sequence of ForceModel
-        Model of the rest of the body, then those of the scene's `materials`, as `checked_models` returns them.
+        Force model of the body outside the regions of the scene's `materials`, then one for each of these, as from `checked_models`.
     progress : Progress
     folder : Path, optional
         Folder for states and checkpoints, written as they are reached.
@@ -148,7 +148,7 @@ class Run:
         self.force.seconds, self.force.timed = 0.0, 0
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return, by name, the positions and the state arrays of the force: all that an equilibrium consists of."""
+        """Return, by name, the arrays that together define an equilibrium: the positions, and the state arrays of the force."""
         return {"positions": self.positions, **self.force.state_arrays()}
 
     def takes_double(self) -> bool:
@@ -169,7 +169,7 @@ class Run:
             setattr(self.force, counter, getattr(old, counter))
 
     def break_again(self) -> None:
-        """Remove all broken bonds of the run from its force, after the force was bound anew or a checkpoint was read."""
+        """Remove all broken bonds of the run from its force again, after the force was bound anew or a checkpoint was read."""
         if self.damage is not None and self.body.share.any(bool(self.damage.broken.any())):
             self.force.break_bonds(np.flatnonzero(self.damage.broken))
 
@@ -192,12 +192,15 @@ class Run:
         self.tables.keep_if_due()
 
     def note(self, increment: float, **entries) -> None:
-        """Add a row about an increment on the way to the present target to the table of convergence."""
+        """Add a row to the table of convergence, with the given entries.
+
+        The row is about an increment on the way to the output at `target`, and `increment` is the loading parameter at the end of it.
+        """
         place = {self.loading.parameter: self.target, "increment": increment, "evaluation": self.force.evaluations}
         self.state.convergence.append(place | entries)
 
     def record(self, time: float = 0.0) -> None:
-        """Store the fields of the present state, in equilibrium, or at a time since the stage in dynamics began."""
+        """Store the fields of the present state; in dynamics `time` is the time since the stage began."""
         damage = None if self.damage is None else self.damage.at_points()
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
         if not self._in_pieces:
@@ -209,7 +212,7 @@ class Run:
         self.tables.keep_if_due(0.0 if len(self.states) > 1 else -np.inf)
 
     def _count_beyond_data(self, moment: Moment) -> None:
-        """Add a row on how many bonds, or points for an energy, are beyond the test data that the force was learnt from, and how far."""
+        """Add a row to ``state.beyond_data``: the fraction of bonds (for an energy, points) beyond the test data, and the farthest one."""
         beyond = self.force.learnt.beyond_data()
         if beyond is None:
             return
@@ -223,7 +226,7 @@ class Run:
         return self.body.share.total(measures.strain_energy(self.force))
 
     def unsupported_points(self) -> int:
-        """Return the number of points that have too few bonds left for a deformation gradient."""
+        """Return the number of points of the whole body that have too few bonds left for a deformation gradient."""
         return self.body.share.total(int(np.count_nonzero(~self.force.supported & self.body.share.own)))
 
     def counted_pairs(self) -> int:
@@ -231,7 +234,7 @@ class Run:
         return int(np.count_nonzero(self.body.share.own[self.body.bonds.first]))
 
     def directed_bonds(self) -> int:
-        """Return the number of bonds within the body at the points that this rank owns, each bond counted once at each of its ends."""
+        """Return the number of directed bonds at this rank's own points, without ghosts: an undirected bond counts at each end."""
         bonds, own = self.body.bonds, self.body.share.own
         within = bonds.second < len(self.body)
         return int(np.count_nonzero(own[bonds.first[within]]) + np.count_nonzero(own[bonds.second[within]]))

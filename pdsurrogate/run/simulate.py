@@ -149,7 +149,7 @@ def simulate(
     Raises
     ------
     TypeError
-        If the scene or the force is none of these.
+        If the scene or the force is of none of the accepted types.
     ArtifactError
         If the force cannot be found or read.
     ValueError
@@ -159,12 +159,13 @@ def simulate(
     CheckpointError
         If there is nothing to resume from, or it belongs to another run.
     FolderTaken
-        If `folder` holds results of another run, or a checkpoint of this one that was interrupted, or a file called like one of a run's
-        that no run wrote, or another run writes there.
+        If `folder` holds results of another run, a checkpoint of this run from before an interruption, or a file that no run wrote and
+        that has the name of one of a run's files; or if another run writes there.
     SimulationInterrupted
-        After Ctrl-C, or at the end of `max_time`, at the next place where the state is whole; the part that was reached is kept.
+        After Ctrl-C or `max_time`, at the next consistent state; its `result` holds the outputs reached.
     SimulationFailed
-        If a level does not converge, or the deformation leaves the states that the material has; the part that was reached is kept.
+        If an output does not converge, or the deformation leaves the states for which the material is defined; its `result` holds the
+        outputs reached.
 
     Examples
     --------
@@ -246,7 +247,10 @@ def _peak(history: list[dict]) -> dict | None:
 
 
 def _result_of(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
-    """Return the result of a run, complete or as far as it was reached, with its summary."""
+    """Return the result of a run, complete or as far as it was reached, with its summary.
+
+    `began` is the start of the run by `time.perf_counter`, `failure` the message of the error that ended the run, or None.
+    """
     force, state = run.force, run.state
     residuals = [level["residual"] for level in state.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
@@ -305,7 +309,7 @@ def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, fold
     Raises
     ------
     SceneError
-        If they were not; names what differs.
+        If the inputs differ; the message names which.
     """
     given = {"scene": scene.model_dump_json(), "force": model.name, "folder": str(folder), "resume": resume}
     others = ranks.everywhere(given)

@@ -57,7 +57,7 @@ def _stage_of(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient:
 
 
 def _take_double(run: Run, error: TooSmall) -> None:
-    """Change a run to double precision after an error of single precision, and warn of the change."""
+    """Change a run to double precision after `error`, which says that single precision does not resolve the strains, and warn of it."""
     reason = f"{error}: the forces are evaluated in double precision from here on"
     run.note(run.state.parameter, reason=reason)
     if run.ranks.rank == 0:
@@ -67,7 +67,7 @@ def _take_double(run: Run, error: TooSmall) -> None:
 
 
 def _dynamics_after(run: Run) -> int:
-    """Return the number of the next stage in dynamics, which continues the run when a bond would break in equilibrium, and warn of it.
+    """Return the number of the next stage in dynamics, and warn that the run continues with it since a bond would break in equilibrium.
 
     Raises
     ------

@@ -22,7 +22,7 @@ MOST_STEPS = 1e9
 """Maximum number of steps of a stage: more would run for weeks even on the smallest body, and indicate wrong units of density or rate."""
 
 CRACK_VISCOSITY = 0.7
-"""Default viscosity (retardation time) of scenes with fracture, in spacings over the speed of shear waves.
+"""Default viscosity (retardation time) of scenes with fracture, in units of the spacing divided by the speed of shear waves.
 
 Material that unloads behind a crack moves in waves as short as a bond, and this viscosity dissipates their energy within a few steps.
 Energy accounts of strips torn with `bond-energy` close within 0.1 % with it; without it they gain half of the supplied energy
@@ -99,7 +99,7 @@ class Transient:
         self._apply()
 
     def go(self) -> bool:
-        """Advance to the end of the stage, or until the body has separated between its supports."""
+        """Advance to the end of the stage, or until the body has separated between its supports; always return True."""
         run, account, integrator, through = self.run, self.account, self.integrator, False
         while account.outputs < self.most_outputs and not through:
             try:
@@ -133,7 +133,7 @@ class Transient:
         return True
 
     def _time_due(self, outputs: int) -> float:
-        """Return the time, since the stage began, of the output that follows `outputs` earlier ones."""
+        """Return the time, since the stage began, at which an output is due after `outputs` earlier ones."""
         return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
@@ -193,7 +193,7 @@ class Transient:
         self.run.loading.apply(self.run.state.parameter, self.run.force, self.run.positions)
 
     def _hold(self, positions: np.ndarray, ahead: float) -> None:
-        """Move all held parts, in `positions` and the force, to their places at a time `ahead` from the present."""
+        """Move held points, in `positions`, and reflection planes, in the force, to their places at the present time plus `ahead`."""
         self.run.loading.hold(self.run.state.parameter + ahead * self.motion.rate, self.run.force, positions)
 
     def _last_row(self) -> None:
@@ -224,7 +224,7 @@ class Transient:
     def output(self) -> bool:
         """Record the present state as an output, with a row of the history; return whether the body has separated between its supports.
 
-        Except for bodies between grips, the output is also added to the levels of the results.
+        Except for bodies between grips, the output also becomes a row of ``summary["levels"]``.
         """
         run, account = self.run, self.account
         self._last_row()

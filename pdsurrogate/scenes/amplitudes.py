@@ -100,9 +100,9 @@ def _compiled(text: str) -> CodeType:
 
 
 def _check_node(node: ast.AST, text: str) -> None:
-    """Raise ValueError if a node of the syntax tree of `text` is not allowed in an expression of t; turn a number in place into a float.
+    """Raise ValueError if a node of the syntax tree of `text` is not allowed in an expression of t.
 
-    Powers of integers would grow without bound.
+    A number is turned in place into a float, because powers of integers would grow without bound.
     """
     if isinstance(node, ast.Name) and node.id not in ("t", "pi", *FUNCTIONS):
         known = f"t, pi, {', '.join(FUNCTIONS)}, and the names ramp and sine"

@@ -14,7 +14,7 @@ LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 class Prescribed(StrictModel):
     """Prescribed displacements of a region: for each component a value times an amplitude; components without a value are free.
 
-    If several points are equally near to the place of a region ``near``, their mean displacement is prescribed.
+    If the region is the point ``near`` a place, and several points are equally near, their mean displacement is prescribed.
     A rotation prescribes all components; the displacements x1, x2 and x3 are added to it.
 
     Attributes
@@ -128,10 +128,10 @@ class DynamicsSettings(StrictModel):
     density : float
         Mass per volume, in stress * time^2 / length^2; with kPa and cm, 1e-4 is 1000 kg/m^3 and time is in seconds.
     damping : float
-        Rate c of M (a + c v) = f, per unit time.
+        Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v, forces f), per unit time.
     viscosity : float, optional
-        Retardation time tau of a Kelvin-Voigt solid: damps waves as short as bonds, where a crack lets material snap back.  With
-        fracture by default 0.7 spacings over the speed of shear waves, else none.
+        Retardation time of a Kelvin-Voigt solid: damps waves as short as bonds, where a crack lets material snap back.  With fracture by
+        default 0.7 spacings divided by the speed of shear waves, else none.
     safety : float
         Ratio of the time step to the critical time step. The default leaves room for a tangent that becomes twice as stiff between two
         estimates of the highest frequency (0.7^2 = 1/2).

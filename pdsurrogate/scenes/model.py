@@ -24,18 +24,18 @@ SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
 
 Level = Annotated[Positive, Field(le=100)]
-"""Level of the loading programme: a stretch up to 100; rubber breaks below 10."""
+"""Stretch between grips, up to 100; rubber breaks below 10."""
 
 USUAL: dict[str, dict[int, Any]] = {"plane": {2: "stress", 3: "space"}, "horizon_ratio": {2: 3.15, 3: 1.75}}
-"""Defaults by the dimension of the body. A horizon of 3.15 spacings is the paper's, above three so that rounding does not decide which
-points it holds. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
+"""Defaults of two keys of a scene by the dimension of the body. The horizon of 3.15 spacings is the paper's, above three so that rounding
+does not decide which points lie within. In three dimensions short horizons are more accurate and cheaper: 26 bonds."""
 
 RIGID = "rigid"
-"""Material of a region that moves as one body, in the place of a law."""
+"""Text that a scene gives in the place of a material law for a region that moves as one rigid body."""
 
 LEAST_MODULUS, MOST_MODULUS = 1e-30, 1e30
-"""Limits of moduli: forces and their squares, which norms need, neither overflow nor vanish in double precision at any spacing that is
-allowed."""
+"""Limits of the shear and the bulk modulus: between them forces and their squares, which norms need, neither overflow nor vanish in double
+precision at any spacing that is allowed."""
 
 LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
 """Limits of the spacing: volumes of cells, 1e-36 to 1e36, are normal numbers in single precision."""
@@ -133,7 +133,8 @@ class Part(StrictModel):
 class Grip(StrictModel):
     """A grip or roller along one edge of the body.
 
-    ``travel`` is this grip's share of the elongation, outwards: two grips of 0.5 pull symmetrically.
+    ``holds`` is "all" for a grip that holds every displacement component, "normal" for a roller, which holds the one across the edge.
+    ``travel`` is this grip's share of the elongation of the body, outwards: two grips of 0.5 pull symmetrically.
     """
 
     edge: Face
@@ -238,7 +239,10 @@ class Units(StrictModel):
         return f"{what} ({unit})" if unit else what
 
     def amount(self, number: float | str, kind: str, form: str = "", power: str = "") -> str:
-        """Return a number, or a text of numbers, followed by the unit of its `kind` ("length", say) and a power such as "^2"."""
+        """Return a number, or a text of numbers, followed by the unit of its `kind` ("length", say) and a power such as "^2".
+
+        `form` is the format specification of the number, such as ".4g".
+        """
         unit = getattr(self, kind)
         return f"{number:{form}} {unit}{power}" if unit else f"{number:{form}}"
 
@@ -247,8 +251,8 @@ class Scene(StrictModel):
     """Complete description of a simulation: body, material, loading, solver and output.
 
     Lengths and stresses are in the scene's own units throughout. A scene defines its loading in one of two ways: either with two opposite
-    `grips` and `stretches`, the levels of the loading programme in order, each the distance of the grips over its undeformed value; or
-    with `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins at 0.
+    `grips` and `stretches`, which are reached in order, each the distance of the grips divided by its undeformed value; or with
+    `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins at 0.
 
     If `spacing` does not divide the body, its cells have the nearest sides that fill it. The horizon is `horizon_ratio` times the smaller
     side of a cell, by default 3.15 in the plane and 1.75 in three dimensions. A mesh has its own spacing, the side of a square or cube as

@@ -27,14 +27,14 @@ tube are not (0.75)."""
 
 
 def suggestion(word: str, known: Iterable[str], otherwise: str = "there are") -> str:
-    """Return the end of a message about an unknown word: "did you mean", with a similar known word, or else a list of all known words."""
+    """Return the end of a message about an unknown word: "did you mean" a similar known word, else `otherwise` and all known words."""
     known = list(known)
     nearest = difflib.get_close_matches(word, known, 1, CLOSE)
     return f"did you mean {nearest[0]}?" if nearest else f"{otherwise} {', '.join(known)}"
 
 
 PLAIN = {"tuple_type": "must be a list", **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table")}
-"""Messages in the place of Pydantic's, which uses the words of Python; a description is written in TOML."""
+"""Messages by type of error in the place of Pydantic's, which uses the words of Python; a description is written in TOML."""
 
 
 class Problems(ValueError):
@@ -43,7 +43,7 @@ class Problems(ValueError):
     Attributes
     ----------
     lines : list of (str, str)
-        Dotted key of each problem, from the part on, and the message about it.
+        For each problem its dotted key within the part, and the message about it.
     """
 
     def __init__(self, error: ValidationError, part: type[BaseModel]) -> None:
@@ -53,7 +53,10 @@ class Problems(ValueError):
 
 
 def _lines(problem: Any, problems: list, part: type[BaseModel]) -> list[tuple[str, str]]:
-    """Return keys and messages for one of the `problems` that Pydantic lists; none if another of them explains the trouble better."""
+    """Return pairs of dotted key and message for one of the `problems` that Pydantic lists for a `part` of a description.
+
+    The list is empty if another of the problems explains the trouble better.
+    """
     loc, kind, given, context = problem["loc"], problem["type"], problem.get("input"), problem.get("ctx", {})
     fields = {field.alias or name: field for name, field in part.model_fields.items()}
     # Pydantic adds the tag of the variant that it tried, such as a shape; the author's file has no such key.

@@ -13,7 +13,7 @@ from .model import Scene
 from .problems import SceneError
 
 MOST_BYTES = 16 * 2**20
-"""Greatest size of the file of a scene, enough for an outline of half a million corners."""
+"""Greatest size of a scene or study file in bytes, enough for an outline of half a million corners."""
 
 
 def scene_names() -> list[str]:
@@ -70,7 +70,7 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
 
 
 def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
-    """Return the content of a scene or study file in TOML as a dictionary.
+    """Return the content of a scene or study file in TOML as a dictionary; `kind` is "scene" or "study", for messages.
 
     Raises
     ------
@@ -106,7 +106,10 @@ def parse_change(change: str) -> tuple[str, Any]:
 
 
 def leaves(value: Any, whole: Callable[[Any], bool] = lambda value: False, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the dotted key and the value of every single entry in nested tables and lists; those that are `whole` count as one entry."""
+    """Yield each value in a nested table or list, at any depth, that is neither table nor list, preceded by its dotted key.
+
+    A table or list for which the function `whole` returns True is not entered but yielded as one value. `key` is the dotted key of `value`.
+    """
     if whole(value) or not isinstance(value, Mapping | list | tuple):
         yield key, value
         return

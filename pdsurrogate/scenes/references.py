@@ -17,7 +17,7 @@ def _cases() -> list[dict]:
 
 
 def reference_level(scene: Scene, stretch: float) -> dict[str, float]:
-    """Return the reference values at a stretch from the solution that a scene names; empty if the scene names none or it does not apply."""
+    """Return the values at a stretch of the reference solution that a scene names; empty if it names none, or one that does not apply."""
     if scene.reference is None:
         return {}
     return {"uniaxial": uniaxial_level, "finite-elements": finite_element_level}[scene.reference](scene, stretch)
@@ -52,7 +52,7 @@ def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
     dict
         nominal_stress and, where known, greatest_lateral_displacement, in the scene's units; empty if this problem was not solved at
         that stretch.
-        Stresses are scaled to the scene's shear modulus; displacements depend on K/mu alone.
+        Stresses are scaled to the scene's shear modulus; displacements depend on the law by its ratio K/mu of bulk and shear modulus alone.
     """
     law, keys = scene.law(), {"body", "holes", "precuts", "grips", "materials"}
     problem = scene.model_dump(mode="json", include=keys, exclude_none=True, by_alias=True)

@@ -16,7 +16,7 @@ FACES: tuple[Face, ...] = get_args(Face)
 
 
 EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate(FACES)}
-"""Coordinate held by each edge or face of the bounding box, and the side of the body it lies on."""
+"""Normal axis of each edge or face of the bounding box (0 for x1), and its side: -1 at the lower end of the axis, +1 at the upper."""
 
 
 def edge_names(dimension: int) -> tuple[str, ...]:

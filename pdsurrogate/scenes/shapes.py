@@ -172,8 +172,9 @@ def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
 def _crossing(corners: np.ndarray) -> str | None:
     """Return, in words, where the outline of a polygon with given corners crosses itself or runs around twice; None if it is valid.
 
-    Sides may touch, and may run back along each other, as the two sides that connect an opening do. The outline is valid if it winds once,
-    in one sense, or not at all around both sides of every piece between two places where sides meet.
+    Sides may touch, and may run back along each other, as the two sides do that connect an inner opening with the outer outline. The sides
+    are divided where they meet: the outline is valid if it winds, around places on both sides of every piece, once or not at all, and
+    everywhere in one sense.
     """
     extent = float(np.ptp(corners, axis=0).max())
     starts = corners[np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1) > 1e-9 * extent]

@@ -207,7 +207,7 @@ class FlatCut(StrictModel):
 
     @abstractmethod
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return a place on the plane of the cut, shape (3,), the unit normal, shape (3,), and the size of the cut."""
+        """Return a place on the plane of the cut, shape (3,), the unit normal, shape (3,), and the cut's longest side or radius."""
 
     @abstractmethod
     def covers(self, places: np.ndarray) -> np.ndarray:

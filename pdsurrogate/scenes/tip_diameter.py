@@ -3,21 +3,21 @@
 TIP_DIAMETER = 1.15
 """Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no energy.
 
-The diameter is the energy release rate at which a crack runs over the uniaxial energy density at the critical stretch.  It was measured in
-the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22 (`pipelines/reproduce_paper.py`), and gives the peak of a strip in pure
-shear within 7 % at horizons of 2.2 to 4.2 spacings."""
+The diameter is the energy release rate at which a crack runs, divided by the uniaxial energy density at the critical stretch.  It was
+measured in the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22 (`pipelines/reproduce_paper.py`), and gives the peak of a
+strip in pure shear within 7 % at horizons of 2.2 to 4.2 spacings."""
 
 TIP_DIAMETERS = (
     ("bond force", "stress", (2.2, 4.2), TIP_DIAMETER),
     ("bond energy", "space", (1.75, 1.75), 1.2),
     ("bond energy", "space", (2.2, 2.2), 0.83),
 )
-"""Diameters that were measured: the family of the force models, the plane, horizons in spacings from and to, and the diameter in horizons.
+"""Diameters that were measured: family of the force models, plane, least and greatest ratio of horizon to spacing, diameter in horizons.
 
 In three dimensions the diameter at a horizon of 2.2 spacings is from trouser tears at a spacing of 2/3 mm, 0.82 and 0.84; tears at another
 spacing, and with another critical stretch, are predictions.  The diameter at 1.75 spacings is the mean of 1.29 and 1.13, of tears at two
-spacings (`docs/validation/cracks-in-space.md`).  In a sheet by `bond-energy` a diameter of 1.15 gives 8 to 23 % too little, so it is not in
-the table.  See `pdsurrogate.critical_stretch_of`."""
+spacings (`docs/validation/cracks-in-space.md`).  A sheet by `bond-energy` tears at 8 to 23 % less than a diameter of 1.15 would give, so
+it is not in the table.  See `pdsurrogate.critical_stretch_of`."""
 
 
 def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) -> float:
@@ -28,9 +28,10 @@ def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) ->
     plane : str
         "stress", "strain" or "space".
     horizon_ratio : float
-        Horizon over spacing of the points.
+        Horizon divided by the spacing of the points.
     family : str, optional
-        Family of the force model, see `pdsurrogate.forces.ForceModel`; by default the first family that was measured.
+        Family of the force model, see `pdsurrogate.forces.ForceModel`; by default any family: the first entry of
+        `TIP_DIAMETERS` for this plane and ratio.
 
     Raises
     ------

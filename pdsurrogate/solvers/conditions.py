@@ -14,12 +14,12 @@ from .loads import AT_REST, Loads
 from .rigid import displaced, moment_of
 
 ONE_SIDED = 0.1
-"""Distance in horizons, along a plane, between a point and the mean position of its neighbours, beyond which the point counts as next to a
-free side: the distance is 0 for a full horizon, and 0.4 for a half one."""
+"""Distance along a reflection plane, divided by the horizon, between a point and the mean position of its neighbours, beyond which the
+point counts as next to a free side. The distance is 0 for a full horizon, and 0.4 horizons for half of one."""
 
 ON_A_PLANE = 1e-6
-"""Distance in spacings from a plane of reflection within which a place counts as lying in it. Chosen above the rounding of coordinates in
-single precision, and far below a spacing."""
+"""Distance from a reflection plane, in spacings, within which a point counts as lying in the plane. Chosen above the rounding of
+coordinates in single precision, and far below a spacing."""
 
 
 class FoldedOver(InvalidState):
@@ -28,7 +28,7 @@ class FoldedOver(InvalidState):
 
 @dataclass(frozen=True)
 class Reactions:
-    """Reaction forces that supports exert on the body in the state last evaluated, in the plane per unit thickness.
+    """Reaction forces that supports exert on the body in the state last evaluated, in two dimensions per unit thickness.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Reactions:
     at_points : ndarray, shape (n, d), or None
         Forces on held points, 0 in free components; None where no points are held.
     levers : ndarray, shape (planes, d, d), or None
-        Sum of f (x) y over the forces f that each plane exerts at places y; None where no plane turns.
+        Sum of the outer products f (x) y over the forces f that each plane exerts at the places y; None if no plane turns.
     """
 
     forces: np.ndarray
@@ -57,13 +57,13 @@ class Loading:
     parameter : str
         Name of the loading parameter.
     rest : float
-        Value of the loading parameter at rest.
+        Value of the loading parameter for the undeformed body.
     names : sequence of str
         Names of the holders, the supports whose forces results report.
     planes : sequence of str
         Names of the reflection planes in messages, in the order of `Body.planes`.
     held : sequence of Held
-        Held parts. The force on a point in two of them counts for the later one; no two hold the same component of a plane.
+        Held parts. The force on a point that two parts hold counts for the later part; no two parts hold the same component of a plane.
     loads : Loads
 
     Attributes
@@ -72,7 +72,7 @@ class Loading:
         1 where a component may move, 0 where it is held.
     part, component, point, plane, place : ndarray, shape (k,), the last (k, d)
         Table of the k held components: number of the part in `held`, component, point, plane (-1 where a point itself is held), and the
-        place at rest whose motion is prescribed.
+        place in the undeformed body whose motion is prescribed.
     at_points : ndarray of bool, shape (k,)
         True where a point itself is held, False where a plane is.
     there : tuple of ndarray of int
@@ -129,9 +129,9 @@ class Loading:
         return f"t = {parameter:g}" if self.parameter == "t" else f"{self.parameter} {parameter:g}"
 
     def moves(self, parameter: float, places: np.ndarray | None = None) -> np.ndarray:
-        """Return the prescribed displacements of all held components at a value of the loading parameter, shape (k,).
+        """Return the prescribed displacements of all k held components at a value of the loading parameter, shape (k,).
 
-        With `places` (k, d) the displacements are those that the same motions give to these places at rest.
+        They are the displacements of the held places or, if given, of other `places` (k, d) of the undeformed body in the same motions.
         """
         dimension = self.body.dimension
         motions = np.array([part.motion(parameter) for part in self.held]).reshape(-1, dimension, dimension + 1)
@@ -139,14 +139,17 @@ class Loading:
         return (rows[:, :-1] * (self.place if places is None else places)).sum(axis=1) + rows[:, -1]
 
     def plane_motions(self, parameter: float) -> np.ndarray:
-        """Return the motions [Q - I, c] of all reflection planes (see `Held.motion`), shape (planes, d, d + 1); 0 in free components."""
+        """Return the motions of all reflection planes at a value of the loading parameter, shape (planes, d, d + 1).
+
+        A motion is the matrix [Q - I, c] of a rotation Q and a translation c (see `Held`), with 0 in free components.
+        """
         found = np.zeros((len(self.planes), self.body.dimension, self.body.dimension + 1))
         for part in self._of_planes:
             found[part.plane, part.components] = part.motion(parameter)[list(part.components)]
         return found
 
     def at_rest(self, parameter: float) -> bool:
-        """Return whether all held parts are in their places at rest and all loads are zero, at a value of the loading parameter."""
+        """Return whether all held parts are in their undeformed places and all loads are zero, at a value of the loading parameter."""
         moved = self._share.greatest(np.abs(self.moves(parameter))) > AT_REST * self.body.extent
         return not moved and self.loads.vanish(parameter)
 
@@ -165,9 +168,10 @@ class Loading:
             force.move_plane(number, motion[:, -1], motion[:, :-1] if number in self.turning else None)
 
     def unevenness(self, last: float, now: float, ahead: float) -> float:
-        """Return by how much held parts change velocity at the value `now`, relative to their displacement from there to the value `ahead`.
+        """Return how far held parts deviate from constant velocity while the loading parameter goes from `now` to `ahead`; 0 if not at all.
 
-        The deviation is from continuing at the mean velocity between the values `last` and `now` of the loading parameter.
+        The deviation is the greatest difference between the prescribed motions to `ahead` and motions that continue at the mean velocity
+        between the values `last` and `now`. It is divided by the greatest displacement in either of these motions.
         """
         if now == last:
             return 0.0
@@ -179,12 +183,14 @@ class Loading:
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point has crossed a reflection plane to the side of its own image.
 
-        Points without support, at which the force has no deformation gradient, are not checked.
+        Points at which the force has no deformation gradient (False in `force.supported`) are not checked.
 
         Raises
         ------
         InvalidState
-            If a point has crossed; names the point that is farthest beyond, and the plane.
+            If a point has crossed; the message names the point that is farthest beyond, and the plane.
+        FoldedOver
+            If that point lies next to a free side, and more than one component of the plane is held.
         """
         supported, motions = force.supported, self.plane_motions(parameter)
         for name, plane, motion, held in zip(self.planes, self.body.planes, motions, self.plane_components, strict=True):
@@ -202,7 +208,7 @@ class Loading:
             self.body.share.agree(error)
 
     def _beside_free_side(self, point: int, axis: int) -> bool:
-        """Return whether a point lies next to a free side: its neighbours lie to one side of it along the plane normal to an axis."""
+        """Return whether a point lies next to a free side: in the plane normal to an axis, its neighbours lie to one side of it."""
         bonds = self.body.bonds
         neighbours = bonds.neighbours[bonds.pointers[point] : bonds.pointers[point + 1]]
         arms = self.body.all_points[neighbours] - self.body.points[point]
@@ -212,9 +218,10 @@ class Loading:
     def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:
         """Return the reaction forces of all supports on the body in the state last evaluated.
 
-        The reaction at a held point balances the internal force and the loads there.  The reaction of a plane is the force that does work
-        on its displacement: half the force of each bond to an image, times the displacement of the image per displacement of the plane,
-        since an image on the other side has an equal bond.  For a single plane that is the sum over all bonds that cross it.
+        The reaction at a held point balances the internal force and the loads there.  The reaction of a reflection plane is the force that
+        does work on the displacement of the plane: the sum over bonds to images (mirrored points) of half the bond force, times the
+        displacement of the image per displacement of the plane.  The factor is a half since an image on the other side has an equal bond.
+        For a single plane the reaction is the sum of the forces of all bonds that cross it.
 
         Parameters
         ----------
@@ -246,12 +253,13 @@ class Loading:
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
         """Return the moments of the holders' forces about the origin of the coordinates.
 
-        Moments on planes follow from virtual work if the force has an energy; otherwise a bond that crosses a plane acts at its middle.
+        Moments on planes follow from virtual work if the force has an energy; otherwise a bond that crosses a plane acts on it at the
+        middle of the bond.
 
         Returns
         -------
         ndarray
-            Counter-clockwise moments per unit thickness in the plane, shape (holders,); vectors in three dimensions, shape (holders, 3).
+            Counter-clockwise moments per unit thickness in two dimensions, shape (holders,); vectors in three, shape (holders, 3).
         """
         levers = np.zeros((len(self.names), self.body.dimension, self.body.dimension))
         if len(self.crossing[0]):
@@ -262,14 +270,15 @@ class Loading:
         return moment_of(self._share.total(levers))
 
     def _add_planes(self, of_holders: np.ndarray, of_planes: np.ndarray) -> None:
-        """Add values of planes, shape (planes, d, ...), in place to the values of the holders that hold the planes' components."""
+        """Add the values of held components of planes, `of_planes` (planes, d, ...), in place to `of_holders` (holders, d, ...)."""
         for part in self._of_planes:
             of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
-        """Return, for every plane, the sum of f (x) y over its forces f at places y, shape (planes, d, d).
+        """Return the sum of outer products f (x) y over the forces f that each plane exerts at the places y, shape (planes, d, d).
 
-        The forces are those of the k bonds that cross planes, `crossing` (k, d), unless `force` has such sums of its own.
+        If `force` has an energy, it provides these sums. Otherwise f are the forces of the k bonds that cross planes, `crossing` (k, d),
+        and y the middles of these bonds.
         """
         levers = force.levers_on_planes()
         if levers is not None:
@@ -299,7 +308,7 @@ class Loading:
 
     @cached_property
     def counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Held components of this rank's own points that count for a holder: arrays of the holder's number, the point and the component."""
+        """Held components whose reactions this rank adds to those of holders: arrays of the holder's number, the point, the component."""
         holder = np.full(self.free.shape, -1)
         for part in self._of_points:
             holder[part.every[:, None], part.components] = -1 if part.holder is None else part.holder
@@ -309,7 +318,11 @@ class Loading:
 
     @cached_property
     def crossing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Bonds to images, for the reactions of planes: arrays of the bond, the plane, and half the image's displacement per plane's."""
+        """Bonds to images (mirrored points) of each plane, for the reactions of planes, as three arrays with k rows.
+
+        The arrays are the number of the bond, the number of the plane, and half the displacement of the image per displacement of the
+        plane, component by component, shape (k, d).
+        """
         n, ghosts = len(self.body), self.body.ghosts
         outer = np.flatnonzero(self.body.bonds.second >= n)
         outer = outer[self._share.own[self.body.bonds.first[outer]]]
@@ -322,7 +335,7 @@ class Loading:
         return self._by_holder([part.points for part in self.held])
 
     def _by_holder(self, points: list[np.ndarray]) -> list[np.ndarray]:
-        """Return the points of each holder, from the points of each entry of `held`."""
+        """Return one array with the points of each holder, from `points`, which has one array for each entry of `held`."""
         holders = np.repeat([-1 if part.holder is None else part.holder for part in self.held], [len(numbers) for numbers in points])
         every = np.concatenate([np.zeros(0, dtype=int), *points])
         return [np.unique(every[holders == number]) for number in range(len(self.names))]
@@ -330,7 +343,7 @@ class Loading:
     def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
         """Return the mean displacement of each holder, shape (holders, d): over its points, or at the middle of its reflection plane.
 
-        In components in which a plane is free to move, the mean is over the points within a cell of the plane.
+        In components in which a reflection plane is free to move, the mean is over the points less than a grid cell away from it.
         """
         # Displacement, place and number of the points of each holder.
         sums = np.zeros((len(self.names), 2 * self.body.dimension + 1))
@@ -347,7 +360,7 @@ class Loading:
 
     @cached_property
     def _beside(self) -> list[np.ndarray]:
-        """Own points that each holder holds; for a reflection plane, the points within a cell of it."""
+        """Points owned by this rank that each holder holds; for a reflection plane, those less than a grid cell away from it."""
         near = []
         for part in self.held:
             points = part.every

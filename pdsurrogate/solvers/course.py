@@ -17,40 +17,43 @@ from .preconditioner import extension_of
 from .rigid import displaced
 
 COMPRESSED = 0.05
-"""Greatest compressive stress of a point, over the greatest tension in the body, beyond which the body is checked for buckling: points at
-free edges, whose horizons are incomplete, show less."""
+"""Compressive stress of a point, divided by the greatest tensile stress in the body, beyond which the body is checked for buckling. Chosen
+above the compression that points at free edges show because their horizons are incomplete."""
 
 NO_STRESS = {"float32": 1e-5, "float64": 1e-10}
-"""Compressive stress over the shear modulus up to which it may be a rounding error of the forces, by precision. Chosen: a hundred times the
-rounding of single precision; in double precision there is room for a much wider margin, since rounding of a pressure is multiplied by
-K/mu."""
+"""Compressive stress, divided by the shear modulus, that may be a rounding error of the forces, by precision of the forces. Chosen: a
+hundred times the rounding of single precision; in double precision there is room for a much wider margin, since rounding of a pressure is
+multiplied by K/mu."""
 
 LARGEST_TURN = 10.0
-"""Greatest rotation of held parts in one step of a first guess, in degrees. Points between held parts move along chords, which shrinks the
-body half way by 0.4 % for 10 degrees and 13 % for 60; 2, 5 and 10 degrees need equally many evaluations (twisted boxes and cylinders)."""
+"""Greatest rotation of held parts, in degrees, in one step of the first guess of an equilibrium; greater rotations take several steps. In a
+step points between held parts move along chords of their arcs, which shrinks the body half way between these parts by 0.4 % for 10 degrees
+and 13 % for 60. Chosen: 2, 5 and 10 degrees need equally many force evaluations (twisted boxes and cylinders)."""
 
 HALVINGS = 10
 """Greatest number of halvings in the search for a first increment; an increment a thousand times too long is a mistake in the scene."""
 
 AHEAD = 1e-6
-"""Change of the stretch, or fraction of a stage, over which initial velocities are difference quotients. The rounding error of the
-velocities is then as small as their truncation error: the square root of the rounding error of the positions."""
+"""Interval of the difference quotients that give initial velocities: a change of the stretch (`Pull`), or a fraction of a stage of the
+loading (`Paths`). Chosen: relative to the velocities the truncation error is then some 1e-6, and the rounding error less."""
 
 
 LEAST_SPREAD = 0.5
-"""Least spread of held places along a direction, over the spread of the body, with which they determine an affine map's gradient along it.
-The spread of the places across a thin edge is noise. Chosen: two opposite sides spread more than the body, one side by the width of its
-points."""
+"""Standard deviation of held places along a direction, divided by that of the body's points, above which these places determine the
+gradient of an affine map along this direction. Chosen: places on two opposite sides spread more than the body, and places on one side only
+by the width of its layer of points, which is noise."""
 
 
 class Pull:
-    """Guesses, velocities and power for a body between two grips: homogeneous extension along an axis, with the stretch as parameter.
+    """First guesses, initial velocities and power for a body pulled by two grips, with the stretch as loading parameter.
+
+    The guesses are homogeneous extensions along an axis.
 
     Parameters
     ----------
     loading : Loading
     axis : int
-        Loaded direction.
+        Axis along which the grips pull.
     lower, length : float
         Least coordinate of the undeformed body along the loaded axis, and its length.
     travels : ndarray, shape (2, d)
@@ -58,7 +61,7 @@ class Pull:
     """
 
     adaptive = False
-    """Whether increments are lengthened only after easy ones, and begin from the best of several guesses."""
+    """True if increments are lengthened only after increments of few force evaluations, and begin from the best of several guesses."""
 
     def __init__(self, loading: Loading, axis: int, lower: float, length: float, travels: np.ndarray) -> None:
         self._loading, self.axis, self._lower, self._length, self._travels = loading, axis, lower, length, travels
@@ -69,7 +72,10 @@ class Pull:
         return asked
 
     def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
-        """Return one first guess of an equilibrium: the positions at stretch `before`, extended homogeneously to stretch `after`."""
+        """Return one first guess of an equilibrium: the positions at stretch `before`, extended homogeneously to stretch `after`.
+
+        The argument `earlier` is ignored.
+        """
         old, new = (self._lower + self._lower_travel * (stretch - 1) * self._length for stretch in (before, after))
         guess = positions.copy()
         guess[:, self.axis] = new + (positions[:, self.axis] - old) * after / before
@@ -81,7 +87,7 @@ class Pull:
         return (ahead - positions) / AHEAD * motion.rate
 
     def pull(self, reactions: Reactions) -> float:
-        """Return the force of the grips along the load, in the plane per unit thickness; negative where they push."""
+        """Return the force of the grips along the load, in two dimensions per unit thickness; negative where they push."""
         return float((reactions.forces * self._travels).sum())
 
     def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
@@ -98,14 +104,15 @@ class Pull:
 
 
 class Paths:
-    """Guesses, velocities and power for a body whose held parts follow prescribed paths, with t as loading parameter.
+    """First guesses, initial velocities and power for a body whose held parts follow prescribed paths, with t as loading parameter.
 
     Parameters
     ----------
     loading : Loading
     springs : float or ndarray, shape (n,)
-        Stiffness of the springs through which held displacements spread into the body in a first guess.
+        Shear modulus of the network of springs through which held displacements spread into the body in a first guess.
     shear_modulus : float
+        Unit of the stresses that `pushes` compares.
     largest_strain : float
         Greatest strain of a bond that a first guess may make.
     """
@@ -118,10 +125,10 @@ class Paths:
         self._springs, self._shear_modulus, self._largest_strain = springs, shear_modulus, largest_strain * (1 + 1e-6)
 
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
-        """Return the greatest increment to plan between two values of the parameter.
+        """Return the greatest increment to plan between two values of the loading parameter.
 
-        The increment begins as the whole difference, or `asked` if that is less, and is halved until its first guess strains no bond by
-        more than the bound.
+        The increment begins as the whole difference, or `asked` if that is less, and is halved, at most `HALVINGS` times, until its first
+        guess strains no bond by more than `largest_strain`.
 
         Parameters
         ----------
@@ -143,7 +150,8 @@ class Paths:
     def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
         """Return one or two first guesses of the equilibrium at the parameter `after`; the caller chooses the better.
 
-        The first guess follows the held parts from the last equilibrium; the second, if an earlier equilibrium is known, extrapolates.
+        The first guess follows the held parts from the last equilibrium; the second, if an earlier equilibrium is known, extrapolates
+        linearly from both equilibria.
 
         Parameters
         ----------
@@ -157,7 +165,7 @@ class Paths:
         Raises
         ------
         TooFar
-            If the first guess strains a bond too much.
+            If the first guess strains a bond by more than `largest_strain`.
         """
         guess, strain = self._followed(positions, before, after)
         if strain > self._largest_strain:
@@ -176,7 +184,7 @@ class Paths:
         return (guess - positions) / (AHEAD * motion.duration)
 
     def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
-        """Return the power of all supports on the body at the end of a time step, per unit thickness in the plane.
+        """Return the power of all supports on the body at `time`, the end of a time `step`, in two dimensions per unit thickness.
 
         The velocities of the supports are means over the last step, or over the next step at the start of the motion.
         """
@@ -200,9 +208,10 @@ class Paths:
         """Return None, since paths of held parts do not determine how much the body's extent changes."""
 
     def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
-        """Return whether some point is compressed in the state last evaluated, by the virial stress of its bonds.
+        """Return whether some point is compressed in the state last evaluated, according to the virial stress of its bonds.
 
-        The bounds are `COMPRESSED` and `NO_STRESS`; the argument `least` is ignored.
+        The compression must exceed both `COMPRESSED` times the greatest tension and `NO_STRESS` times the shear modulus; `least` is
+        ignored.
         """
         n, bonds, positions = len(self.body), self.body.bonds, force.positions
         arms, pulls = positions[bonds.second] - positions[bonds.first], force.pair_forces()
@@ -224,9 +233,9 @@ class Paths:
         return extension_of(self.body, self._springs, self._loading.free)
 
     def _followed(self, positions: np.ndarray, before: float, after: float) -> tuple[np.ndarray, float]:
-        """Return the first guess that follows held parts between two parameters, and the greatest strain of a bond between both states.
+        """Return the first guess at parameter `after`, and the greatest strain of a bond from `positions`, the state at `before`, to it.
 
-        The guess is found in steps that turn no held part by more than `LARGEST_TURN`, so that points move nearly along arcs.
+        The guess follows the held parts in steps that turn no held part by more than `LARGEST_TURN`, so that points move nearly along arcs.
         """
         turns = (abs(part.angle(after) - part.angle(before)) for part in self._loading.held if part.angle is not None)
         portions, guess = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN)), positions
@@ -236,7 +245,7 @@ class Paths:
         return guess, self._share.greatest(greatest_bond_strain(self.body, positions, guess))
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:
-        """Return positions with all held parts in their places at t, extended from positions `start` at plane motions (planes, d, d + 1).
+        """Return positions (n, d) with all held parts in their places at `t`, extended from positions `start` with plane motions `planes`.
 
         An affine map fitted to the motion of the held parts is applied first: it captures homogeneous deformations and rotations of the
         whole body. The remaining held displacements are then interpolated as by a network of springs.
@@ -280,7 +289,8 @@ class Paths:
     def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the present places (k, d) of the held components, and the coordinate (k,) that each must reach at `t`.
 
-        For a reflection plane the places are projections onto the plane of the points that have images in it.
+        For a reflection plane the places are projections onto the plane of the points that have images in it. `planes` and `goal_planes`
+        are the motions of the planes at the positions `start` and at `t` (see `Loading.plane_motions`).
         """
         loading, displacements = self._loading, start - self.body.points
         there = loading.point, loading.component

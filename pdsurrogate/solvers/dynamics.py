@@ -17,8 +17,8 @@ FREQUENCY_MARGIN = 1.03
 
 
 MOST_TRAVEL = 0.5
-"""Spacings that a point may move in a step. Waves move points by less; material that unloads behind the last bonds of a crack would move
-past the bonds that should stop it. Chosen: two points that meet cannot pass each other in one step."""
+"""Greatest displacement of a point in one time step, in spacings. Chosen: two points that meet cannot pass each other in one step. Waves
+move points by less, but material that unloads behind the last bonds of a crack could otherwise move past the bonds that should stop it."""
 
 
 class Power(NamedTuple):
@@ -27,8 +27,8 @@ class Power(NamedTuple):
     Attributes
     ----------
     before, after : float
-        Power with the velocities of the half steps before and after the present time. By the trapezoidal rule, each times half a step is
-        the work of these forces in the step that ends, or begins, at the present time.
+        Power with the velocities half a step before and after the present time. Each times half a step is what these forces contribute, by
+        the trapezoidal rule, to the work in the step that ends, or begins, at the present time.
     now : float
         Power with the velocities at the present time. The velocities half a step before would overestimate it where velocities change
         within a step, as near a crack.
@@ -39,12 +39,15 @@ class Power(NamedTuple):
     after: float = 0.0
 
     def plus(self, other: "Power", share: float = 1.0) -> "Power":
-        """Return the sum of this power and another one times `share`."""
+        """Return this power plus `share` times another power."""
         return Power(*(own + share * added for own, added in zip(self, other, strict=True)))
 
 
 class ExplicitDynamics:
-    """Integrator of M (a + c v) = f(y + tau v) by central differences, velocities at half steps; tau = 0 is the paper's scheme.
+    """Integrator of M (a + c v) = f(y + tau v) by central differences, with velocities at half steps.
+
+    M is the mass, y the position, v the velocity, a the acceleration and f the internal force; c is the damping and tau the viscosity.
+    With tau = 0 the scheme is the paper's.
 
     Forces at positions a retardation time tau ahead are those of a Kelvin-Voigt solid, f + tau df/dt, to first order in tau, without
     further evaluations. They damp waves as short as the bonds, such as those of material that unloads behind a crack, on which damping
@@ -66,7 +69,7 @@ class ExplicitDynamics:
     viscosity : float
         tau, a time.
     safety : float
-        Time step over the critical one, at most 1.
+        Time step divided by the critical one, at most 1.
     loads : Loads, optional
         Loads, which the caller sets to their present size before each step.
 
@@ -149,7 +152,7 @@ class ExplicitDynamics:
 
     @property
     def followed(self) -> float:
-        """Fraction of the difference from `elastic` to the forces ahead of the positions by which `elastic` changes in a step."""
+        """Fraction of the difference between the forces ahead of the positions and `elastic` that is added to `elastic` in a step."""
         return self.last_step / (self.last_step + self._viscosity)
 
     def evaluate_at_rest(self) -> None:
@@ -158,7 +161,7 @@ class ExplicitDynamics:
         self._add_loads()
 
     def find_elastic(self) -> None:
-        """Evaluate `elastic` exactly, after moving held parts to their present places; the force is then last evaluated there."""
+        """Evaluate `elastic` exactly, after moving held parts to their present places; `force` is left in that state."""
         self._hold(self.positions, 0.0)
         self.force(self.positions, self.elastic)
 
@@ -197,7 +200,7 @@ class ExplicitDynamics:
         return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
 
     def kick(self, forces: np.ndarray) -> None:
-        """Add to the velocities the impulse over half a step of forces of bonds that break at the present positions.
+        """Add to the velocities the impulse, over half a step, of `forces` (n, d), those of bonds that break at the present positions.
 
         Velocities are half a step behind the positions. Breaking bonds act until the present time, but the forces of the next full step
         exclude them; without the impulse of their last half step the body would gain energy.
@@ -229,13 +232,15 @@ class ExplicitDynamics:
         return before, now, self._following_velocities(self.next_step())
 
     def kept_energy(self) -> tuple[float, float]:
-        """Return two kinetic energies at the present time, from before and from after it, which with the strain energy are conserved.
+        """Return two kinetic energies at the present time, from before and from after it, whose sums with the strain energy are conserved.
 
-        The first is the kinetic energy of the half step before, plus the work of the old forces from then to the present time; the second
-        is the kinetic energy of the half step after, minus the work of the new forces from the present time to then. For linear forces the
-        change from the second energy of one step to the first of the next is the work of the forces by the trapezoidal rule, as for an
-        elastic energy. The kinetic energy from the velocity at the present time exceeds both by h^2 f M^-1 f/8, which is large where bonds
-        have just broken. Both equal v M v'/2, except where bonds break or the step changes: the scheme then dissipates their difference.
+        The first is the kinetic energy half a step before, plus the work over this half step of the forces, including those of bonds that
+        break at the present time. The second is the kinetic energy half a step after, minus the work over this half step of the forces
+        without such bonds. For linear forces the change from the second energy of one step to the first of the next is the work of the
+        forces by the trapezoidal rule, as for an elastic energy. Both energies equal v M v'/2, with mass M and the velocities v and v' half
+        a step before and after, except where bonds break or the step h changes: the scheme then dissipates their difference. The kinetic
+        energy from the velocity at the present time exceeds both by h^2 f M^-1 f/8 for forces f, which is large where bonds have just
+        broken.
         """
         before, now, after = self.velocities_around()
         arriving, leaving = (self._share.dot(side, now - 0.5 * side, self._mass) for side in (before, after))
@@ -251,7 +256,7 @@ class ExplicitDynamics:
         return self.elastic + self._applied if self._loads else self.elastic
 
     def damped_power(self) -> Power:
-        """Return the power that damping and viscosity dissipate at the present time, using `elastic` for the viscous part."""
+        """Return the power that damping and viscosity dissipate at the present time; the viscous part is that beyond `elastic`."""
         before, now, after = self.velocities_around()
         taking = self._damping * self._mass[:, None] * now
         power = self._damping * self._share.dot(now, now, self._mass)

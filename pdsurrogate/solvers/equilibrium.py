@@ -16,24 +16,25 @@ Report = Callable[[int, float], None]
 """Function that a solver calls with the number of force evaluations so far and the residual."""
 
 UNBALANCED = 5e-4
-"""Greatest sum of the magnitudes of the residual forces on free points, over the sum for the loads or the reactions, whichever is greater.
-The bound holds for the error of every balance of forces, and of moments over the greatest lever arm. Chosen: half of the error of 0.1 % at
-which an output counts as not converged (`run.levels.MOST_OFF`)."""
+"""Greatest permitted sum of the magnitudes of the residual forces on free points, divided by the greater of the sums for the loads and for
+the reactions. It also bounds the error of every balance of forces, and of moments divided by the greatest lever arm. Chosen: half of the
+error of 0.1 % at which an output counts as not converged (`run.levels.MOST_OFF`)."""
 
 USUAL = 1e-6
-"""Tolerance of the solver below which the bound `UNBALANCED` becomes stricter in proportion; that of scenes by default."""
+"""Default tolerance of solvers and scenes, in units of shear modulus / spacing; a smaller one reduces `UNBALANCED` in proportion."""
 
 SINGLE = 1e-7
-"""Least residual that forces in single precision can reach: at rest their rounding error is some 1e-8."""
+"""Least residual, in units of shear modulus / spacing, that forces in single precision can reach. In the undeformed body their
+rounding error is some 1e-8."""
 
 ROUNDED = 100
-"""Residual that may be due to rounding of the positions, over the stress that this rounding causes in a bond. Below that residual a search
-continues only while the residual forces fall by a third within `IDLE` evaluations. Chosen: the errors of some thirty bonds of a point add
-up; with a greater value searches are only watched earlier."""
+"""Greatest residual that may be due to rounding of the positions, divided by the stress that this rounding causes in a bond. Below it a
+search continues only while the residual forces fall by a third within `IDLE` evaluations, and then ends as converged. Chosen: the errors of
+some thirty bonds of a point add up; with a greater value this check only begins earlier."""
 
 IDLE = 5
-"""Number of evaluations within which the residual forces must fall by a third once they may be rounding errors (see `ROUNDED`). Chosen: a
-converging search gains a third in one or two evaluations, one at the level of rounding never."""
+"""Number of force evaluations after which a search ends if the residual forces, which may be rounding errors (see `ROUNDED`), have not
+fallen by a third. Chosen: a converging search gains a third in one or two evaluations, a search at the level of rounding never."""
 
 
 def no_report(evaluations: int, residual: float) -> None:
@@ -93,7 +94,7 @@ class Equilibrium:
     method : str
         Name of the method that converged.
     drive : float
-        Driving force: sum of the magnitudes of the loads or of the reactions, whichever is greater; per unit thickness in the plane.
+        Driving force: sum of the magnitudes of the loads or of the reactions, whichever is greater; in two dimensions per unit thickness.
     """
 
     residual: float
@@ -110,7 +111,7 @@ class EquilibriumSolver(ABC):
 
     Parameters
     ----------
-    free : ndarray, shape (n, 2)
+    free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
     volumes : ndarray, shape (n,)
     tolerance : float
@@ -124,7 +125,7 @@ class EquilibriumSolver(ABC):
     needs_energy = False
     """Whether the method needs a force that has an energy."""
     gave_up = False
-    """Whether a faster method has failed on this body, so that it is not tried again; a solver keeps no other state between calls."""
+    """Whether a faster method has failed on this body, so that it is not tried again."""
 
     def __init__(
         self, free: np.ndarray, volumes: np.ndarray, tolerance: float = USUAL, most_evaluations: int = 50_000, share: Share | None = None
@@ -150,14 +151,15 @@ class EquilibriumSolver(ABC):
         Parameters
         ----------
         force : InternalForce
-        positions : ndarray, shape (n, 2)
+        positions : ndarray, shape (n, d)
             Initial positions; the equilibrium on return, or the last state reached if an error is raised.
         tolerance : float, optional
-            Tolerance in place of the solver's own, for intermediate states; if greater, residual and driving forces are not compared.
+            Tolerance in place of the solver's own, for intermediate states. If it is greater, the residual is the only criterion, and the
+            sum of the residual forces is not compared with the driving forces.
         report : callable
             Called every few evaluations.
         least_drive : float
-            Lower bound of the driving forces: for a body that returns to rest, the forces that drove it before.
+            Lower bound of the driving forces: for a body that returns to its undeformed state, the forces that drove it before.
 
         Raises
         ------
@@ -174,7 +176,10 @@ class EquilibriumSolver(ABC):
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
-        """Return the largest force density in units of shear modulus / spacing, see `InternalForce.force_scale`."""
+        """Return the largest magnitude of `forces` (n, d) per volume over the free components, in units of shear modulus / spacing.
+
+        The shear modulus is that of each point, see `InternalForce.force_scale`.
+        """
         # With several materials every point has its own scale.
         density = greatest_force_density(forces, self.free, self.volumes * force.force_scale)
         return self.share.greatest(density) * force.body.spacing
@@ -192,7 +197,7 @@ class EquilibriumSolver(ABC):
         self._rounding = ROUNDED * stiffness * strain_rounding(force.body)
 
     def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
-        """Return the residual in the state last evaluated, and whether it is an equilibrium; `forces` as written by `evaluate`.
+        """Return the residual in the state last evaluated, and whether that state is an equilibrium; `forces` are as `evaluate` wrote them.
 
         Raises
         ------

@@ -22,11 +22,12 @@ class Held:
     components : tuple of int
         Held components.
     motion : callable
-        [Q - I, c] at a value of the parameter, shape (d, d + 1): a place X moves by u(X) = (Q - I) X + c. Only held components are read.
+        ``motion(parameter)`` returns the matrix [Q - I, c] of a rotation Q and a translation c, shape (d, d + 1): a place X moves by
+        u(X) = (Q - I) X + c. Only held components are read.
     points : ndarray of int, shape (k,)
         The held points; for a plane the points that have images in it.
     places : ndarray, shape (k, d) or (1, d)
-        Places at rest to which `motion` applies: the held points, their projections onto the plane, or the held place between points.
+        Undeformed places to which `motion` applies: the held points, their projections onto the plane, or the held place between points.
     angle : callable, optional
         Angle in degrees by which the part has turned at a value of the parameter; only for a part that turns, all components of it held.
     plane : int, optional
@@ -35,7 +36,7 @@ class Held:
         For a held place between points: the points as near to it as the one in `points`, which moves so that the mean displacement of
         all of them is the prescribed one; on several ranks only local points.
     count : int
-        Number of points around such a place, the one in `points` and the others, on all ranks; 1 without others.
+        Number of points around a held place, the one in `points` and the others, on all ranks; 1 without `others`.
     """
 
     name: str
@@ -58,8 +59,8 @@ class Held:
 class Support:
     """Support at a place between points: one point moves so that the mean displacement of the points around is the prescribed one.
 
-    The force on that point is passed to the others: with its displacement u_0 = count g - sum u_k the derivative of the energy by u_k is
-    f_k - f_0, as for a body that is held by forces at the place itself.
+    The force on that point is passed to the others: with the prescribed mean g its displacement is u_0 = count g - sum u_k, and the work
+    per displacement u_k of another point is f_k - f_0, as for a body that is held by forces at the place itself.
 
     Parameters
     ----------
@@ -95,21 +96,21 @@ class Support:
             positions[self._point, part.components] = placed[:, part.components]
 
     def fold(self, forces: np.ndarray) -> None:
-        """Subtract the force on the held point from the forces on the other points of the place, in place."""
+        """Subtract the force on the held point from those on the other points around the place; `forces` (n, d) is changed in place."""
         self._body.share.fill(forces)
         if len(self._point):
             forces[self._others, self._part.components] -= forces[self._point, self._part.components]
 
     def spread(self, reactions: np.ndarray) -> None:
-        """Copy the reaction at the held point to the other points of the place, in place."""
+        """Copy the reaction at the held point to the other points around the place; `reactions` (n, d) is changed in place."""
         self._body.share.fill(reactions)
         if len(self._point):
             reactions[self._others, self._part.components] = reactions[self._point, self._part.components]
 
     def fields(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return, for each held component, the weights (n, d) of the mean displacement, and a displacement field (n, d) of mean 1.
+        """Return, for each held component, the weights (n, d) of the mean displacement, and a displacement field (n, d) with the mean 1.
 
-        The field is the response of the body to a displacement of the held point.
+        The field is a multiple of the response of the body to a displacement of the held point.
         """
         found = []
         for component in self._part.components:

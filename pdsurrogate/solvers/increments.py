@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 LEAST_SHARE = 1 / 64
-"""Least fraction of a planned increment to try: if such an increment finds no equilibrium, none is assumed to exist. Chosen: six halvings;
-a limit load is then known to 1/64 of an increment, and each more costs a failed search."""
+"""Least fraction of a planned increment to try: if even this one leads to no equilibrium, none is assumed to exist. Chosen: six halvings;
+a limit load is then known to 1/64 of an increment, and each further halving costs a failed search."""
 
 
 class Increments:
@@ -22,12 +22,12 @@ class Increments:
     largest : float
         Bound of the planned increments.
     done, share : float
-        To continue from a checkpoint: number of planned increments done, and the present increment over the planned one.
+        To continue from a checkpoint: number of planned increments done, and the present increment divided by the planned one.
 
     Attributes
     ----------
     share : float
-        The present increment over the planned one.
+        The present increment divided by the planned one.
     """
 
     def __init__(self, start: float, end: float, largest: float, done: float = 0.0, share: float = 1.0) -> None:
@@ -66,7 +66,8 @@ class Increments:
     def accept(self, easy: bool = True) -> bool:
         """Count the present increment as done, double the next one if possible, and return whether it was doubled.
 
-        It is doubled if the increment was easy and had been halved, and the increments done are a multiple of the doubled one.
+        The next increment is doubled if the present one was `easy` (took few force evaluations) and shorter than planned, and if the
+        increments done are a whole multiple of the doubled one.
         """
         self._done += self.share
         longer = easy and self.share < 1 and (self._done / (2 * self.share)).is_integer()

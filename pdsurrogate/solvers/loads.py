@@ -12,7 +12,8 @@ from .held import Support
 from .rigid import RigidRegion, moment_of
 
 AT_REST = 1e-14
-"""Greatest displacement over the extent of the body, or amplitude of a load, that counts as zero: a sine has such rounding errors."""
+"""Greatest displacement divided by the extent of the body, and greatest amplitude of a load, that count as zero: a sine has such rounding
+errors."""
 
 Amplitude = Callable[[float], float]
 
@@ -53,14 +54,14 @@ class DeadLoad:
         return vectors[self.points]
 
     def on_sites(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
-        """Return the present force on each of the k points that the load acts on, shape (k, d), whatever the arguments."""
+        """Return the present force on each of the k points that the load acts on, shape (k, d); the arguments are ignored."""
         return self.factor * self.forces
 
 
 class Pressure:
     """Pressure on facets of the boundary, which follows their deformation.
 
-    A facet may depend on points of several ranks, so that all ranks evaluate all facets together, and the first one counts them.
+    A facet may depend on points of several ranks, so that all ranks evaluate all facets together, and only the first rank counts them.
 
     Parameters
     ----------
@@ -68,6 +69,7 @@ class Pressure:
         As for `DeadLoad`.
     surface : Surface
     facets : ndarray of int, shape (f,)
+        Numbers of the facets in the surface.
     value : float
         Pressure where the amplitude is 1.
     deformed : bool
@@ -105,7 +107,7 @@ class Pressure:
         self._enclosed_at_rest = _enclosed(start.mean(axis=1), [start[:, end] - start[:, 0] for end in range(1, start.shape[1])])
 
     def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
-        """Return the force on every facet, shape (f, d) (theory (44), (45)).
+        """Return the force on every facet, shape (f, d) (theory (44), (45)); `thickness` is the stretch of the thickness at the points.
 
         Raises
         ------
@@ -140,20 +142,26 @@ class Pressure:
         return [self._share.total(rows @ places) for rows in self._sides]
 
     def potential(self, positions: np.ndarray) -> float:
-        """Return pressure times the area or volume that the facets have swept since rest (theory (46)); 0 on ranks but the first."""
+        """Return the pressure times the area or volume that the facets have swept (theory (46)); 0 on ranks other than the first."""
         enclosed = _enclosed(self.at_sites(positions) - self._origin, self._sides_at(positions))
         return self._value * self.factor * float((enclosed - self._enclosed_at_rest).sum()) * self._share.leads
 
 
 def _normals(sides: list[np.ndarray]) -> np.ndarray:
-    """Return the normals of facets, as long as an edge or as the area of a triangle, from the vectors `sides` to their other nodes."""
+    """Return the normals of facets, shape (f, d), with the length of an edge or the area of a triangle as magnitude.
+
+    `sides` are the vectors from the first node of each facet to its other nodes, an array (f, d) for each of these.
+    """
     if len(sides) == 1:
         return np.stack([sides[0][:, 1], -sides[0][:, 0]], axis=1)
     return 0.5 * np.cross(*sides)
 
 
 def _enclosed(middles: np.ndarray, sides: list[np.ndarray]) -> np.ndarray:
-    """Return the signed area or volume between each facet and the origin; a closed boundary encloses the sum over its facets."""
+    """Return the signed area or volume between each facet and the origin, shape (f,), from its middle and `sides` as in `_normals`.
+
+    The sum over the facets of a closed boundary is the area or volume that it encloses.
+    """
     return (middles * _normals(sides)).sum(axis=1) / middles.shape[1]
 
 
@@ -223,13 +231,13 @@ class Loads:
         return all(abs(load.amplitude(t)) <= AT_REST for load in self._loads)
 
     def forces(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
-        """Add the forces of the loads on the points, in the plane per unit thickness of the undeformed body, to `out` (n, d).
+        """Add the forces of the loads on the points, in two dimensions per unit undeformed thickness, to `out` (n, d).
 
         Parameters
         ----------
         positions : ndarray, shape (n, d)
         thickness : ndarray, shape (n,), or None
-            Needed where `needs_thickness`.
+            Stretch of the thickness at the points, if `needs_thickness`.
         out : ndarray, shape (n, d)
 
         Raises
@@ -243,7 +251,10 @@ class Loads:
             load.add(positions, thickness, out)
 
     def potential(self, positions: np.ndarray) -> float:
-        """Return the potential energy of the loads at their present size, zero at rest (theory (46)), if they have one."""
+        """Return the potential energy of the loads at their present size, 0 in the undeformed body (theory (46)).
+
+        It is valid only if `no_potential_because` is None.
+        """
         potential = sum(load.potential(positions) for load in self._pressures)
         if self._present is not None:
             potential -= float(np.einsum("nc,nc->", self._present, positions - self.body.points))
@@ -277,7 +288,10 @@ class Loads:
         return {name: moment_of(lever) for name, lever in levers.items()}
 
     def _summed(self, of: Callable[[DeadLoad | Pressure], np.ndarray]) -> dict[str, np.ndarray]:
-        """Return, by name of the loads, the sums over all ranks of the values `of(load)` at the points or facets that a load acts on."""
+        """Return, by load name, sums of `of(load)`, an array with a row for each point or facet that the load acts on.
+
+        A sum is taken over all rows, all loads of that name and all ranks.
+        """
         totals = dict.fromkeys((load.name for load in self._loads), 0.0)
         for load in self._loads:
             totals[load.name] = totals[load.name] + of(load).sum(axis=0)
@@ -285,7 +299,7 @@ class Loads:
 
 
 class LoadedForce:
-    """Internal force plus loads, supports at places and rigid regions, used by solvers for a body that has any of these.
+    """Internal force plus loads, supports at places between points, and rigid regions, used by solvers for a body that has any of these.
 
     All other attributes are those of the internal force. A call moves the positions, in place, to the nearest positions in which regions
     are rigid. Forces on the points of a region are replaced by forces of equal resultant that move the region as one body, so that any
@@ -318,7 +332,7 @@ class LoadedForce:
         return getattr(self.internal, name)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Write internal force plus loads on every point at positions (n, d), in the plane per unit thickness, to `out` (n, d).
+        """Write internal force plus loads on every point at positions (n, d), in two dimensions per unit thickness, to `out` (n, d).
 
         Raises
         ------
@@ -358,5 +372,5 @@ class LoadedForce:
         return self.internal.volume_ratios() / (F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0])
 
     def energy(self) -> float:
-        """Return the sum of stored energy and potential of the loads, per unit thickness in the plane, in the state last evaluated."""
+        """Return stored energy plus potential of the loads in the state last evaluated, in two dimensions per unit thickness."""
         return self.internal.energy() + self.loads.potential(self.internal.positions[: len(self.body)])

@@ -25,7 +25,7 @@ class QuasiNewton(EquilibriumSolver):
 
     The force map is not the gradient of an energy, so that no line search on an energy is possible: steps are bounded by the stretch that
     they cause and shortened if the residual grows. If the tangent is far from symmetric, or has modes that the stiffness of the nearest
-    bonds lacks (NOSB), the method fails with an error within a bounded number of evaluations.
+    bonds lacks (`NOSBForce`), the method fails with an error within a bounded number of evaluations.
 
     References
     ----------
@@ -42,10 +42,10 @@ class QuasiNewton(EquilibriumSolver):
     LARGEST_STRAIN = 0.25
     # Accepted growth of the residual's norm: from a rough start it need not fall in every step. A greater one accepts steps that diverge.
     MOST_GROWTH = 2.0
-    # Least fraction of a step that is tried, after some thirteen halvings: a direction that suits does not need a shorter one.
+    # Least fraction of a step that is tried, after some thirteen halvings: a suitable direction does not need a shorter one.
     LEAST_STEP = 1e-4
-    # Evaluations after which a method that suits has converged, as it does in 20 to 60, or comes on, as on slender bodies that bend: the
-    # least residual of the last `WINDOW` steps is a tenth of that of as many before.
+    # Evaluations after which a suitable method has converged, as it does in 20 to 60, or still gains, as on slender bodies that bend: the
+    # least residual of the last `WINDOW` steps is then below a tenth of that of the `WINDOW` steps before.
     PATIENCE, WINDOW = 250, 100
 
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
@@ -89,7 +89,10 @@ class QuasiNewton(EquilibriumSolver):
         step *= min(1.0, self.LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
 
     def _advance(self, force, positions, step, forces, trial):
-        """Move `positions` by the longest accepted fraction of a step, scale `step` by it in place, and return the new forces."""
+        """Move `positions` by the longest accepted fraction of a step, scale `step` by it in place, and return the new forces.
+
+        `forces` (n, d) are those before the step, and `trial` (n, d) is overwritten.
+        """
         accepts, following, share = self._criterion(force, step, forces), np.empty_like(forces), 1.0
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
@@ -108,15 +111,19 @@ class QuasiNewton(EquilibriumSolver):
         raise Diverging(self.NO_STEP)
 
     def _criterion(self, force, step, forces) -> Callable[[np.ndarray, float], tuple[bool, float]]:
-        """Return the rule of acceptance of a step.
+        """Return a function ``accepts(following, share)`` that decides whether to accept the fraction `share` of a step.
 
-        From the forces after a fraction of the step, the rule returns whether to accept, and else the factor by which to shorten.
+        `forces` (n, d) are those before the step and `following` those after this fraction. The function returns whether to accept it, and
+        the factor by which to shorten it otherwise.
         """
         square = self.share.dot(forces, forces)
         return lambda following, share: (self.share.dot(following, following) <= self.MOST_GROWTH**2 * square, 0.5)
 
     def _direction(self, preconditioner, forces, history):
-        """Return the next step (n, d) by the two-loop recursion of L-BFGS, with the preconditioner between the loops."""
+        """Return the next step (n, d) by the two-loop recursion of L-BFGS, with the preconditioner between the loops.
+
+        `history` holds tuples (step, change of the forces, 1 divided by the inner product of both).
+        """
         q = forces.copy()
         factors = []
         for step, change, rho in reversed(history):
@@ -145,7 +152,7 @@ class EnergyMinimiser(QuasiNewton):
 
     # Each step lowers the energy, so the method need not give up before a run gives up an increment (`LEAST_PATIENCE`).
     PATIENCE = 2_000
-    # Share of the fall of the energy along the tangent that a step must reach (Armijo): the usual value, which refuses few steps.
+    # Fraction of the decrease of the energy by the slope that a step must reach (Armijo): the usual value, which refuses few steps.
     SUFFICIENT = 1e-4
     # Rounding of the energy by precision of the pass, in units of shear modulus times volume: a hundred times that of a single number.
     ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
@@ -293,8 +300,8 @@ class Automatic(EquilibriumSolver):
     # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor needs some 3 kB per point. A little less is allowed.
     MOST_POINTS = 1_000_000
 
-    # Most evaluations of relaxation, over the spacings in the body's extent, and at least.  It takes some tens for each of them where the
-    # body is as thick as it is long, more where it is slender.
+    # Bound of the evaluations of relaxation: a number for each spacing in the body's extent, and the least bound.  Relaxation takes some
+    # tens for each spacing where the body is as thick as it is long, more where it is slender.
     RELAXED, LEAST_RELAXED = 100, 2_000
 
     _quick: EquilibriumSolver | None = None

@@ -15,9 +15,9 @@ Operator = Callable[[np.ndarray], np.ndarray]
 InnerProduct = Callable[[np.ndarray, np.ndarray], float]
 
 COARSENING = 3
-"""Mean distance of points on a multigrid level over that on the next finer level, along each axis. Three is usual for smoothed aggregation
-(Vanek, Mandel, Brezina 1996): smoothed boxes then overlap their neighbours only, and the levels together have little more entries than the
-first."""
+"""Mean distance of points on a multigrid level, divided by that on the next finer level, along each axis. Three is usual for smoothed
+aggregation (Vanek, Mandel, Brezina 1996): smoothed boxes then overlap their neighbours only, and the matrices of all levels together have
+few more entries than the first."""
 
 FEW = 1_500
 """Greatest number of unknowns of a multigrid level that is factorised instead of coarsened further. Chosen: such a factor takes
@@ -109,6 +109,13 @@ class Multigrid:
 class _Level:
     """Arrays of one multigrid level, and the compiled passes over them.
 
+    Parameters
+    ----------
+    count : int
+        Number n of unknowns for each right-hand side.
+    held : int
+        Number of columns of the arrays: that of the right-hand sides, or 4 for three of them.
+
     Attributes
     ----------
     right, found, rest, first : ndarray of float32, shape (n, held)
@@ -124,7 +131,11 @@ class _Level:
         self.down = self.up = self.take_rest = None
 
     def bind(self, matrix: sparse.csr_array, relaxation: np.ndarray, prolongation: sparse.csr_array, coarser: "_Level") -> None:
-        """Create the passes `down`, `up` and `take_rest` between this level and the next coarser one."""
+        """Create the passes `down`, `up` and `take_rest` between this level and the next coarser one.
+
+        `relaxation` (n,) is the factor on the residual in a step of Jacobi's method, and `prolongation` the matrix that maps a solution of
+        the coarser level to this one.
+        """
         rows, restriction = _rows(matrix), _rows(prolongation.T.tocsr())
         relaxation, right, found, rest = relaxation.astype(np.float32), self.right, self.found, self.rest
         passes, chunks = passes_of(right.shape[1]), chunks_of(matrix.nnz)
@@ -162,7 +173,7 @@ def conjugate_gradient_steps(
 ) -> Iterator[tuple[float, np.ndarray, float]]:
     """Yield, for every step of conjugate gradients, its length, its direction, and the squared norm of the residual before it.
 
-    The solution is the sum of the lengths times the directions. The steps end once the residual is small enough, or after `most`.
+    The solution is the sum of the lengths times the directions. The steps end when the residual is small enough, or after `most`.
 
     Parameters
     ----------
@@ -175,7 +186,7 @@ def conjugate_gradient_steps(
     dot : callable
         Inner product.
     share_left : float
-        Norm of the residual at the end over that of the right-hand side, both in the norm of `precondition`.
+        Norm of the residual at the end divided by that of the right-hand side, both in the norm of `precondition`.
     most : int
         Greatest number of steps.
     """

@@ -16,51 +16,52 @@ from ..ranks import Share
 from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
 
 REACH = 1.3
-"""Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a grid, and similar ones off a grid.
+"""Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a plane grid, and about as many off a grid.
 
 With the diagonal bonds too, a factorisation has four times the entries and costs four times as much, for a tenth fewer steps.
 """
 
 ELONGATION = 6.0
-"""Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa. With `SHEAR_SHARE`, in the mean over all directions of bonds, the
+"""Stiffness of a spring along its bond, in units of mu w V_i V_j/kappa: shear modulus mu, weight function w, volumes V_i and V_j of the
+bond's points, and kappa from the shape tensor kappa I of a full horizon. With `SHEAR_SHARE`, in the mean over all directions of bonds, the
 network has the stiffness of rubber in pure shear in the plane, and 0.9 of it in three dimensions."""
 
 SHEAR_SHARE = 1 / 3
-"""Stiffness of a spring across its bond over that along it; the true tangent has both. Chosen: without springs across, the network of a
+"""Stiffness of a spring across its bond, divided by that along it. Chosen: without stiffness across bonds, the network of a
 square grid has no stiffness against shear; with equal ones it is a Laplacian, which does not couple the components."""
 
 SHIFT = 1e-6
-"""Fraction of its mean that is added to a matrix's diagonal, so that the matrix of a body that can drift can be factorised too. Chosen: ten
-digits above rounding; the slowest mode of a sheet a thousand points across, held all around, becomes some 20 % stiffer, which does not
-harm a preconditioner."""
+"""Fraction of the mean diagonal entry of a stiffness matrix that is added to its diagonal, so that the matrix can be factorised even if the
+body can drift. Chosen: ten digits above rounding; the slowest mode of a sheet a thousand points across, held all around, becomes some 20 %
+stiffer, which does not harm a preconditioner."""
 
 MOST_FACTORISED = {2: 300_000, 3: 5_000}
 """Greatest number of points, by dimension, for which a Laplacian is factorised; multigrid replaces larger factors, which fill in. Chosen:
 entries grow as n log n in the plane, and as n^(4/3) in three dimensions."""
 
 RAISED = 4 / 3
-"""Stiffness of the springs of the Laplacian with which it approximates the tangent of a nearly incompressible body, in units of
-mu w V_i V_j/kappa.
+"""Stiffness of the springs of a Laplacian that approximates the tangent of a nearly incompressible body, in the units of `ELONGATION`.
 
-Springs of stiffness k in a full horizon have the energy k mu/4 |grad u|^2; without the pressures rubber at rest has mu/2 |grad u|^2,
-which is k = 2. Of 1, 1.25, 1.5 and 2 (bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu) the middle two once needed a fifth
-to a quarter fewer evaluations than 1, and 2 no fewer. Now 2 needs the fewest: with 1, 4/3 and 2 the scene `bonded-block`, 8 points a side,
-needs 31, 30 and 28 (K = 100 mu), and 79, 57 and 37 (K = 1000 mu).
+Springs of stiffness k in a full horizon have the energy k mu/4 |grad u|^2; without the pressures undeformed rubber has mu/2 |grad u|^2,
+which is k = 2. In an earlier version k = 1.25 and 1.5 needed a fifth to a quarter fewer force evaluations than k = 1, and k = 2 no fewer
+(bonded blocks of 12 to 20 points a side, K = 100 mu and 1000 mu). Now k = 2 needs the fewest: with 1, 4/3 and 2 the
+scene `bonded-block`, 8 points a side, needs 31, 30 and 28 (K = 100 mu), and 79, 57 and 37 (K = 1000 mu).
 """
 
 
 ADDED = 0.6
-"""Factor on the sum of the solutions of overlapping parts and of affine motions, of which points have more than one.
+"""Factor on the approximate displacements of a body divided among ranks, sums of the solutions of overlapping parts and of affine motions.
 
-With 1 nearly incompressible bodies need half as many evaluations more on two ranks; 0.5 and 0.65 need as many as 0.6. Steps of Chebyshev's
-method with this operator save a fifth of the evaluations at most, in general none, and take twice the time."""
+Without it the sums would be too large, since they contain several solutions for a point: with 1 nearly incompressible bodies need half as
+many force evaluations more on two ranks; 0.5 and 0.65 need as many as 0.6. Steps of Chebyshev's method with this operator save a fifth of
+the evaluations at most, in general none, and take twice the time."""
 
 MOST_STEPS = 200
-"""Maximum number of conjugate-gradient steps for the displacements of a network; some tens are usual."""
+"""Maximum number of conjugate-gradient steps in a solution for the displacements of a network of springs; some tens are usual."""
 
 RESOLVED = 1000
-"""Greatest bond strain, over the strain that rounding of positions causes, at which a body counts as not deformed: smaller strains would
-have errors above 0.1 %."""
+"""Greatest bond strain, divided by the strain that rounding of positions causes, at which a body counts as undeformed: such strains have
+errors above 0.1 %."""
 
 
 class Preconditioner:
@@ -79,7 +80,9 @@ class Preconditioner:
 
 
 class NearestBonds:
-    """Network of springs along the nearest bonds of a body and across them, scaled to the second moment of the stiffness of all bonds.
+    """Network of springs along the nearest bonds of a body and across them, scaled to replace springs at all bonds.
+
+    The scale makes the sum of stiffness times squared length over the nearest bonds equal to the sum that all bonds would have.
 
     Parameters
     ----------
@@ -87,12 +90,12 @@ class NearestBonds:
     shear_moduli : float or ndarray, shape (n,)
         Shear modulus: one for all points, or one for each.
     along, across : float
-        Stiffness of a spring along its bond and across it, in units of mu w V_i V_j/kappa, before scaling.
+        Stiffness of a spring along its bond and across it, in the units of `ELONGATION`, before scaling.
 
     Attributes
     ----------
     first, second : ndarray of int, shape (k,)
-        Ends of the bonds; `second` may be a ghost.
+        Ends of the bonds; `second` may be a ghost, the image of a point beyond a reflection plane.
     coupled : bool
         Whether the displacements of a component cause forces on others.
     body
@@ -121,9 +124,10 @@ class NearestBonds:
         self.body, self._sources = body, np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[self.second]
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the forces (n, d) of the springs on the points under displacements (n, d), the halo of which is filled in place.
+        """Return the forces (n, d) of the springs on the points under displacements `moved` (n, d).
 
-        The displacements of images follow from those of their points, plus `of_images`, shape (m, d).
+        Displacements of the halo (points of other ranks) are filled in place. The displacements of images follow from those of their
+        points, plus `of_images`, shape (m, d).
         """
         ghosts = self.body.ghosts
         self.body.share.fill(moved)
@@ -150,10 +154,11 @@ class NearestBonds:
         return (matrix + matrix.T) / 2
 
     def systems(self, free: np.ndarray) -> list[tuple[list[int], sparse.sparray]]:
-        """Return pairs of component numbers and their stiffness matrix: one `matrix` of all components, or several of shape (n, n).
+        """Return the stiffness matrix in parts that are not coupled, as pairs of component numbers and the matrix of these components.
 
-        Springs as stiff across as along bonds do not couple components: those that ghosts continue with equal signs, and that are held
-        alike, where `free` (n, d) is 0, have a matrix in common.
+        A network with `coupled` components has one part, with all components in one `matrix`. Otherwise a part consists of the components
+        that ghosts continue with equal signs and that are held at the same points, where `free` (n, d) is 0; its matrix, shape (n, n), is
+        that of each of these components.
         """
         found = []
         if self.coupled:
@@ -167,11 +172,14 @@ class NearestBonds:
         return found
 
     def _parity(self) -> np.ndarray:
-        """Return the sign with which displacements of the second end of each bond follow its source point, shape (k, d); 1 if no image."""
+        """Return the signs with which the second end of each bond follows the point that it mirrors, shape (k, d); 1 if it is no image."""
         return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[self.second]
 
     def _entries(self, values: np.ndarray, parity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rows, columns and values of the stiffness matrix of springs with stiffnesses `values` (k, ...), without rows of ghosts."""
+        """Return rows, columns and values of the stiffness matrix of springs with stiffnesses `values` (k, ...), without rows of ghosts.
+
+        `parity` (k, ...) are the signs from `_parity`.
+        """
         within = self.second < len(self.body)
         first, second, ends = self.first, self.second[within], self.first[within]
         rows, columns = np.concatenate([first, first, second, second]), np.concatenate([first, self._sources, second, ends])
@@ -184,10 +192,9 @@ def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
 
 
 def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
-    """Return the network of springs whose stiffness is a Laplacian for each component, times the shear modulus and `RAISED`.
+    """Return the network of springs with the same stiffness `RAISED` along and across bonds: a Laplacian for each component.
 
-    Apart from the contribution of the pressures the tangent of an incompressible neo-Hookean body is such a Laplacian in every state. Over
-    a full horizon the sum of w V l^2 is d kappa.
+    The tangent of an incompressible neo-Hookean body in any state is such a Laplacian plus a contribution of the pressures.
     """
     return NearestBonds(body, shear_moduli, RAISED, RAISED)
 
@@ -199,7 +206,10 @@ def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
 
 
 def by_systems(systems: list[tuple[list[int], int, Operator]], values: np.ndarray) -> np.ndarray:
-    """Return the result (n, d) of applying operators to values (n, d); each comes with its component numbers and its number of rows."""
+    """Return the result (n, d) of applying operators to values (n, d).
+
+    `systems` are tuples of the component numbers to which an operator applies, the number of rows of its argument, and the operator.
+    """
     found = np.empty_like(values)
     for components, rows, operator in systems:
         found[:, components] = operator(values[:, components].reshape(rows, -1)).reshape(len(values), -1)
@@ -275,9 +285,9 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
 
 
 def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the affine motions of this rank's part, shape (d n, k), and the inverse of the stiffness of all parts' motions.
+    """Return the k affine motions of this rank's own points, shape (d n, k), and the inverse of the stiffness against those of all ranks.
 
-    The motions are those of the part's own points in components that are free, where `around` (n, d) is 1.
+    Only components that are free move, where `around` (n, d) is 1.
     """
     body, share, (n, d) = network.body, network.body.share, around.shape
     middle = np.stack(share.everywhere(body.points[share.own].mean(axis=0)))[share.owners]
@@ -301,7 +311,7 @@ def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarr
 def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
     """Return the inverse of the stiffness of a network of springs, approximate for a large Laplacian or a body divided among ranks.
 
-    It is one symmetric positive definite operator for all forces (n, d).
+    The inverse is a linear operator on forces (n, d), symmetric and positive definite.
 
     Parameters
     ----------
@@ -315,7 +325,7 @@ def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
 def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:
     """Return a function that solves for the displacements of a network under forces (n, d).
 
-    Where `inverse_of` is approximate, conjugate gradients correct it, to a residual of `left` times the forces in the energy norm.
+    Where `inverse_of` is approximate, conjugate gradients correct it until the residual is `left` times the forces, in the energy norm.
     """
     inverse, share = inverse_of(network, free), network.body.share
     if network.coupled and not share.divided:
@@ -334,7 +344,7 @@ def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
 
 
 def bond_stretches(body: Body, positions: np.ndarray) -> np.ndarray:
-    """Return the stretches of all bonds between local points of a body at positions (n, d): length over length at rest."""
+    """Return the stretches, deformed length divided by undeformed length, of all bonds between local points at positions (n, d)."""
     within = body.bonds.second < len(body)
     first, second = body.bonds.first[within], body.bonds.second[within]
     deformed, at_rest = (np.linalg.norm(places[second] - places[first], axis=1) for places in (positions, body.points))
@@ -342,12 +352,15 @@ def bond_stretches(body: Body, positions: np.ndarray) -> np.ndarray:
 
 
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:
-    """Return the greatest change of length of a local bond between positions `before` and `after`, over the bond's length at rest."""
+    """Return the greatest change of length of a local bond from positions `before` to `after`, divided by its undeformed length."""
     return float(np.abs(bond_stretches(body, after) - bond_stretches(body, before)).max())
 
 
 def strain_of_step(body: Body, step: np.ndarray) -> float:
-    """Return the greatest strain of a bond under displacements (n, d), the halo of which is filled in place."""
+    """Return the greatest relative displacement of two bonded points, in any component, divided by the length of their undeformed bond.
+
+    The halo (points of other ranks) of the displacements `step` (n, d) is filled in place.
+    """
     body.share.fill(step)
     return body.share.greatest(greatest_strain(step, body.points, body.bonds.first, body.bonds.second))
 
@@ -363,6 +376,6 @@ def is_rigid(force: InternalForce) -> bool:
 
 
 def strain_of(force: InternalForce) -> float:
-    """Return the greatest strain of a bond of the body in the state last evaluated: change of length over length at rest."""
+    """Return the greatest strain of a bond in the state last evaluated: change of length divided by undeformed length."""
     n = len(force.body)
     return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))

@@ -13,22 +13,23 @@ from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solv
 from .rigid import inverse_with_regions
 
 EXTENDED, SOLVED = 3e-4, 0.05
-"""Permitted residual over the given forces, in the energy norm, where conjugate gradients solve for the displacements of springs: for
-first guesses, and for preconditioners.
+"""Permitted residuals, divided by the given forces in the energy norm, of conjugate gradients for the displacements of springs: in first
+guesses (`EXTENDED`) and in preconditioners (`SOLVED`).
 
-An approximate inverse alone was tried for the second: rings and sheets with holes then need half as many to twice as many evaluations
-more on two ranks."""
+Preconditioners with an approximate inverse alone, without conjugate gradients, were tried: rings and sheets with holes then need half as
+many to twice as many force evaluations more on two ranks."""
 
 NEARLY_SOLVED = 0.1
-"""Permitted residual of the change of volume, over mu/K: the energy of this change is then small compared with that of the shear. With a
-third in the place of a tenth a solution takes fewer steps, but there are more solutions, and more steps in all (theory, section 17)."""
+"""Permitted relative residual of the system of the pressures, whose unknowns suppress changes of volume, divided by mu/K: the energy of the
+remaining change of volume is then small compared with that of the shear. With 1/3 each solution takes fewer steps of conjugate gradients,
+but there are more solutions, and more steps in all (theory, section 17)."""
 
 MOST_STEPS = 100
-"""Maximum number of conjugate-gradient steps for the pressures; some tens are usual."""
+"""Maximum number of conjugate-gradient steps in a solution for the pressures of `incompressible_inverse`; some tens are usual."""
 
 POLYNOMIAL_ERROR = 0.5
-"""Greatest relative error of the polynomial that preconditions the system of the pressures. Chosen: the least degrees are then 4 at K = 100
-mu and 8 at K = 1000 mu; an error of 0.3 needs 4 and 9, one of 0.7 needs 3 and 6."""
+"""Greatest relative error of the polynomial that preconditions the system of the pressures in `incompressible_inverse`. Chosen: the
+least degrees are then 4 at K = 100 mu and 8 at K = 1000 mu; an error of 0.3 needs 4 and 9, one of 0.7 needs 3 and 6."""
 
 
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
@@ -79,9 +80,9 @@ def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Precond
     """Return the preconditioner of a nearly incompressible body: the inverse of A + D^T C D (theory (58), (59)).
 
     A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C the stiffness against
-    dilatation. D is exact, since an error in the change of volume is multiplied by K. With the pressures p as unknowns the system
-    (C^-1 + D A^-1 D^T) p = D A^-1 f has the magnitude of the bulk compliance and not of K, and a few steps of conjugate gradients solve it;
-    each step costs about two thirds of a force evaluation and a solution with A.
+    dilatation. D is exact, since an error in the change of volume is multiplied by the bulk modulus K. Under forces f, with the pressures p
+    as unknowns, the system (C^-1 + D A^-1 D^T) p = D A^-1 f has the magnitude of the bulk compliance and not of K. A few steps of conjugate
+    gradients solve it; each costs about two thirds of a force evaluation and a solution with A.
 
     Parameters
     ----------
@@ -118,7 +119,10 @@ def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Precond
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:
-    """Return Chebyshev coefficients of a polynomial on [0, 1] near 1/(compliance + s^2), of least degree to meet `POLYNOMIAL_ERROR`."""
+    """Return Chebyshev coefficients of a polynomial in s on [0, 1] near 1/(`compliance` + s^2), with relative error `POLYNOMIAL_ERROR`.
+
+    The degree is the least that achieves this error, if one below 64 does.
+    """
     s = (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400)) / 2
     for degree in range(2, 64):
         table = np.polynomial.chebyshev.chebvander(2 * s - 1, degree) * (compliance + s * s)[:, None]

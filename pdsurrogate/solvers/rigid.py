@@ -16,11 +16,11 @@ MOST_STEPS = 30
 """Maximum number of Newton steps to place a rigid region by its held components; from the last state two or three suffice."""
 
 HELD = 1e-6
-"""Distance between prescribed positions and a rigid placement, over the size of the region, above which an error is raised. Chosen: values
-that a user writes with seven digits still count as a rigid motion; Newton's method ends at 1e-14."""
+"""Distance between prescribed positions and a rigid placement, divided by the size of the region, above which an error is raised. Chosen:
+values that a user writes with seven digits still count as a rigid motion; Newton's method ends at 1e-14."""
 
 INDEPENDENT = 1e-9
-"""Singular value of the rigid motions at held components, over the greatest, below which a motion of a region counts as free. Chosen
+"""Singular value of the rigid motions at held components, divided by the greatest, below which a motion of a region counts as free. Chosen
 between rounding, 1e-16, and the value of two points a thousandth of the region apart, 1e-3."""
 
 
@@ -29,7 +29,7 @@ TURNS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
 
 
 def displaced(motions: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the displacements u(X) = (Q - I) X + c of places X (k, d) in a motion [Q - I, c].
+    """Return the displacements u(X) = (Q - I) X + c of places X (k, d) in a motion [Q - I, c] of rotation Q and translation c.
 
     The shape of `motions` is (d, d + 1) for one motion of all places, or (k, d, d + 1) for one of each place.
     """
@@ -37,7 +37,7 @@ def displaced(motions: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def rigid_motions(arms: np.ndarray) -> np.ndarray:
-    """Return the displacements, shape (k, d, motions), at places with arms (k, d) in each linear rigid motion.
+    """Return the displacements, shape (k, d, motions), in each linear rigid motion, at places with vectors `arms` (k, d) from the centre.
 
     The motions are d translations along the axes, and then the rotations `TURNS` by a unit angle.
     """
@@ -50,7 +50,7 @@ def rigid_motions(arms: np.ndarray) -> np.ndarray:
 
 
 def moment_of(levers: np.ndarray) -> np.ndarray:
-    """Return the moments of forces f at places y from the sums of f (x) y, shape (..., d, d).
+    """Return the moments of forces f at places y from the sums of their outer products f (x) y, shape (..., d, d).
 
     The shape is (...,) in the plane, where moments are counter-clockwise, and (..., 3) in three dimensions.
     """
@@ -166,7 +166,7 @@ class RigidRegion:
         }
 
     def resultant(self, forces: np.ndarray) -> np.ndarray:
-        """Return the resultant of forces (k, d) on the region's points: force, and moment about the centre of volume over `size`."""
+        """Return the resultant of forces (k, d) on the region's points: force, and moment about the centre of volume divided by `size`."""
         return np.einsum("kdm,kd->m", self._motions, forces)
 
     def expand(self, motion: np.ndarray) -> np.ndarray:
@@ -176,7 +176,7 @@ class RigidRegion:
     def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
         """Replace the forces on the region's points, in place, by forces of equal resultant that accelerate it as a rigid body.
 
-        The part of the resultant that held components bear is put on these components, as the least forces that balance it. Later calls of
+        The part of the resultant that held components bear is put on these components, as the least forces equivalent to it. Later calls of
         `resultant` and `expand` refer to the positions given here. Both arguments have the shape (n, d).
         """
         self._motions = self.motions(positions[self.points])

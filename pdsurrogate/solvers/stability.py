@@ -11,20 +11,20 @@ from .nearest_bonds import Preconditioner, random_vector, strain_of_step
 
 
 class FrequencyEstimate:
-    """Estimate of the highest frequency of a body by power iteration on M^-1 K, with K v from force differences.
+    """Estimate of the highest frequency of a body by power iteration on M^-1 K, with masses M and tangent stiffness K.
 
-    The vector of the iteration is kept, so that a later call needs few iterations.
+    Products K v are differences of forces. The vector of the iteration is stored, so that a later call needs few iterations.
 
     Parameters
     ----------
     mass : ndarray, shape (n,)
-    free : ndarray, shape (n, 2)
-        1 where a component may move.
+    free : ndarray, shape (n, d)
+        1 where a component may move, 0 where it is held.
     share : Share, optional
 
     Attributes
     ----------
-    vector : ndarray, shape (n, 2)
+    vector : ndarray, shape (n, d)
         Latest estimate of the mode of highest frequency.
     fresh : bool
         True until the first call.
@@ -59,47 +59,48 @@ class FrequencyEstimate:
 PROBES = {"float64": 1e-6, "float32": 1e-3}
 """Bond strain of the difference quotients that approximate the tangent, by the precision of the force.
 
-In double precision the quotients are one-sided, with an error from the second derivative of the strain times K/mu. In single precision
-rounding requires a greater strain, and they are central: their error is the square of the strain, and the error of rounding a
-ten-thousandth.
+In double precision the quotients are one-sided, with a relative error of about the strain times K/mu. In single precision rounding
+requires a greater strain, and the quotients are central: their error is the square of the strain, and that of rounding a ten-thousandth.
 """
 
 MOST_PRODUCTS = 25
-"""Maximum number of Lanczos steps: the preconditioned spectrum of a stable body is some tenths to a few, and ten steps find lower ones."""
+"""Maximum number of Lanczos steps. Preconditioned, a stable body has eigenvalues from some tenths to a few; ten steps find lower ones."""
 
 KNOWN = 1 / 3
-"""Relative error bound of the least Ritz value below which a positive one is accepted as the least curvature. The sign is then certain; the
-value itself is not used, and a sharper bound costs products, each a force evaluation."""
+"""Relative error bound at which a positive least Ritz value (Lanczos' estimate of the least eigenvalue) is accepted. Its sign is then
+certain; the value itself is not used, and a sharper bound costs products, each a force evaluation."""
 
 NEGATIVE = -0.01
-"""Curvature of the energy, over that of the body at rest, below which an equilibrium counts as not stable. Chosen below zero by more than
-the error of difference quotients in single precision (a ten-thousandth) times K/mu of 100: bodies that can drift have a curvature of
-zero."""
+"""Curvature of the energy, divided by that of the undeformed body, below which an equilibrium counts as not stable. Chosen below zero by
+more than the error of difference quotients in single precision (a ten-thousandth) times K/mu of 100: bodies that can drift have a curvature
+of zero."""
 
 
 JUMP = 0.25
-"""Root mean square distance of points from the extrapolation, over the growth of the body's extent, beyond which a body has jumped.
+"""Root mean square displacement component of points from their extrapolation, divided by the growth of the body's extent, beyond which a
+body has jumped to another branch of equilibria.
 
 Contraction across the load and stresses at holes and cracks cause some hundredths; buckling of a sheet several tenths to ten, and more with
 shorter increments."""
 
 LEAST_JUMP = 0.1
-"""Least distance from the extrapolation, in spacings, that counts as a jump: a finer tolerance changes positions by less. Chosen: a tenth
-of a spacing cannot be seen, and buckling moves points by many."""
+"""Least distance from the extrapolation, in spacings, that counts as a jump; a finer tolerance of the solver changes positions by less.
+Chosen: a tenth of a spacing cannot be seen, and buckling moves points by many."""
 
 
 def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarray, stiffness: Preconditioner) -> float:
-    """Return an upper bound of the least curvature of the energy over that at rest; a negative value proves that a state is not stable.
+    """Return an upper bound of the least curvature of the energy, divided by that of the preconditioner along the same displacement.
 
-    Lanczos' method is applied to P^-1 K, with K v from force differences and P an approximation of K. It ends at the first negative Ritz
-    value, since a Ritz value is the curvature along some displacement, or where the least value is positive and known to within `KNOWN`.
+    The latter is about the curvature of the undeformed body. A negative value proves that the state is not stable. Lanczos' method is
+    applied to P^-1 K, with products of the tangent K from force differences and the approximation P of K. Its Ritz values are such
+    quotients along certain displacements: the method ends when the least one is below `NEGATIVE`, or positive and known to within `KNOWN`.
 
     Parameters
     ----------
     force : InternalForce
         Force that has an energy.
-    positions : ndarray, shape (n, 2)
-    free : ndarray, shape (n, 2)
+    positions : ndarray, shape (n, d)
+    free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
     stiffness : Preconditioner
         Approximation P of the tangent.
@@ -156,9 +157,9 @@ def check_branch(
         Solver that computed the equilibrium.
     before, after : float
         Loading parameter of the previous equilibrium, and of the one to check.
-    guess : ndarray, shape (n, 2)
+    guess : ndarray, shape (n, d)
         Extrapolation from the previous equilibrium.
-    positions : ndarray, shape (n, 2)
+    positions : ndarray, shape (n, d)
         Equilibrium to check.
 
     Raises

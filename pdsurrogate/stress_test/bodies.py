@@ -9,10 +9,11 @@ from ..body import Body, ReflectionPlane, grid
 from ..scenes.model import USUAL
 
 SPACING = 0.1
-"""Spacing of the small bodies; every figure is dimensionless."""
+"""Distance of neighbouring points in the small bodies; lengths here have no unit."""
 
 HORIZONS = USUAL["horizon_ratio"]
-"""Horizons in spacings, by dimension: the paper's in the plane, and 26 bonds to a point in three dimensions."""
+"""Horizon of the small bodies in spacings, by dimension: 3.15 (the paper's) in the plane, 1.75 (26 bonds at a point) in three
+dimensions."""
 
 
 def lattice(*sides: float) -> np.ndarray:
@@ -21,38 +22,51 @@ def lattice(*sides: float) -> np.ndarray:
 
 
 def of_points(points: np.ndarray, ratio: float | None = None, **options) -> Body:
-    """Return a body of points 0.1 apart; the horizon is `ratio` spacings, by default 3.15 in the plane and 1.75 in three dimensions."""
+    """Return a body of given points 0.1 apart, shape (n, d); the horizon is `ratio` spacings, by default that of `HORIZONS`.
+
+    `options` are further arguments of `Body`.
+    """
     dimension = points.shape[1]
     return Body(points, np.full(len(points), SPACING**dimension), (ratio or HORIZONS[dimension]) * SPACING, SPACING, **options)
 
 
 def regular(dimension: int, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
-    """Return a square or cube with `cells` points a side, or a box with a number of points along each axis."""
+    """Return a square or cube with `cells` points a side, or, for a tuple, a rectangle or box with these numbers of points along the axes.
+
+    The horizon is `ratio` spacings, and `options` are further arguments of `Body`, as in `of_points`.
+    """
     cells = (cells,) * dimension if isinstance(cells, int) else cells
     return of_points(lattice(*(count * SPACING for count in cells)), ratio, **options)
 
 
 def sheet(spacing=SPACING, width=1.2, height=1.0, **options) -> Body:
-    """Return a rectangular body in the plane with a horizon of 3.15 spacings."""
+    """Return a rectangular body in the plane with a horizon of 3.15 spacings; `options` are further arguments of `Body`."""
     return Body.rectangle(width, height, spacing, HORIZONS[2] * spacing, **options)
 
 
 def plain(dimension: int, width=1.2, **options) -> Body:
-    """Return a regular body: a rectangle 1 high in the plane, or a block 1 high and 0.4 thick in three dimensions."""
+    """Return a body of regular points: a rectangle of height 1 in the plane, or a block of height 1 and thickness 0.4 in three dimensions.
+
+    `options` are further arguments of `Body`.
+    """
     return of_points(lattice(*(width, 1.0, 0.4)[:dimension]), **options)
 
 
 def gripped(dimension=2, parity=(-1, 1, 1)) -> Body:
-    """Return a `plain` body with a reflection plane at its left and at its right edge or face, beyond which ghosts continue it."""
+    """Return a `plain` body with reflection planes at its left and right edges or faces, beyond which mirror images of points continue it.
+
+    `parity` is the sign of each displacement component in the images; the default makes the planes symmetry planes or rollers.
+    """
     ends = ((0.0, -1), (1.2, 1))
     return plain(dimension, planes=tuple(ReflectionPlane(0, place, side, parity[:dimension]) for place, side in ends))
 
 
 def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount=0.2) -> Body:
-    """Return a square or cube of triangles or tetrahedra with a point in the middle of each, as from a mesh file.
+    """Return a square or cube meshed with triangles or tetrahedra, with a point at the centroid of each, as from a mesh file.
 
-    Every square is cut into two triangles, every cube into six tetrahedra, along the paths over its edges from one corner to the opposite
-    corner. Interior corners are moved by up to `amount` of the side of a square, so that no two cells are alike.
+    The body consists of `cells` squares or cubes a side, each cut into two triangles or six tetrahedra: one for each path along its edges
+    from one corner to the opposite corner. Interior corners are moved at random by up to `amount` sides of a square, so that no two
+    triangles or tetrahedra are alike.
     """
     axes = np.meshgrid(*[np.arange(cells + 1)] * dimension, indexing="ij")
     corners = np.stack(axes, axis=-1).reshape(-1, dimension)
@@ -72,26 +86,38 @@ def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount
 
 
 def jittered(random: np.random.Generator, amount=0.3, dimension=2, **options) -> Body:
-    """Return a rectangle or block whose points are moved at random by up to `amount` spacings along each axis."""
+    """Return a rectangle or block whose points are moved at random by up to `amount` spacings along each axis.
+
+    `options` are further arguments of `Body`.
+    """
     points = lattice(*(1.2, 1.0, 0.4)[:dimension])
     return of_points(points + amount * 0.1 * random.uniform(-1, 1, points.shape), **options)
 
 
 def disc_with_hole(dimension=2, **options) -> Body:
-    """Return a disc with a hole, or in three dimensions a tube; neither has a straight outline, so horizons are cut in many ways."""
+    """Return a disc with a hole, or in three dimensions a tube; curved edges cut the horizons of points in many ways.
+
+    `options` are further arguments of `Body`.
+    """
     points = lattice(*(2.0, 2.0, 0.4)[:dimension])
     radius = np.linalg.norm(points[:, :2] - 1, axis=1)
     return of_points((points - 1)[(radius < 0.95) & (radius > 0.3)], **options)
 
 
 def notched(dimension=2, **options) -> Body:
-    """Return a body of some 80 points, or 250 in three dimensions, without symmetry, with edges and a notch."""
+    """Return a rectangle or block with a notch and no symmetry, of some 80 points in the plane and 250 in three dimensions.
+
+    `options` are further arguments of `Body`.
+    """
     points = lattice(*(1.0, 0.9, 0.3)[:dimension])
     return of_points(points[(np.abs(points[:, :2] - [0.35, 0.9]) > [0.1, 0.3]).any(axis=1)], **options)
 
 
 def crack(height: float, length: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the argument ``separates`` of `Body` for a straight cut at a height x2 from the left edge or face to x1 = `length`."""
+    """Return the argument ``separates`` of `Body` for a straight cut at x2 = `height`, from the left edge or face to x1 = `length`.
+
+    The argument is a function that takes the two ends of bonds, each of shape (k, d), and returns a mask of the bonds that the cut crosses.
+    """
 
     def separates(start: np.ndarray, end: np.ndarray) -> np.ndarray:
         crosses = (start[:, 1] - height) * (end[:, 1] - height) < 0

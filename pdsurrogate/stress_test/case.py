@@ -1,4 +1,4 @@
-"""Definitions for hard cases: the class of a case, the force model that is tested (`Subject`), and the outcome of a test."""
+"""Definitions for hard cases (tests that every force model takes): the case, the model under test (`Subject`), and the outcome."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ from ..solvers.equilibrium import Diverging, NotConverged, Unstable
 from .bodies import regular
 
 PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
-"""Verdicts: passed; a named weakness; a clear stop where no solution exists; not applicable to the model."""
+"""Verdicts on a force model in a hard case: passed; shows a named weakness; stops with a clear error where no solution exists; does not
+apply to the model."""
 
 WEAKNESSES = {
     "zero-energy modes": "points move against their neighbours at almost no energy: the force sees deformation gradients only (Eq. (10))",
@@ -42,7 +43,7 @@ WEAKNESSES = {
     "settings ignored": "a setting that the model does not support is ignored without a message",
     "accuracy": "the error is larger than the limit",
 }
-"""Names of weaknesses, with explanations."""
+"""Explanations of the weaknesses that a hard case can report, by their names."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +53,11 @@ class Outcome:
     Attributes
     ----------
     verdict : str
+        `PASS`, `WEAK`, `STOPS` or `INAPPLICABLE`.
     figure : str
-        Result in words, for a table.
+        Text of the result for a table, with its numbers.
     value, limit : float, optional
-        Measured value, and the limit it was compared with.
+        Measured value, and the limit with which it was compared.
     weakness : str, optional
         One of `WEAKNESSES`.
     """
@@ -68,14 +70,18 @@ class Outcome:
 
     @classmethod
     def above(cls, value: float | Mapping, limit: float, weakness: str, figure="{:.2g}") -> Outcome:
-        """Return the outcome "pass" if a value, or the least of several named values, is at least the limit; otherwise a weakness."""
+        """Return the outcome "pass" if `value` is at least `limit`, otherwise a weakness; the least of a mapping of named values decides.
+
+        `weakness` is its name in `WEAKNESSES`, and `figure` the format of the value in the table.
+        """
         return cls.below(value, limit, weakness, figure, min, operator.ge)
 
     @classmethod
     def below(cls, value: float | Mapping, limit: float, weakness: str, figure="{:.1e}", worst=max, holds=operator.le) -> Outcome:
-        """Return the outcome "pass" if a value, or the greatest of several named values, is at most the limit; otherwise a weakness.
+        """Return the outcome "pass" if `value` is at most `limit`, otherwise a weakness; the greatest of a mapping of named values decides.
 
-        `worst` and `holds` choose the decisive value and compare it with the limit.
+        `weakness` is its name in `WEAKNESSES`, and `figure` the format of the value in the table. The function `worst` chooses the deciding
+        name of a mapping, and `holds` compares value and limit.
         """
         if isinstance(value, Mapping):
             name = worst(value, key=value.get)
@@ -85,7 +91,7 @@ class Outcome:
 
     @staticmethod
     def of_all(*outcomes: Outcome) -> Outcome:
-        """Return the first of several outcomes that shows a weakness, or the last outcome if none does."""
+        """Return the first of the given outcomes whose verdict is a weakness, or the last outcome if none has that verdict."""
         return next((outcome for outcome in outcomes if outcome.verdict == WEAK), outcomes[-1])
 
 
@@ -101,20 +107,20 @@ def required(holds: bool, otherwise: str) -> None:
 
 @dataclass(frozen=True)
 class Case:
-    """Hard case for force models, called with the force model under test (`Subject`).
+    """Hard case: a test that every force model takes; it is called with the model under test (`Subject`) and returns an `Outcome`.
 
     Attributes
     ----------
     title, asked : str
-        Title and requirement, for a table.
+        Title of the case and text of its requirement, for a table.
     function : callable
-        Function of a subject that returns the outcome, or raises `Ended`.
+        Function that takes a `Subject` and returns the outcome, or raises `Ended`.
     planes : tuple of str
         States that the case applies to: plane stress ("stress"), plane strain ("strain"), three-dimensional bodies ("space").
     failing : str, optional
-        Weakness reported for a model that meets an impossible state or does not converge; by default such an error goes to the caller.
+        Weakness reported if the function raises InvalidState, NotConverged or Diverging; by default these errors go to the caller.
     drawn : bool
-        Whether the function also accepts deformations of `notched` bodies, so that a test can draw them at random.
+        Whether the function takes deformations of a `notched` body as a second argument, so that tests can draw them at random.
     """
 
     title: str
@@ -130,7 +136,10 @@ class Case:
         return self.function.__name__
 
     def __call__(self, subject: Subject, *given) -> Outcome:
-        """Return the outcome of the case for a force model under test; `Ended` and errors named by `failing` become outcomes."""
+        """Return the outcome of the case for a force model under test; `given` are further arguments of the function.
+
+        The exception `Ended` becomes its outcome; InvalidState, NotConverged and Diverging become the weakness `failing`, if there is one.
+        """
         try:
             return self.function(subject, *given)
         except Ended as ended:
@@ -142,27 +151,30 @@ class Case:
 
 
 def case(title: str, asked: str, **options) -> Callable[[Callable[..., Outcome]], Case]:
-    """Return a decorator that turns a function of a `Subject` into a `Case` with a title and a requirement (`asked`)."""
+    """Return a decorator that turns a function of a `Subject` into a `Case` with a title and a requirement (`asked`).
+
+    `options` are further attributes of the case.
+    """
     return lambda function: Case(title, asked, function, **options)
 
 
 def cases_of(module: Mapping[str, Any]) -> tuple[Case, ...]:
-    """Return the hard cases that a module, given by its `globals`, defines itself, in the order of their definition."""
+    """Return the hard cases that a module (given by its ``globals()``) defines, without imported ones, in the order of definition."""
     return tuple(found for found in module.values() if isinstance(found, Case) and found.function.__module__ == module["__name__"])
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """Force model under test, with the bodies, forces and runs that hard cases need.
+    """Force model under test, with methods that make the bodies, forces and runs that hard cases need.
 
-    Every subject is equal to itself only, so that `functools.cache` keeps for each what several of its cases share.
+    Every subject is equal to itself only, so that functions with `functools.cache` compute results that several cases share once for each.
 
     Parameters
     ----------
     reference : str
-        Name as on the command line.
+        Name of the force model, as on the command line.
     quick : bool
-        Whether to use fewer steps, for tests and a first look.
+        Whether to take fewer explicit time steps, for tests and a first look.
     plane : {"stress", "strain", "space"}
         Plane stress, plane strain, or three dimensions.
     """
@@ -183,7 +195,7 @@ class Subject:
 
     @cached_property
     def law(self) -> Law:
-        """Material that the model describes: its own, or Neo-Hookean rubber with K = 100 mu."""
+        """Material in which the model is tested: that of an artefact's card, or for built-in models Neo-Hookean rubber with K = 100 mu."""
         return NeoHookean() if self.reference in FORCES else law_of(load_card(self.reference))
 
     def sized(self, plane: Any, space: Any) -> Any:
@@ -191,18 +203,21 @@ class Subject:
         return plane if self.dimension == 2 else space
 
     def body(self, plane: int | tuple[int, ...], space: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
-        """Return a `regular` body with `plane` points a side if bodies are in the plane, with `space` points a side if they are solids."""
+        """Return a `regular` body with `plane` points a side if the model is tested in the plane, with `space` points a side if in solids.
+
+        The horizon is `ratio` spacings, by default that of `bodies.HORIZONS`; `options` are further arguments of `Body`.
+        """
         return regular(self.dimension, self.sized(plane, space), ratio, **options)
 
     def gradient(self, F: np.ndarray) -> np.ndarray:
-        """Return an in-plane deformation gradient F, for solids extended to three dimensions by the stretch along x3 without stress."""
+        """Return an in-plane deformation gradient F, shape (2, 2); for solids with the stretch along x3 that leaves no stress there."""
         if self.dimension == 2:
             return F
         trace, J = plane_stress.invariants(F)
         return block_diag(F, plane_stress.volume_ratio(self.law, trace, J) / J)
 
     def uniaxial(self, stretch: float) -> np.ndarray:
-        """Return the deformation gradient, shape (d, d), of the material in uniaxial tension or compression with free sides."""
+        """Return the deformation gradient, shape (d, d), of the material in uniaxial tension or compression to `stretch` along x1."""
         return self.gradient(np.diag([stretch, homogeneous.uniaxial(self.law, stretch).lateral_stretch]))
 
     def exact_stress(self, F: np.ndarray) -> np.ndarray:
@@ -210,12 +225,15 @@ class Subject:
         return PLANES[self.plane].first_piola_stress(self.law, F)
 
     def bind(self, body: Body, law: Law | None = None, model: ForceModel | None = None, **settings) -> InternalForce:
-        """Return the force of the model under test, or of another `model`, on a body, by default in double precision."""
+        """Return the force of the model under test, or of another `model`, on a body.
+
+        `law` is the material, by default the subject's; `settings` are those of `ForceSettings`, with double precision as the default.
+        """
         settings = ForceSettings(**{"precision": "float64", "plane": self.plane} | settings)
         return (model or self.model).bind(body, law or self.law, settings)
 
     def takes(self, setting: str) -> tuple:
-        """Return the values of a force setting that the model declares to honour; empty if it does not know the setting."""
+        """Return the values of a force setting (such as "precision") that the model declares to honour; empty for an unused setting."""
         return self.model.honoured(self.plane).get(setting, ())
 
     def describes(self, law: Law) -> bool:
@@ -227,7 +245,7 @@ class Subject:
         return True
 
     def scene(self, sides: tuple[float, ...], **described) -> Scene:
-        """Return a scene with a rectangle or box of given sides, of the material of the model under test; `described` sets further keys."""
+        """Return a scene with a rectangle or box of given sides, of the subject's material; `described` sets other keys of the scene."""
         body = {"shape": self.sized("rectangle", "box"), "size": sides[: self.dimension]}
         return Scene(**{"name": "hard-case", "plane": self.plane, "material": self.law.describe(), "body": body} | described)
 
@@ -236,9 +254,10 @@ class Subject:
         return {"region": region, **{f"x{axis + 1}": 0.0 for axis in range(self.dimension)}}
 
     def run(self, scene: Scene, force: str | None = None, where="", weakness="does not converge", unstable=WEAK, **options) -> Result:
-        """Run a scene with the model or another force and return the result; raise `Ended` if it fails, KeyboardInterrupt after Ctrl-C.
+        """Simulate a scene with the model under test, or with `force`, and return the result; raise `Ended` if the simulation fails.
 
-        `where` precedes the reason of a failure; `unstable` is the verdict if the equilibrium is not stable.
+        The outcome of `Ended` has the weakness `weakness`, and its text begins with `where`; if an equilibrium is unstable, its verdict is
+        `unstable`. `options` are further arguments of `simulate`. KeyboardInterrupt is raised after Ctrl-C.
         """
         try:
             with warnings.catch_warnings(action="ignore"):  # warnings of a run are ignored, since the measured values show their cause
@@ -251,21 +270,22 @@ class Subject:
 
 
 def forces_at(force: InternalForce, positions: np.ndarray) -> np.ndarray:
-    """Return the forces on the points of a body at given positions, both of shape (n, d)."""
+    """Return the forces on the points of the force's body at given positions, both of shape (n, d)."""
     out = np.empty_like(positions)
     force(positions, out)
     return out
 
 
 def off(found: np.ndarray, expected: np.ndarray) -> float:
-    """Return the greatest difference between two arrays, over the greatest magnitude in `expected`."""
+    """Return the greatest difference between two arrays, divided by the greatest magnitude in `expected`."""
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
 def spring_stiffness(body: Body, shear_modulus: float) -> float:
     """Return the stiffness against moving one point with a full horizon if all its bonds were springs: 4 mu V^2 sum(w)/kappa.
 
-    Springs of 4 mu w V^2/kappa along and across every bond have the shear modulus mu, in two and three dimensions.
+    V is the volume of a point, w the weight function and kappa the factor of the shape tensor kappa I. In two and three dimensions, springs
+    of stiffness 4 mu w V^2/kappa along and across every bond give the body the shear modulus mu.
     """
     d = body.dimension
     cells = np.arange(-8, 9) * body.spacing

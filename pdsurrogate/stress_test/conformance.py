@@ -1,7 +1,7 @@
-"""Properties required of every force model, and the table of the tested models with the properties that they lack.
+"""Properties required of every force model, and the table `TABLE` of the tested models with the properties that they lack.
 
-The tests run every pair of a row and a property, and ``pdsurrogate stress-test`` reports them. A new force model, registered in
-`pdsurrogate.forces.FORCES` or stored as an artefact, is added by one line of `TABLE`::
+The tests run every property on every row of the table, and ``pdsurrogate stress-test`` reports the results. A new force model, registered
+in `pdsurrogate.forces.FORCES` or stored as an artefact, is added by one line of `TABLE`::
 
     Row("yeoh", MOMENTS),
 
@@ -38,7 +38,7 @@ from .deformations import force_densities, mean_stress_at, turn, wavy, why_inacc
 from .runs import energy_account, force_balance, scale_of_units, small_loads
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
-"""Diagonal of a reflection; a body of dimension d uses the first d entries."""
+"""Signs of x1, x2 and x3 in a reflection in the plane x1 = 0; a body of dimension d uses the first d entries."""
 
 
 class Departure(NamedTuple):
@@ -47,9 +47,9 @@ class Departure(NamedTuple):
     Attributes
     ----------
     weakness : str
-        One of `pdsurrogate.stress_test.case.WEAKNESSES`.
+        Name of the weakness, a key of `pdsurrogate.stress_test.case.WEAKNESSES`.
     bound : float, optional
-        Bound of the measured value; None if there is no bound.
+        Bound of the value that the property's test measures; None if there is no bound.
     """
 
     weakness: str
@@ -64,9 +64,9 @@ class Row(NamedTuple):
     Attributes
     ----------
     reference : str
-        Name as on the command line.
+        Name of the force model, as on the command line.
     departures : mapping
-        Departures by the name of the property; every other property is required.
+        Departure for each property that the model lacks, by the name of the property; every other property is required.
     plane : {"stress", "strain", "space"}
         Plane stress, plane strain, or three dimensions.
     """
@@ -82,9 +82,10 @@ class Row(NamedTuple):
 
 
 class Deformation(NamedTuple):
-    """Deformation for tests: stretches along rotated axes, a rotation of the body, and waves of random direction.
+    """Deformation for tests: waves of random direction, stretches along rotated axes, and a rotation of the body.
 
-    In three dimensions the third stretch keeps the volume.
+    `first` and `second` are the stretches (in three dimensions the third keeps the volume); `axes` is the angle of their axes and
+    `rotation` that of the body, in degrees; `amplitude` is that of the waves, in the unit of the points, and `seed` draws the waves.
     """
 
     first: float
@@ -95,7 +96,7 @@ class Deformation(NamedTuple):
     seed: int
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        """Return the deformed positions of points, shape (n, d); angles are in degrees, the amplitude in the unit of the points."""
+        """Return the deformed positions of points; both have shape (n, d)."""
         random, d = np.random.default_rng(self.seed), points.shape[1]
         stretches = [self.first, self.second, 1 / (self.first * self.second)][:d]
         F = turn(self.rotation, d) @ turn(self.axes, d) @ np.diag(stretches) @ turn(-self.axes, d)
@@ -108,32 +109,33 @@ DEFORMATIONS = (
     Deformation(1.9, 0.75, 100.0, 70.0, 0.005, 2),
     Deformation(0.8, 0.9, -170.0, 0.0, 0.01, 3),
 )
-"""Default deformations: stretched, strongly stretched and rotated, compressed."""
+"""Default deformations of the cases that accept others: stretched; strongly stretched and rotated; compressed and rotated."""
 
 
 def _energy(force: InternalForce) -> float:
-    """Return the stored energy over mu times the volume; zero for a force without an energy."""
+    """Return the stored energy of the last state, divided by the shear modulus and the volume; zero for a force without an energy."""
     return force.energy() / (force.law.shear_modulus * force.body.volumes.sum()) if force.has_energy else 0.0
 
 
 def _scale(force: InternalForce, forces: np.ndarray) -> float:
-    """Return the force to which errors are related: the greatest of the forces, or near rest mu times the spacing."""
+    """Return the divisor of the errors of `forces`: their greatest magnitude, or the shear modulus times the spacing if that is greater."""
     return max(float(np.abs(forces).max()), force.law.shear_modulus * force.body.spacing)
 
 
 def _settled(force: InternalForce, positions: np.ndarray) -> np.ndarray:
-    """Return the forces of a second evaluation, whose iteration for J3 starts from the converged values of the first.
+    """Return the forces of a second evaluation, whose iteration for the volume ratio J3 starts from the converged values of the first.
 
-    `another_start` tests the effect of the start values.
+    `another_start` tests the effect of other start values.
     """
     forces_at(force, positions)
     return forces_at(force, positions)
 
 
 def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Callable], Case]:
-    """Return a decorator that makes a `Case` of a function returning errors of a force on a `notched` body at deformed positions.
+    """Return a decorator that makes a `Case` of a function that measures one or more errors of a force on a `notched` body.
 
-    The case compares the greatest error over several deformations with the limit.
+    The function takes a `Subject`, its force and deformed positions. The case compares the greatest error over several deformations with
+    `limit` and reports `weakness` if it is exceeded; `title` and `asked` are those of `case`.
     """
 
     def declare(function: Callable[[Subject, InternalForce, np.ndarray], float | list[float]]) -> Case:
@@ -150,9 +152,10 @@ def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Call
 
 @case("rigid rotation, 0 to 360 degrees", "forces below 1e-9 mu/dx")
 def rigid_rotation(subject: Subject) -> Outcome:
-    """Test that an undeformed body rotated by 0 to 360 degrees has no forces and no energy, in mu/dx and in mu times the volume.
+    """Test that an undeformed body rotated by 0 to 360 degrees has no forces and no energy.
 
-    Rounding of positions leaves K/mu times 1e-15 times the number of spacings; the limit is 1e-9.
+    Forces per volume are measured in mu/dx (shear modulus/spacing), the energy in mu times the volume. Rounding of positions leaves K/mu
+    times 1e-15 times the number of spacings; the limit is 1e-9.
     """
     body = subject.body(10, (12, 10, 4))
     force, found = subject.bind(body), []
@@ -163,10 +166,10 @@ def rigid_rotation(subject: Subject) -> Outcome:
 
 @drawn("deformed and turned", "forces turn with the body, 1e-9", 1e-9, "accuracy")
 def objectivity(subject, force, positions):
-    """Return how much the forces, rotated back, and the energy change if a deformed body is rotated and moved.
+    """Return relative changes of the forces (rotated back) and of the energy if a deformed body is rotated by 15 to 360 degrees and moved.
 
-    The rotations are 15 to 360 degrees. Rounding of the positions, 1e-15, is a strain of 1e-14 over a spacing, multiplied by K/mu and some
-    thirty bonds: 1e-10, a tenth of the limit.
+    Rounding of the positions, 1e-15, is a strain of 1e-14 over a spacing, multiplied by K/mu and some thirty bonds: 1e-10, a tenth of the
+    limit.
     """
     still, energy, errors = _settled(force, positions), _energy(force), []
     for degrees in (15, 110, 170, 200, 275, 360):
@@ -178,9 +181,10 @@ def objectivity(subject, force, positions):
 
 @drawn("evaluated from rest", "the forces of the second evaluation, 1e-9", 1e-9, "last step of J3")
 def another_start(subject, force, positions):
-    """Return the change of the forces if the iteration for J3 starts from the state of rest instead of from the converged state.
+    """Return the relative change of the forces if the iteration for J3 starts from the undeformed instead of the converged state.
 
-    The last step of the iteration is below 1e-8 and J3 has an error of its square: forces change by K/mu times 1e-16; the limit is 1e-9.
+    The last step of the iteration is below 1e-8 and the volume ratio J3 has an error of its square: forces change by K/mu times 1e-16; the
+    limit is 1e-9.
     """
     forces_at(force, force.body.points)
     found, expected = forces_at(force, positions), forces_at(force, positions)
@@ -189,7 +193,7 @@ def another_start(subject, force, positions):
 
 @drawn("deformed and mirrored", "mirrored forces, 1e-9", 1e-9, "no mirror symmetry")
 def mirror(subject, force, positions):
-    """Return the difference between the forces on a mirrored body and the mirrored forces on the body; the limit is 1e-9, for rounding."""
+    """Return the relative difference of the forces on a mirrored body and the mirrored forces on the original; the limit is 1e-9."""
     across = MIRROR[: subject.dimension]
     mirrored = subject.bind(of_points(force.body.points * across))
     expected = _settled(force, positions) * across
@@ -198,14 +202,20 @@ def mirror(subject, force, positions):
 
 @drawn("linear momentum", "sum of all forces below 1e-12 of their sizes", 1e-12, "accuracy")
 def linear_momentum(subject, force, positions):
-    """Return the sum of all forces on a body over the sum of their magnitudes; rounding of some 2,000 forces leaves less than 1e-12."""
+    """Return the sum of all forces on a body divided by the sum of their magnitudes.
+
+    Rounding of some 2,000 bond forces leaves less than 1e-12.
+    """
     forces = _settled(force, positions)
     return np.abs(forces.sum(axis=0)).max() / max(float(np.abs(forces).sum()), _scale(force, forces))
 
 
 @drawn("angular momentum", "moment of all forces below 1e-9 of its parts", 1e-9, "moments")
 def angular_momentum(subject, force, positions):
-    """Return the total moment of the forces about the middle of the body over the sum of the single moments; rounding leaves 1e-15."""
+    """Return the moment of all forces about the middle of the body, divided by the sum of (lever arm times force) over the points.
+
+    Rounding leaves 1e-15.
+    """
     forces, arms = _settled(force, positions), positions - positions.mean(axis=0)
     lengths = np.linalg.norm(arms, axis=1)
     # These are the components of the moment, in two or three dimensions.
@@ -215,7 +225,7 @@ def angular_momentum(subject, force, positions):
 
 @drawn("points numbered otherwise", "the same forces, 1e-11", 1e-11, "accuracy")
 def order_of_points(subject, force, positions):
-    """Return the change of the forces if the points are renumbered, which sums bonds in another order; the limit is 1e-11.
+    """Return the relative change of the forces if the points are renumbered, which sums bonds in another order; the limit is 1e-11.
 
     Rounding is 1e-16 for each of some thirty bonds, multiplied by K/mu where the volumetric part cancels.
     """
@@ -246,17 +256,19 @@ GRADIENTS = (
     turn(143) @ np.array([[1.8, 0.3], [0.1, 0.9]]),
     np.array([[0.85, 0.1], [0.0, 0.9]]),
 )
-"""Tension, shear, a rotated state and compression, within the domain of every shipped artefact."""
+"""In-plane deformation gradients of `homogeneous_stress`: tension, shear, a rotated state and compression, all within the domain of every
+shipped artefact."""
 
 
 @case("homogeneous deformation", "mean stress as exact as the model states")
 def homogeneous_stress(subject: Subject) -> Outcome:
-    """Test the mean stress in four homogeneous states of three bodies, each with another weight function.
+    """Test the mean stress against the law's exact stress in four homogeneous states of three bodies with different weight functions.
 
-    An exact force gives the stress of the law, up to the boundary, except for rounding: 1e-13 multiplied by K/mu. For an artefact the card
-    bounds the error: P is twice the mean of t (x) n over the directions of the bonds, so its error is at most twice the greatest error of a
-    bond, which the card states for the strain of the state. A model without T_mm has errors of the correction at edges; the case compares
-    it with the exact force under the same correction. The outcome is that of the state nearest to its limit.
+    An exact force gives the stress of the law, up to the boundary, except for rounding: 1e-13 multiplied by K/mu. For an artefact its card
+    bounds the error: the stress P is twice the mean of (bond force t) (x) (bond direction n) over all directions, so its error is at most
+    twice the greatest error of a bond force, which the card states for the strain of the state. A model without the transverse stress T_mm
+    also has errors at edges because of the scalar correction: it is compared with the exact force under this correction. The state with
+    the greatest ratio of error and limit decides.
     """
     random = np.random.default_rng(20240109)
     rounding = 1e-13 * subject.law.bulk_modulus / subject.law.shear_modulus
@@ -275,12 +287,15 @@ def homogeneous_stress(subject: Subject) -> Outcome:
 
 
 def _extended(F: np.ndarray) -> np.ndarray:
-    """Return an in-plane deformation gradient extended to three dimensions, shape (3, 3), and rotated; its determinant is 0.97."""
+    """Return an in-plane deformation gradient extended by a stretch along x3 to determinant 0.97, between two rotations, shape (3, 3)."""
     return turn(50, 3) @ block_diag(F, 0.97 / np.linalg.det(F)) @ turn(20, 3)
 
 
 def _stated_error(subject: Subject, F: np.ndarray) -> float:
-    """Return the bound of the relative stress error that the model's card states at a deformation gradient F; 0 for models without card."""
+    """Return the bound of the relative stress error at a deformation gradient F from the card of an artefact; 0 for built-in models.
+
+    The bound is twice the greatest error of a bond force that the card states for the strain of F.
+    """
     if subject.reference in FORCES:
         return 0.0
     strain = float(np.abs(np.linalg.svd(F, compute_uv=False) - 1).max())
@@ -290,9 +305,9 @@ def _stated_error(subject: Subject, F: np.ndarray) -> float:
 
 @case("float32 against float64", "forces within 2e-5")
 def single_precision(subject: Subject) -> Outcome:
-    """Test the difference between the forces in float32 and in float64 on a deformed body, over the greatest force.
+    """Test that forces in float32 and float64 on a deformed body differ by at most 2e-5 of the greatest force.
 
-    A few roundings of 6e-8 on each of some thirty bond forces, which are larger than their sum, stay below the limit of 2e-5.
+    A few roundings of 6e-8 on each of some thirty bond forces, which are larger than their sum, stay below this limit.
     """
     required("float32" in subject.takes("precision"), "double only")
     body = plain(subject.dimension)
@@ -302,9 +317,9 @@ def single_precision(subject: Subject) -> Outcome:
 
 @case("kernel against NumPy", "the same values, 1e-10")
 def kernel_and_numpy(subject: Subject) -> Outcome:
-    """Test the difference between a surrogate's compiled kernel and its NumPy implementation on 1,000 states, over the greatest value.
+    """Test that a surrogate's compiled kernel and its NumPy implementation differ on 1,000 states by at most 1e-10 of the greatest value.
 
-    Some 40 roundings of terms that are up to ten thousand times their sum leave 1e-10 in float64. For float32 see `single_precision`.
+    Some 40 roundings of terms that are up to ten thousand times their sum leave 1e-10 in float64. `single_precision` tests float32.
     """
     model, law = subject.model, subject.law
     required(subject.plane == "stress", "its face in NumPy is that of a sheet")
@@ -335,7 +350,7 @@ def threads(subject: Subject) -> Outcome:
 
 
 def _none_may(count: int, none: str, some: str, weakness: str = "accuracy") -> Outcome:
-    """Return the outcome "pass" with the text `none` if a count is zero; otherwise a weakness with the text `some`."""
+    """Return the outcome "pass" with the text `none` if `count` (of faults) is zero, otherwise `weakness` with the text `some`."""
     return Outcome(WEAK if count else PASS, some if count else none, float(count), 0.0, weakness if count else None)
 
 
@@ -343,7 +358,7 @@ def _none_may(count: int, none: str, some: str, weakness: str = "accuracy") -> O
 def reflected_half(subject: Subject) -> Outcome:
     """Test that the forces on half a body at a reflection plane equal the forces on that half of the whole, symmetrically deformed body.
 
-    The ghosts stand for points of the whole body, so the same bonds are summed in another order; the limit is 1e-11.
+    Ghosts (mirror images) take the place of the other half, so the same bonds are summed in another order; the limit is 1e-11.
     """
     d = subject.dimension
     half, whole = plain(d, width=0.6, planes=(ReflectionPlane(0, 0.6, 1, (-1, 1, 1)[:d]),)), plain(d, width=1.2)
@@ -359,9 +374,10 @@ def reflected_half(subject: Subject) -> Outcome:
 
 @case("pair forces", "add up to the forces, 1e-10")
 def pair_forces(subject: Subject) -> Outcome:
-    """Test that the forces equal the sums of the pair forces, on a free body and on a body with ghosts; the limit is 1e-10.
+    """Test that the force on each point is the sum of its pair forces, on a free body and on a body with ghosts; the limit is 1e-10.
 
-    The sums have another order, and parts are recomputed where a model does not store them. The forces of selected pairs must agree, too.
+    The sums have another order, and a model recomputes the terms that it does not store. Pair forces computed for selected pairs alone
+    must agree with those of all pairs, too.
     """
     errors = []
     for body in (plain(subject.dimension), gripped(subject.dimension)):
@@ -379,8 +395,8 @@ def pair_forces(subject: Subject) -> Outcome:
 def broken_bonds(subject: Subject) -> Outcome:
     """Test that a body whose bonds break in two steps has the forces and energy of a body built without these bonds.
 
-    Horizons, gradients and corrections are recomputed from the same numbers in another order. J3 starts from other values, which leaves
-    1e-9 (`another_start`). The pair forces of the broken bonds must vanish, too.
+    Horizons, gradients and corrections are recomputed from the same numbers in another order, and the iteration for the volume ratio J3
+    starts from other values, which leaves 1e-9 (`another_start`). The pair forces of the broken bonds must vanish, too.
     """
     required(True in subject.takes("breakable"), "its bonds do not break")
     crosses = crack(0.5, 0.6)
@@ -398,7 +414,7 @@ def broken_bonds(subject: Subject) -> Outcome:
 
 @case("bonds broken that were not to break", "refused")
 def unbreakable(subject: Subject) -> Outcome:
-    """Test that bonds of a force that was not bound with the setting ``breakable`` cannot be broken, and that the error names it."""
+    """Test that a force bound without the setting ``breakable`` refuses to break bonds, and that its error names the setting."""
     force = subject.bind(plain(subject.dimension), precision=None)
     try:
         force.break_bonds(np.arange(5))
@@ -412,7 +428,7 @@ class _Killed(Exception):
 
 
 class _Killing(Silent):
-    """Receiver of progress that kills a run, by an error, when its second level begins."""
+    """Receiver of progress that ends a run by `_Killed` when the search for its second equilibrium begins."""
 
     def level(self, number: int, stretch: float) -> None:
         if number == 1:
@@ -421,7 +437,7 @@ class _Killing(Silent):
 
 @case("killed between levels and resumed", "bitwise the same")
 def checkpoint(subject: Subject) -> Outcome:
-    """Test that a run in equilibrium, killed between two levels and resumed from its checkpoint, ends at the same positions."""
+    """Test that a run killed between two equilibria and resumed from its checkpoint ends at the same positions as a run without a break."""
     required(subject.plane != "space", "its run is that of a sheet")
     # The exact solution is not computed, since it costs more than the run for some laws.
     changes = {"spacing": 0.1, "body.size": [0.8, 0.8], "stretches": [1.05, 1.15], "solver.tolerance": 1e-4, "reference": None}
@@ -453,12 +469,15 @@ def impossible_states(subject: Subject) -> Outcome:
 
 
 IN_WORDS = {"breakable": "bonds that break"}
-"""Settings that messages call by the name of a scene's key."""
+"""Text by which error messages name a force setting, where it is not the name of the setting itself."""
 
 
 @case("settings that a model cannot honour", "refused by name")
 def settings_refused(subject: Subject) -> Outcome:
-    """Test that every force setting is honoured, or refused by name, exactly as the model declares, and that none is ignored."""
+    """Test that the model accepts exactly the values of force settings that it declares, and refuses others with the name of the setting.
+
+    A value that is accepted, differs from the default and changes neither the forces nor the number of warnings counts as ignored.
+    """
     wrong, declared = [], subject.model.honoured(subject.plane)
     for key, values in SETTINGS.items():
         usual, stated, taken = _settings_outcome(subject, key, None), getattr(_bind_with(subject, key, None), key, None), {}
@@ -484,7 +503,10 @@ def _bind_with(subject: Subject, key: str, value: Any) -> InternalForce:
 
 
 def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:
-    """Return the forces as bytes and the number of warnings with one setting changed, or "stops" outside the domain, for comparison."""
+    """Return the forces as bytes and the number of warnings under a setting, or "stops" if the evaluation raises OutsideDomain.
+
+    The setting `key` has the given value, None for the default; with the value True some bonds are broken first.
+    """
     force = _bind_with(subject, key, value)
     # The stretch is along axes off the grid, where the paper's rotation differs, and far beyond the domain of any surrogate.
     d = force.body.dimension
@@ -500,15 +522,15 @@ def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:
 
 
 PROPERTIES = (*cases_of(globals()), small_loads, force_balance, scale_of_units, energy_account)
-"""All properties, in the order of the report."""
+"""All properties required of a force model (each a `Case`), in the order of the report."""
 
 
 # Pair forces that are not along their bonds cause moments of second order in the horizon over the body's size: (0.315/1)^2.
 MOMENTS = {"angular_momentum": Departure("moments", 0.1)}
-"""Departure of every force computed from averaged features of a bond's ends."""
+"""Departures of every force model that computes a pair force from features averaged over the two ends of the bond."""
 
 NO_REST = dict.fromkeys(("small_loads", "force_balance", "scale_of_units"), Departure("zero-energy modes"))
-"""Departures of a force with which a clamped block under a load does not converge to equilibrium."""
+"""Departures of a force model with which a clamped block under a load does not converge to equilibrium."""
 
 BA_NOSB = MOMENTS | {
     # The error depends on the weights only, not on the state: 6 per cent on sheets that are ten points wide.
@@ -550,4 +572,4 @@ TABLE = (
     Row("full-network-isochoric", plane="space"),
     Row("nosb", NO_REST, plane="space"),
 )
-"""Shipped force models, with the departures that they state."""
+"""Shipped force models, each with its departures (the properties that it lacks)."""

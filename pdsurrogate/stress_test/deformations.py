@@ -24,7 +24,7 @@ from .case import STOPS, WEAK, Ended, Outcome, Subject, case, cases_of, forces_a
 from .tangents import CELLS, tangent_at, why_not_resisted
 
 MOST_ERROR = 1e-3
-"""Greatest relative error of a stress: 0.1 %, a third of the repeatability of the best experiments on rubber."""
+"""Greatest relative error of a stress with which a case passes: 0.1 %, a third of the repeatability of the best experiments on rubber."""
 
 
 TURNED_ABOUT = np.array([-2.0, 1.0, -2.0]) / 3
@@ -50,9 +50,10 @@ def force_densities(force: InternalForce, positions: np.ndarray) -> np.ndarray:
 
 
 def _stress_error(subject: Subject, stretches: list[float], law: Law, square: bool = False, where: str = "") -> float:
-    """Return the greatest relative error of the nominal stress in uniaxial tension or compression between rollers.
+    """Return the greatest relative error of the nominal stress at given stretches, against the exact uniaxial stress of `law`.
 
-    The body is a sheet of 3 by 1 or a block of 1 by 0.4 by 0.4, or, if `square`, a square or a cube.
+    The body is a sheet of 3 by 1 or a block of 1 by 0.4 by 0.4, or, if `square`, a square or a cube, stretched or compressed between
+    rollers. The reason of a failed run begins with the text `where`.
     """
     size = subject.sized([1.0, 1.0], [0.6, 0.6, 0.6]) if square else subject.sized([3.0, 1.0], [1.0, 0.4, 0.4])
     changes = {"spacing": SPACING, "solver.most_evaluations": 20000, "horizon_ratio": HORIZONS[subject.dimension], "plane": subject.plane}
@@ -95,9 +96,10 @@ def compression(subject: Subject) -> Outcome:
 
 
 def judged_patches(subject: Subject, bodies: Iterable[Body], F: np.ndarray, least: float) -> Outcome:
-    """Return the outcome for bodies in a homogeneous state: the error of the mean stress must be small and the resistance at least `least`.
+    """Return the outcome for bodies in a homogeneous state F: the mean stress must be accurate, and the resistance at least `least`.
 
-    The error is divided by the greatest component of the exact stress; the resistance is that of `tangents.Tangent`.
+    The error of the stress, divided by the greatest component of the exact stress, may be `MOST_ERROR`; the resistance to displacements is
+    `tangents.Tangent.resistance`. The worst body decides.
     """
     exact, errors, resisted = subject.exact_stress(F), [], []
     for body in bodies:
@@ -115,9 +117,9 @@ def mean_stress_at(force: InternalForce, F: np.ndarray) -> np.ndarray:
 
 
 def _homogeneous(subject: Subject, F: np.ndarray) -> Outcome:
-    """Test mean stress and stability in a homogeneous state; the resistance must be a quarter of a continuum's.
+    """Return the outcome of mean stress and stability of a regular body under an in-plane deformation gradient F.
 
-    `tangents.least_eigenvalue` gives the reason for a quarter.
+    The resistance (`tangents.Tangent.resistance`) must be a quarter of a continuum's; `tangents.least_eigenvalue` gives the reason.
     """
     return judged_patches(subject, [subject.body(10, 6)], subject.gradient(F), 0.25)
 
@@ -130,16 +132,17 @@ def equibiaxial(subject: Subject) -> Outcome:
 
 @case("simple shear 2", "stress within 0.1 %, and stable")
 def simple_shear(subject: Subject) -> Outcome:
-    """Test mean stress and stability in a homogeneous body under simple shear 2."""
+    """Test mean stress and stability in a homogeneous body under a simple shear of amount 2."""
     return _homogeneous(subject, np.array([[1.0, 2.0], [0.0, 1.0]]))
 
 
 @case("Gent to 99 % of its limit, and beyond", "stress within 0.1 %; beyond, a stop that names the place")
 def chain_limit(subject: Subject) -> Outcome:
-    """Test Gent's law in uniaxial tension: stresses at 99 % and 102 % of its limiting stretch, and a clear error at twice this stretch.
+    """Test Gent's law in uniaxial tension: the stress at 99 % and 102 % of its limit, and a clear error far beyond.
 
-    The limit concerns I1bar - 3, about the square of the stretch; a slightly compressible law exceeds it by a few per cent because its
-    volume grows. At twice the stretch no solution exists, and the error must say where and why.
+    The limit is that of I1bar - 3, about the square of the stretch; 99 % and 102 % give the stretches of an incompressible body. A slightly
+    compressible law exceeds the limit by a few per cent because its volume grows. At twice the stretch of 99 % no solution exists, and the
+    error must say where and why.
     """
     law = subject.law if isinstance(subject.law, Gent) else Gent(subject.law.shear_modulus, 100 * subject.law.shear_modulus, 30.0)
     required(subject.describes(law), "fitted to another law")
@@ -208,7 +211,7 @@ def bonded_faces(subject: Subject) -> Outcome:
 
 
 def _reaction(run: Result) -> float:
-    """Return the force on the whole right face of a body of which a run simulated a quarter of the face."""
+    """Return the force on the whole right face at the end of a run that simulated a quarter of this face."""
     return 4 * run.levels[-1]["forces"]["right"][0]
 
 
@@ -216,9 +219,10 @@ def _reaction(run: Result) -> float:
 def torsion(subject: Subject) -> Outcome:
     """Test the torque of a cylinder twisted between bonded faces by 10 and 180 degrees, against Rivlin's exact solution.
 
-    An incompressible cylinder of any law is sheared by kappa r, and plane faces stay plane: the torque is 2 pi times the integral of the
-    shear stress r^2 dr, and K = 100 mu changes it by tenths of a per cent. With eight points across, those at the surface lack half of
-    their horizons and the torque is some 9 % low at any angle: it must be within a tenth, and its error must change by no more than 2 %.
+    In an incompressible cylinder of any law, the shear at radius r is r times the twist per length, and plane sections stay plane: the
+    torque is 2 pi times the integral of (shear stress) r^2 dr, and K = 100 mu changes it by tenths of a per cent. With eight points across,
+    those at the surface lack half of their horizons and the torque is some 9 % low at any angle: it must be within a tenth, and its error
+    must change by no more than 2 %.
     """
     radius, length, turned = 0.5, 1.5, 180.0
     body, solver = {"shape": "cylinder", "axis": "x1", "radius": radius, "length": length}, PATIENT | {"tolerance": 1e-5}
@@ -241,9 +245,9 @@ def torsion(subject: Subject) -> Outcome:
 def slender(subject: Subject) -> Outcome:
     """Test the deflection of a cantilever ten times as long as it is thick, with four points across.
 
-    The load gives a fiftieth of the length by Timoshenko's beam theory with the law's small-strain moduli. Four points resolve the bending
-    stress within a sixth, because of the surfaces, six points within half of that; a fifth is allowed. With corrected bond forces the bar
-    bends by 39 % too little with four points, by 12 % with eight and by 6 % with twelve.
+    By Timoshenko's beam theory with the law's small-strain moduli, the load deflects the end by a fiftieth of the length. Because of the
+    surfaces, four points resolve the bending stress within a sixth, six points within a twelfth; a fifth is allowed. With corrected bond
+    forces the bar bends by 39 % too little with four points, by 12 % with eight and by 6 % with twelve.
     """
     law, d, thickness, length = subject.law, subject.dimension, 0.2, 2.0
     young = 9 * law.bulk_modulus * law.shear_modulus / (3 * law.bulk_modulus + law.shear_modulus)
@@ -264,9 +268,9 @@ def slender(subject: Subject) -> Outcome:
 def beyond_the_domain(subject: Subject) -> Outcome:
     """Test a path from rest to twice the greatest stretch of a surrogate's domain: exact forces at its end, and conservation of energy.
 
-    The end is at 1.5 or 1.2 times the greatest stretch if the law ends earlier. There every bond must have the exact force. On the path the
-    exact energy replaces the learnt energy: the work, by Gauss's rule on 200 intervals, must equal the stored energy to 1e-7, which a jump
-    by the error of the fit would exceed.
+    The path ends at 1.5 or 1.2 times the greatest stretch if the law has no state at twice. At the end the forces must be exact. Outside
+    the domain the exact energy replaces a learnt energy: the work on the path, by Gauss's rule on 200 intervals, must equal the stored
+    energy to 1e-7, which a jump by the error of the fit would exceed.
     """
     model = subject.model
     required(isinstance(model, ForceSurrogate | LearntEnergy) and model.domain is not None, "holds everywhere")
@@ -303,15 +307,15 @@ def beyond_the_domain(subject: Subject) -> Outcome:
 
 
 RATIOS = (2.015, 3.015, 3.15, 4.0, 6.0), (1.5, 1.75, 2.015, 2.5, 3.015)
-"""Horizons in spacings, in the plane and in three dimensions: the shortest whose bonds span all directions, the defaults of scenes, just
-above whole numbers of spacings, and the largest in use."""
+"""Tested horizons in spacings, in the plane and in three dimensions: from the shortest whose bonds span all directions to the largest in
+use, with the defaults of scenes and some just above whole numbers."""
 
 
 def _awkward_patches(subject: Subject, make: Callable[[np.random.Generator], Body]) -> Outcome:
-    """Test mean stress and stability at uniaxial stretch 2 in three random bodies; the worst counts.
+    """Return the outcome of mean stress and stability at uniaxial stretch 2 in three bodies that `make` draws at random; the worst counts.
 
-    The resistance must be a tenth of a continuum's: besides the effect of the horizon (see `tangents.least_eigenvalue`), single horizons
-    are asymmetric.
+    The resistance must be a tenth of a continuum's, less than the quarter of `tangents.least_eigenvalue`, since the horizons of single
+    points are asymmetric.
     """
     bodies = [make(np.random.default_rng(seed)) for seed in range(3)]
     return judged_patches(subject, bodies, subject.uniaxial(2.0), 0.1)
@@ -332,10 +336,10 @@ def mesh(subject: Subject) -> Outcome:
 
 @case("short and long horizons", "stable at stretch 2")
 def horizons(subject: Subject) -> Outcome:
-    """Test stability at uniaxial stretch 2 with horizons of 2.015 to 6 spacings, 1.5 to 3.015 in three dimensions; the least counts.
+    """Test stability at uniaxial stretch 2 with horizons of 2.015 to 6 spacings, or 1.5 to 3.015 in solids; the least resistance counts.
 
-    In twelve spacings of sheet, or seven of a cube, the longest horizon is cut by an edge everywhere; a tenth of a continuum's resistance
-    is required, as for jittered points.
+    In a sheet of twelve points a side, or a cube of seven, edges cut the longest horizons of nearly all points; a tenth of a continuum's
+    resistance is required, as for jittered points.
     """
     F = subject.uniaxial(2.0)
     least = {f"{ratio:g} dx": tangent_at(subject, subject.body(*CELLS, ratio), F).resistance for ratio in subject.sized(*RATIOS)}
@@ -404,9 +408,9 @@ def _relax(force: InternalForce, positions: np.ndarray, free: np.ndarray) -> Non
 def notch_tip(subject: Subject) -> Outcome:
     """Test a square, or plate, with a notch of 3 spacings at stretch 2: equilibrium, no point inside out, and a smooth field.
 
-    The figure is the root mean square of the part of the displacements that alternates in sign from point to point in all directions, over
-    the greatest displacement. The field near a tip varies with the root of the distance, which gives a few thousandths; a zero-energy mode
-    gives tenths. The limit is 0.02.
+    The figure is the root mean square of the part of the displacements that alternates in sign from point to point along all axes, divided
+    by the greatest displacement. The field near a tip varies with the root of the distance, which gives a few thousandths; a zero-energy
+    mode gives tenths. The limit is 0.02.
     """
     d, notch = subject.dimension, 3
     counts = subject.sized((20, 20), (12, 12, 4))

@@ -14,11 +14,11 @@ from . import conformance, deformations, runs, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
 
 CASES: tuple[Case, ...] = tuple(dict.fromkeys((*tangents.CASES, *conformance.PROPERTIES, *deformations.CASES, *runs.CASES)))
-"""All cases in the order of the table: the hard ones, then the properties of `conformance`."""
+"""All hard cases in the order of the report's table: tangents, required properties (`conformance`), deformations, and runs."""
 
 
 BODIES = {"stress": "sheets under plane stress", "space": "solids"}
-"""Names of the states in which the hard cases are tested."""
+"""Planes ("stress", "space") in which force models are tested on the hard cases, with the names of their bodies in messages."""
 
 
 def all_models(plane: str = "stress") -> list[str]:
@@ -55,8 +55,9 @@ def stress_test(
     Returns
     -------
     dict
-        ``machine``; ``cases`` with the requirement and the ``planes`` of each; ``models``: for each model and plane its material and, by
-        case, verdict, figure, value, limit, weakness and seconds; ``weaknesses``, explained.
+        ``machine``; ``cases``: title, requirement and ``planes`` of each; ``models``: for each model and plane its material and
+        ``results``, with verdict, figure, value, limit, weakness and seconds by the name of the case; ``weaknesses``: explanations of those
+        found.
 
     Raises
     ------
@@ -110,7 +111,7 @@ def table(report: dict, plane: str) -> tuple[list[str], list[list[str]]]:
 
 
 def cell(result: dict) -> str:
-    """Return the text of a table cell for the result of one case: verdict, figure and weakness."""
+    """Return the text of a table cell for the result of one case (an entry of ``results`` in a report): verdict, figure and weakness."""
     figure = result["figure"]
     # The JSON has the place and the reason of a stop.
     figure = figure if len(figure) <= 60 else figure.split(":")[0].split(", stops")[0]

@@ -24,14 +24,15 @@ from .case import PASS, WEAK, Ended, Outcome, Subject, case, cases_of, forces_at
 from .deformations import force_densities
 
 STEPS = 100_000
-"""Steps of a held body in explicit dynamics. Chosen: a relative gain of energy of 2e-6 a step adds up to the limit of 1.2 of
-`undamped_steps`, which fewer steps would not show. A quick test makes a fiftieth of them."""
+"""Number of explicit time steps of a held body in `damped_steps` and `undamped_steps`. Chosen: a relative gain of energy of 2e-6 a step
+adds up to the limit of 1.2 of `undamped_steps`, which fewer steps would not show. A quick test makes a fiftieth of them."""
 
 
 class Motion:
-    """Explicit motion of a body of unit density by central differences, with damping proportional to mass.
+    """Explicit motion of a body of unit density by central differences, with a `damping` rate proportional to mass.
 
-    By default all points are free and begin at their undeformed positions, with small random velocities.
+    The time step is `share_of_critical` times the critical step. A displacement component moves where `free`, shape (n, d), is 1. By
+    default all points are free and begin at their undeformed positions; velocities begin small and random.
     """
 
     def __init__(self, force: InternalForce, share_of_critical=0.5, positions=None, free=None, damping=0.0) -> None:
@@ -59,30 +60,32 @@ class Motion:
 
 
 SIDES = (1.2, 0.8), (1.0, 0.8, 0.8)
-"""Sides of the held body, in the plane and in three dimensions; its points are a fifth apart. Chosen: four to six points a side, few enough
-for five loads and four systems of units."""
+"""Sides of the body of `_loaded`, in the plane and in three dimensions; its points are 0.2 apart. Chosen: four to six points a side, few
+enough for runs under five loads and in four systems of units."""
 
 DIRECTION = (1.0, 0.1, 0.0)
-"""Components of the traction on the free end, over the size of the load: it pulls, and bends a little."""
+"""Components of the traction on the free end, divided by the size of the load: it pulls, and bends a little."""
 
 OFF_BALANCE = 2e-3
-"""Greatest sum of loads and reactions, as a share of the load.
+"""Greatest permitted sum of loads and reactions, divided by the load.
 
-A run bounds this sum by 5e-4 of what drives the body, here the magnitudes of the reactions of single points: at a clamped end these pull
-across as well, and their magnitudes add up to four times the load at most.
+The solver bounds this sum by 5e-4 of what drives the body, here the magnitudes of the reactions of single points: at a clamped end these
+pull across as well, and their magnitudes add up to four times the load at most.
 """
 
 OFF_PROPORTION = 2e-3
-"""Greatest relative difference of two equilibria that should be equal; each may leave unbalanced forces of a thousandth of its load."""
+"""Greatest permitted relative difference of two equilibria that should be equal, in displacements or reactions; each may leave unbalanced
+forces of a thousandth of its load."""
 
 LOADS = (1e-9, 1e-7, 1e-5, 1e-2, 1.0)
-"""Loads in shear moduli; up to 1e-5 strains are some 1e-5 at the most, and so is the departure from linear elasticity."""
+"""Tractions on the free end in shear moduli; under loads up to 1e-5, strains and departures from linear elasticity are at most some
+1e-5."""
 
 LINEAR = LOADS[2]
-"""Greatest of the loads for which displacements are in proportion to the load."""
+"""Greatest of the `LOADS` under which displacements must be proportional to the load."""
 
 POWERS = (-9, 9)
-"""Powers of ten of the units of stress and length. Chosen wider than any units in use."""
+"""Exponents of ten in the units of stress and length of `scale_of_units`. Chosen wider than any units in use."""
 
 
 def _why_no_equilibrium(subject: Subject) -> str:
@@ -92,7 +95,8 @@ def _why_no_equilibrium(subject: Subject) -> str:
 def _loaded(subject: Subject, load: float, stress: float = 1.0, length: float = 1.0, amplitude: str | list = "ramp", **changes) -> Scene:
     """Return the scene of a body held at its left face, with a traction of `load` shear moduli on its right face.
 
-    `stress` and `length` are the units of the scene.
+    `stress` and `length` are the units of the scene in units of the subject's material and bodies, `amplitude` is the course of the load in
+    time, and `changes` are other keys of the scene.
     """
     law, size = subject.law.scaled(stress), load * stress * subject.law.shear_modulus
     loads = [{"region": "right", "traction": [size * part for part in DIRECTION[: subject.dimension]], "amplitude": amplitude}]
@@ -102,7 +106,7 @@ def _loaded(subject: Subject, load: float, stress: float = 1.0, length: float = 
 
 @cache
 def _level(subject: Subject, load: float, stress: float = 1.0, length: float = 1.0) -> dict:
-    """Return the last level of the run of `_loaded` in equilibrium under a load, computed only once for a force model."""
+    """Return the equilibrium of the scene of `_loaded` (the last of the run's ``levels``), computed only once for each subject."""
     scene = _loaded(subject, load, stress, length)
     return subject.run(scene, where=f"{load:g} mu: ", weakness=_why_no_equilibrium(subject)).levels[-1]
 
@@ -115,7 +119,8 @@ def _moved(level: dict) -> np.ndarray:
 def small_loads(subject: Subject) -> Outcome:
     """Test that displacements are proportional to small loads, of 1e-9 to 1e-5 shear moduli.
 
-    The value is the greatest relative difference of displacement over load from the ratio under the greatest of these loads.
+    The value is the greatest difference between the ratio of displacement to load and this ratio under the greatest of these loads,
+    divided by the latter.
     """
     over = np.array([_moved(_level(subject, load)) / load for load in LOADS if load <= LINEAR])
     return Outcome.below(off(over, over[-1]), OFF_PROPORTION, _why_inaccurate_at_rest(subject))
@@ -131,8 +136,9 @@ def _why_inaccurate_at_rest(subject: Subject) -> str:
 def force_balance(subject: Subject) -> Outcome:
     """Test the balance of load and reaction under loads of 1e-9 to 1 shear moduli, and the momentum of a free body that moves.
 
-    The value is the greatest sum of load and reaction over the load, or twice the balance of forces that a run states. Without damping the
-    momentum of a free body after 100 steps may differ by rounding alone, 1e-12 of the sum of the magnitudes of all momenta.
+    The value is the greater of the sum of load and reaction divided by the load, and twice the relative unbalanced force that the run
+    itself reports (``force_balance``). Without damping the momentum of a free body may change in 100 steps by rounding alone: 1e-12 of the
+    sum of the magnitudes of the momenta of all points.
     """
     errors = {}
     for load in LOADS:
@@ -152,7 +158,7 @@ def force_balance(subject: Subject) -> Outcome:
 
 @case("equilibrium in units of stress and length of 1e-9 and 1e9", "the same, 0.2 %")
 def scale_of_units(subject: Subject) -> Outcome:
-    """Test that displacements and reactions under a load of 0.01 mu do not change in units of stress and length of 1e-9 and 1e9."""
+    """Test that displacements and reactions under a load of 0.01 mu are the same if the units of stress and length are 1e-9 and 1e9."""
     expected, errors = _level(subject, 1e-2), {}
     for stress, length in product(POWERS, POWERS):
         level = _level(subject, 1e-2, 10.0**stress, 10.0**length)
@@ -166,7 +172,8 @@ def scale_of_units(subject: Subject) -> Outcome:
 def energy_account(subject: Subject) -> Outcome:
     """Test the balance of energy under a sudden load of 0.1 mu, without damping, and with damping and viscosity.
 
-    Shear waves have a speed of 1, and go along the body and back twice. A run itself warns of a balance that is off by 1 % at any time.
+    Shear waves have a speed of 1, and go along the body and back nearly twice in the plane, twice in a solid. The value is the greatest gap
+    in the run's own account of energy, of whose gaps above 1 % a run warns.
     """
     required(subject.bind(subject.body(6, 4)).has_energy, "has no energy")
     gaps, sudden = {}, [[0.0, 0.0], [1e-9, 1.0]]
@@ -179,11 +186,11 @@ def energy_account(subject: Subject) -> Outcome:
 
 
 CONTRASTS = (1e1, 1e3, 1e5)
-"""Shear moduli of the stiff parts over that of the soft layer between them. Chosen: rubber beside a stiffer rubber, beside a plastic, and
-beside steel."""
+"""Shear moduli of the stiff parts, divided by that of the soft layer between them. Chosen: rubber beside a stiffer rubber, beside a
+plastic, and beside steel."""
 
 SOFT, MOVED = 0.4, 1e-3
-"""Thickness of the soft layer in the middle of a body of height 1, of four points; and how far the top is moved: little enough for linear
+"""Thickness of the soft layer, of four points, in the middle of a body of height 1; and displacement of the top, small enough for linear
 elasticity to be exact to 0.1 %."""
 
 
@@ -198,11 +205,11 @@ def _stiff(subject: Subject, contrast: float) -> Law:
 
 
 def _judged_contrasts(subject: Subject, direction: int, held: tuple[str, ...], contrasts: tuple[float, ...]) -> Outcome:
-    """Return the outcome for a layered body whose top moves along axis `direction`: at several ratios of moduli its force is within 5 %.
+    """Return the outcome for a layered body whose top moves along an axis (`direction`): the force on the top must be within 5 %.
 
-    Bottom and top are held in the components `held`, back and front in x3, left and right in x2 if the top moves along x1, and in x1 if it
-    moves along x2. Every layer is then homogeneous: the exact force is that of springs in series with the stiffnesses of the laws, since
-    the strains are some thousandths at the most.
+    `contrasts` are the tested ratios of stiff to soft shear moduli; the worst counts. Bottom and top are held in the components `held`,
+    back and front in x3, left and right in x2 if the top moves along x1, and in x1 if it moves along x2. Every layer is then homogeneous:
+    the exact force is that of springs in series with the stiffnesses of the laws, since the strains are some thousandths at the most.
     """
     required(subject.plane in subject.model.several_materials, f"takes bodies of one material only{WHERE[subject.plane]}")
     d, width, across, still = subject.dimension, 0.4, f"x{2 - direction}", dict.fromkeys(held, 0.0)
@@ -248,9 +255,9 @@ def confined_layer(subject: Subject) -> Outcome:
 def time_step(subject: Subject) -> Outcome:
     """Test explicit time steps of 0.5, 0.9, 1.1 and 2 times the critical step, a hundred each, on a free body with small random velocities.
 
-    Above 1 a wave grows by a factor of 2.4 or more per step, its energy by 5.8, and the run must stop with a clear error. Below 1 the step
-    length causes no growth; the energy that a non-conservative force adds (see `undamped_steps`) is tolerated up to a tenth of the kinetic
-    energy per step.
+    Above the critical step a wave grows by a factor of 2.4 or more per step, its energy by 5.8, and the force must raise a clear error.
+    Below it the step length causes no growth; the energy that a non-conservative force adds (see `undamped_steps`) is tolerated up to a
+    tenth of the kinetic energy per step.
     """
     body, notes = subject.body(10, 5), []
     for share in (0.5, 0.9):
@@ -286,8 +293,8 @@ def _held(subject: Subject) -> Motion:
 def damped_steps(subject: Subject) -> Outcome:
     """Test that a body held at stretch 1.5 comes to rest in 10^5 explicit steps, damped at the rate of `DampedExplicit`.
 
-    The value is the kinetic energy at the end over the kinetic energy at the start. At the damping rate c it falls in the slowest mode as
-    exp(-c t) until rounding is reached, 1e-13 squared of the speed of waves over 1e-3 squared; the limit is 1e-16.
+    The value is the kinetic energy at the end divided by that at the start; the limit is 1e-16. At the damping rate c the energy of the
+    slowest mode decreases as exp(-c t) until rounding remains: velocities of 1e-13 times the speed of waves, after 1e-3 at the start.
     """
     motion = _held(subject)
     first = motion.kinetic_energy
@@ -299,8 +306,8 @@ def damped_steps(subject: Subject) -> Outcome:
 def undamped_steps(subject: Subject) -> Outcome:
     """Test that the kinetic energy of a body held at stretch 1.5 does not grow in 10^5 undamped steps, after small random velocities.
 
-    The value is the mean kinetic energy in the last tenth of the steps over the mean in the first tenth. Small waves share their energy
-    evenly between motion and strain, so the value is 1 within the scatter of some hundred modes; the limit is 1.2.
+    The value is the mean kinetic energy in the last tenth of the steps divided by the mean in the first tenth. Small waves share their
+    energy evenly between motion and strain, so the value is 1 within the scatter of some hundred modes; the limit is 1.2.
     """
     motion, pieces = _held(subject), 100
     steps = (STEPS // 50 if subject.quick else STEPS) // pieces
@@ -323,10 +330,10 @@ def undamped_steps(subject: Subject) -> Outcome:
 def sudden_load(subject: Subject) -> Outcome:
     """Test the balance of energy of a bar that is held at one end and suddenly loaded at the other.
 
-    The load is a tenth of mu: waves run along the bar, and its end oscillates between rest and twice the static displacement. Stored and
-    kinetic energy minus the work of the load vanish except for the error of the time steps of half the critical step, which stays bounded.
-    The value is the change of this sum between the first and the last tenth of 20,000 steps, some fifty oscillations, over the greatest
-    work of the load; the limit is a hundredth.
+    The load is a tenth of mu: waves run along the bar, and its end oscillates between its undeformed position and twice the static
+    displacement. The sum of stored and kinetic energy minus the work of the load is zero except for the error of time steps of half the
+    critical length, which stays bounded. The value is the change of this sum between the first and the last tenth of 20,000 steps (some
+    fifty oscillations), divided by the greatest work of the load; the limit is a hundredth.
     """
     body = subject.body((16, 5), (12, 3, 3))
     force = subject.bind(body)

@@ -13,18 +13,19 @@ from .bodies import inner_points, middle_point
 from .case import Outcome, Subject, case, cases_of, spring_stiffness
 
 HELD = 0.1
-"""Least resistance required, as a share of that of springs along all bonds, where rubber is as stiff as at rest (`share_of_rest`).
-Rubber in tension of 3 differs from its springs at rest by a factor of two or three in the plane and by up to eight in three dimensions,
-where both sides are narrow; zero-energy modes have less than a fiftieth.
+"""Least stiffness required, divided by the stiffness if all bonds were springs that are as stiff as the rubber in the state.
+
+At stretch 3 the stiffness of rubber differs from that of springs of the undeformed rubber by a factor of two or three in the plane, and of
+up to eight in three dimensions, where the body is narrow on both sides; zero-energy modes have less than a fiftieth.
 """
 
 CELLS = 12, 7
-"""Points a side in the plane and in three dimensions. Chosen: some points in the middle have full horizons, and so have their neighbours;
-the dense tangent of more points takes longer."""
+"""Points a side of the bodies whose tangents are computed, in the plane and in three dimensions. Chosen: some points in the middle have
+full horizons, and so have their neighbours; the dense tangent of more points takes longer."""
 
 
 class Tangent(NamedTuple):
-    """Tangent -df/du of a body in a homogeneous state.
+    """Tangent -df/du (negative derivatives of the forces by the displacements) of a body in a given state.
 
     Attributes
     ----------
@@ -33,7 +34,7 @@ class Tangent(NamedTuple):
     free : ndarray, shape (m,)
         Numbers of the free points.
     force : InternalForce
-        Force of the body.
+        Force on the body, whose derivatives these are.
     """
 
     matrix: np.ndarray
@@ -47,10 +48,10 @@ class Tangent(NamedTuple):
 
     @property
     def resistance(self) -> float:
-        """Least resistance to any displacement of the free points, over that of a continuum at rest between the held points.
+        """Least stiffness against any displacement of the free points, divided by that of an undeformed continuum of the body's length L.
 
-        The former is the least eigenvalue of the symmetric part. A continuum has d pi^2 mu V/L^2, of a mode with half a wave in each
-        direction.
+        The stiffness is the least eigenvalue of the symmetric part. A continuum held at its boundary has d pi^2 mu V/L^2, for a mode with
+        half a wave along each of d axes, with the shear modulus mu and the volume V of a point.
         """
         body = self.force.body
         continuum = body.dimension * np.pi**2 * self.force.law.shear_modulus * body.volumes[0] / np.ptp(body.points[:, 0]) ** 2
@@ -63,9 +64,9 @@ class Tangent(NamedTuple):
 
 
 def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> Tangent:
-    """Return the tangent of a force at given positions (`InternalForce.tangent`).
+    """Return the tangent (negative derivatives by displacements) of a force at given positions, from `InternalForce.tangent`.
 
-    If `held`, the outermost points are fixed; otherwise all points are free.
+    If `held`, the outermost points of the body are fixed; otherwise all points are free.
     """
     body, d = force.body, positions.shape[1]
     free = np.flatnonzero(inner_points(body)) if held else np.arange(len(body))
@@ -75,12 +76,12 @@ def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> T
 
 
 def tangent_at(subject: Subject, body: Body, F: np.ndarray) -> Tangent:
-    """Return the tangent of a body, of the model under test, in a homogeneous state with deformation gradient F."""
+    """Return the tangent of a body under the force of the model under test, in a homogeneous state with deformation gradient F."""
     return tangent(subject.bind(body), body.points @ F.T)
 
 
 def states(subject: Subject) -> dict[str, np.ndarray]:
-    """Return, by name, the deformation gradients of the homogeneous states in which tangents are computed: rest, tension, shear etc."""
+    """Return by name the deformation gradients of the six homogeneous states in which tangents are computed, from rest to shear."""
     uniaxial = {f"uniaxial {stretch:g}": subject.uniaxial(stretch) for stretch in (2.0, 3.0, 0.7)}
     sheared, equibiaxial = np.array([[1.0, 0.8], [0.0, 1.0]]), np.diag([2.0, 2.0])
     others = {"rest": np.eye(2), "shear 0.8": sheared, "equibiaxial 2": equibiaxial}
@@ -89,16 +90,16 @@ def states(subject: Subject) -> dict[str, np.ndarray]:
 
 @cache
 def tangents(subject: Subject) -> dict[str, Tangent]:
-    """Return the tangents of a regular body in all `states`, by name, computed only once for a force model."""
+    """Return by name the tangents of a regular body in all `states`, computed only once for each force model."""
     return {name: tangent_at(subject, subject.body(*CELLS), F) for name, F in states(subject).items()}
 
 
 def share_of_rest(subject: Subject, F: np.ndarray) -> float:
-    """Return the least resistance of the material to any wave in a homogeneous state, over mu, at most 1.
+    """Return the least stiffness of the material against plane waves at a deformation gradient F, divided by mu; at most 1.
 
-    The resistance is the least eigenvalue of the acoustic tensor (Q a) = dP(F + h a n^T)/dh n at h = 0 over the directions n to the
-    neighbours in a lattice. No discretisation resists more than its material: Neo-Hookean rubber has at least mu everywhere, softening
-    rubber has less.
+    It is the least eigenvalue of the symmetric part of the acoustic tensor Q, Q a = dP(F + h a n^T)/dh n at h = 0, over the directions n
+    to the neighbours in a lattice, with the first Piola-Kirchhoff stress P. No discretisation is stiffer than its material: Neo-Hookean
+    rubber has at least mu in every state, softening rubber has less.
     """
     d, probe, least = len(F), 1e-5, 1.0
     for direction in list(product((-1.0, 0.0, 1.0), repeat=d))[: (3**d - 1) // 2]:
@@ -110,9 +111,10 @@ def share_of_rest(subject: Subject, F: np.ndarray) -> float:
 
 
 def _over_springs(subject: Subject, stiffness: Callable[[Tangent], float]) -> dict[str, float]:
-    """Return, for every state by name, the ratio of a tangent's stiffness to the stiffness if all bonds were springs.
+    """Return, by the name of the state, a stiffness of each tangent divided by the stiffness if all bonds were springs.
 
-    The springs are as stiff as the rubber in that state (`share_of_rest`).
+    The function `stiffness` takes a tangent. The springs are as stiff as the rubber in that state, which may be less than the undeformed
+    rubber (`share_of_rest`).
     """
     springs, applied = spring_stiffness(subject.body(*CELLS), subject.law.shear_modulus), states(subject)
     return {name: stiffness(formed) / (springs * share_of_rest(subject, applied[name])) for name, formed in tangents(subject).items()}
@@ -120,9 +122,9 @@ def _over_springs(subject: Subject, stiffness: Callable[[Tangent], float]) -> di
 
 @case("single point displaced (Fig. 2)", "held with 0.1 of its bonds' springs, in six states")
 def single_point(subject: Subject) -> Outcome:
-    """Test the resistance to the displacement of one point in the middle, the least over all directions and states.
+    """Test the stiffness against displacing one point in the middle of a body, the least over all directions and states.
 
-    The unit is the resistance if the bonds of the point were springs, as stiff as the rubber in that state; `HELD` is required.
+    It is divided by the stiffness if the bonds of the point were springs as stiff as the rubber in that state; at least `HELD` is required.
     """
 
     def resisted(formed: Tangent) -> float:
@@ -135,9 +137,10 @@ def single_point(subject: Subject) -> Outcome:
 
 @case("checkerboard and hourglass modes", "resisted with 0.1 of the bonds' springs, in six states")
 def checkerboard(subject: Subject) -> Outcome:
-    """Test the resistance to displacements that alternate in sign from point to point along any of the axes, the least over all states.
+    """Test the stiffness against displacements whose sign alternates from point to point along one or more axes, the least over all states.
 
-    The unit and the limit are those of `single_point`, although such modes stretch the bonds even more.
+    It is divided by the stiffness of springs and compared with `HELD` as in `single_point`, although such modes stretch the bonds even
+    more.
     """
 
     def resisted(formed: Tangent) -> float:
@@ -154,26 +157,25 @@ def checkerboard(subject: Subject) -> Outcome:
 def least_eigenvalue(subject: Subject) -> Outcome:
     """Test that in all states the least eigenvalue of the tangent's symmetric part is at least a quarter of a continuum's.
 
-    Neo-Hookean rubber resists every wave with at least mu |a|^2 |k|^2 in every state (its energy is mu/2 |F|^2 plus a convex function of
-    J), so the continuum's lowest mode is a lower bound. A horizon of three spacings reduces a mode of eleven spacings by up to half, and a
-    horizon of 1.75 spacings a mode of six; hence a quarter.
+    Neo-Hookean rubber resists every wave of amplitude a and wave vector k with at least mu |a|^2 |k|^2 in every state (its energy is
+    mu/2 |F|^2 plus a convex function of J), so the lowest mode of an undeformed continuum is a lower bound. A horizon of three spacings
+    reduces a mode of eleven spacings by up to half, and a horizon of 1.75 spacings a mode of six; hence a quarter.
     """
     least = {name: formed.resistance for name, formed in tangents(subject).items()}
     return Outcome.above(least, 0.25, why_not_resisted(min(least.values()), 0.25))
 
 
 def why_not_resisted(resisted: float, least: float) -> str:
-    """Return the weakness of a model that resists less than `least`: "zero-energy modes", or "loses stability" if clearly negative."""
+    """Return the weakness of a model whose resistance is below `least`: "loses stability" if at most -`least`, else "zero-energy modes"."""
     return "zero-energy modes" if resisted > -least else "loses stability"
 
 
 @case("displacements of a free body that no force answers", "the rigid ones alone: 3 in the plane, 6 in three dimensions")
 def rigid_motions(subject: Subject) -> Outcome:
-    """Test that a free body at rest resists every displacement except the three or six rigid motions.
+    """Test that an undeformed free body resists every displacement except the three (in a solid six) rigid motions.
 
-    A motion without resistance has a singular value of the tangent below a millionth of the springs' stiffness, the size of rounding and
-    difference errors. The next value of a body of seven or four points a side is a bending or twisting mode of hundredths, or of
-    thousandths with zero-energy modes.
+    The test counts the singular values of the tangent below a millionth of `spring_stiffness`; rounding and difference errors are of that
+    size. The next singular value is that of bending or twisting: hundredths of the stiffness, or thousandths with zero-energy modes.
     """
     body = subject.body(7, 4)
     formed = tangent(subject.bind(body), body.points.copy(), held=False)
@@ -186,9 +188,9 @@ def rigid_motions(subject: Subject) -> Outcome:
 
 @case("symmetry of the tangent", "1e-6 at the most, in six states")
 def symmetry(subject: Subject) -> Outcome:
-    """Test that the force is the gradient of an energy: the asymmetry |A - A^T|/|A| of the tangent A must vanish in all states.
+    """Test that the force is the gradient of an energy: the asymmetry |A - A^T|/|A| of its tangent A must vanish in all states.
 
-    Rounding and differences leave 1e-9; the limit is 1e-6.
+    Rounding and the errors of finite differences leave 1e-9; the limit is 1e-6.
     """
     return Outcome.below({name: formed.asymmetry for name, formed in tangents(subject).items()}, 1e-6, "not conservative")
 

@@ -1,4 +1,4 @@
-"""Description of a study: the scene or fit, and the parameters that change from run to run, with their values in each run."""
+"""Description of a study: the scene or fit to repeat, the parameters that change from run to run, and their values in each run."""
 
 import itertools
 import math
@@ -19,7 +19,7 @@ MOST_RUNS = 100_000
 """Greatest number of runs of a study; a larger grid is treated as a mistake."""
 
 USUAL = ("uniform", "loguniform", "norm", "truncnorm", "lognorm", "triang", "randint")
-"""Distributions listed in the error message for an unknown one."""
+"""Examples of distributions that the error message for an unknown distribution lists."""
 
 FORCE = "force"
 """Name of the parameter, in a study of a scene, that selects the force model instead of changing a key of the scene."""
@@ -52,7 +52,7 @@ class Distribution(StrictModel):
         return isinstance(getattr(stats, self.distribution), stats.rv_discrete)
 
     def build(self):
-        """Return the frozen distribution of `scipy.stats`.
+        """Return the distribution of `scipy.stats` with its parameters fixed ("frozen").
 
         Raises
         ------
@@ -80,7 +80,7 @@ class Distribution(StrictModel):
 
 
 class Fit(StrictModel):
-    """Table ``fit`` of a study: the material, and settings of ``pdsurrogate fit`` (`pdsurrogate.learning.settings.FitSettings`)."""
+    """Table ``fit`` of a study of fits: the material, and settings of `pdsurrogate.learning.settings.FitSettings` as further keys."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -90,7 +90,7 @@ class Fit(StrictModel):
 def _flattened(table: Any) -> Any:
     """Return a flat dictionary with dotted keys from the nested tables that TOML makes of unquoted dotted keys.
 
-    The table of a distribution stays whole.
+    The table of a distribution (with a key "distribution") stays a table; anything but a table is returned unchanged.
     """
     if not isinstance(table, Mapping):
         return table
@@ -102,7 +102,7 @@ def _is_value(entry: Any) -> bool:
 
 
 def _values(values: Any) -> Any:
-    """Return the values of a parameter, given as a list, an array or a table, as a tuple or a `Distribution`; ValueError if invalid."""
+    """Return the values of a parameter as a tuple (from a list or array) or a `Distribution` (from a table); ValueError if invalid."""
     if isinstance(values, Distribution):
         return values
     if isinstance(values, Mapping):
@@ -135,7 +135,7 @@ class Study(StrictModel):
     set : dict
         Changes to the scene for all runs, by dotted key.
     parameters : dict
-        Values of the runs by dotted key: a list, or a `Distribution`. For a scene ``force`` can be a parameter, too.
+        Values for the runs, by dotted key of the scene or fit: a list, or a `Distribution`. For a scene, ``force`` can be a key, too.
     design : {"grid", "zip", "random", "latin-hypercube"}
         "grid" combines every value of a parameter with every value of the others; "zip" combines the first values of all parameters, then
         the second values and so on; "random" and "latin-hypercube" draw `samples` runs, independently or spread evenly over each parameter,
@@ -145,7 +145,7 @@ class Study(StrictModel):
     seed : int
         Seed of the draw.
     quantities : tuple of str, optional
-        Columns of the table: dotted keys of a run's ``summary.json``, or of its last level.
+        Columns of the table: dotted keys of a run's ``summary.json``, or of the last entry of its ``levels``.
 
     Examples
     --------
@@ -189,9 +189,9 @@ class Study(StrictModel):
 
 
 def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, str, Path]:
-    """Return a study from a file or a mapping, with the name of the source for messages, and the folder for relative scene files.
+    """Return a study from a file or a mapping, the name of this source for error messages, and the folder of relative scene files.
 
-    Raise SceneError, which names the wrong key, if the study cannot be read or is invalid.
+    Raise SceneError if the study cannot be read or is invalid; the message names the wrong key.
     """
     source, folder = "study", Path()
     if isinstance(given, Study):
@@ -209,7 +209,7 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
 
 
 def scene_of(study: Study, folder: Path) -> str:
-    """Return what `load_scene` takes for a study's scene: the name of a built-in one, or its path joined to the study's folder."""
+    """Return the argument of `load_scene` for a study's scene: the name of a built-in scene, or the path of its file below `folder`."""
     scene = study.scene or ""
     place = folder / scene
     known = scene in scene_names() or (place.suffix != ".toml" and not place.exists())
@@ -217,9 +217,9 @@ def scene_of(study: Study, folder: Path) -> str:
 
 
 def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
-    """Return, for each run, the values of its parameters by dotted key; the last parameter of a grid changes fastest.
+    """Return the values of the parameters of each run, by dotted key; in the design "grid" the last parameter changes fastest.
 
-    Raise SceneError if the lists of a zip differ in length, or a grid has more than `MOST_RUNS` runs.
+    Raise SceneError if the lists of the design "zip" differ in length, or if a grid has more than `MOST_RUNS` runs.
     """
     keys, values = list(study.parameters), list[Any](study.parameters.values())
     rows: Iterable[tuple]
@@ -240,7 +240,7 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
 
 
 def _shares(study: Study, dimension: int) -> np.ndarray:
-    """Return points in the unit cube, shape (samples, dimension), drawn at random or as a Latin hypercube: a quantile per parameter."""
+    """Return quantiles from 0 to 1 of each parameter in each run, shape (samples, dimension), drawn at random or as a Latin hypercube."""
     random, samples = np.random.default_rng(study.seed), study.samples or 0
     if study.design == "random":
         return random.random((samples, dimension))
@@ -250,7 +250,7 @@ def _shares(study: Study, dimension: int) -> np.ndarray:
 
 
 def _drawn(values: tuple | Distribution, shares: np.ndarray) -> list:
-    """Return the values of a parameter at given quantiles from 0 to 1, from a distribution or a list with equally probable entries."""
+    """Return the values of a parameter at quantiles from 0 to 1 (`shares`), of a distribution or a list with equally probable entries."""
     if isinstance(values, Distribution):
         quantiles = values.build().ppf(shares)
         return [int(value) if values.discrete else float(value) for value in quantiles]

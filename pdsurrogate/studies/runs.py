@@ -1,4 +1,4 @@
-"""Runs of a study: what each of them simulates or fits, and their execution on the cores of this machine or on the workers of Dask."""
+"""Runs of a study: the scene or fit of each run, and their execution on the cores of this machine or on the workers of Dask."""
 
 import importlib.util
 import json
@@ -41,11 +41,11 @@ SECONDS_TO_LEAVE = 10.0
 """Seconds to wait for another process that still holds the folder of a run; a process whose study was killed ends within a second."""
 
 NOT_DONE = "not done yet"
-"""Failure of a run that has not been carried out to its end."""
+"""Text in place of the reason of failure for a run that is not finished: not started, interrupted, or out of time."""
 
 MOST_ENDS = 2
-"""Number of times that a run may lose its process before it counts as failed. Chosen: one loss may be due to another run, a second one is
-its own."""
+"""Number of losses of its worker process (killed, for example when memory runs out) after which a run counts as failed. Chosen: one loss
+may be due to another run, a second one is not."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,10 @@ class SceneTask:
     digest: str
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
-        """Simulate the scene and save the result in the run's own folder, resuming from a checkpoint if there is one.
+        """Simulate the scene and save the result in `folder`, that of this run, resuming from a checkpoint if there is one.
 
-        Return the reason if the run failed, otherwise None; raise SimulationInterrupted if the run is stopped.
+        Return the reason if the simulation failed, otherwise None. Raise SimulationInterrupted if it is stopped or `max_time` seconds are
+        over, RuntimeError if the force or the mesh has changed since the task was made.
         """
         model = artifacts.default_force(self.scene) if self.force is None else artifacts.load_surrogate(self.force)
         if _scene_digest(self.scene, model) != self.digest:
@@ -86,7 +87,10 @@ class SceneTask:
         return failure
 
     def _simulated(self, model: ForceModel, **options) -> Result:
-        """Return the result of the simulation, resumed if the folder holds a usable checkpoint of the run."""
+        """Return the result of the simulation with a force model, resumed if the run's folder holds a usable checkpoint.
+
+        `options`, with ``folder`` among them, are those of `simulate`.
+        """
         if (options["folder"] / checkpoint.NAME).is_file():
             with suppress(checkpoint.CheckpointError):
                 return simulate(self.scene, model, **options, resume=True)
@@ -102,9 +106,9 @@ class FitTask:
     digest: str
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None = None) -> str | None:
-        """Fit and cross-validate a surrogate, and store the artefact and a summary of its errors in the run's own folder.
+        """Fit and cross-validate a surrogate, and store it and a summary of its errors in `folder`, that of this run.
 
-        Return the reason if the fit failed, otherwise None.
+        Return the reason if the fit failed, otherwise None; `max_time` has no effect on fits.
         """
         # Imported here, since only a fit needs scikit-learn.
         from threadpoolctl import threadpool_limits
@@ -138,7 +142,7 @@ def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]], memory: flo
     """Return the tasks (runs of scenes, or fits) of a study, checked as far as possible without building a body.
 
     `folder` is the folder of relative scene files, `runs` lists the parameters of each run, and `memory` is the number of bytes that a run
-    may use. Raise SceneError, which names the run and the key, if a run is invalid or a force cannot be found or read.
+    may use. Raise SceneError if a run is invalid or a force model cannot be found or read; the message names the run and the key.
     """
     tasks: list[SceneTask | FitTask] = []
     for number, parameters in enumerate(runs, 1):
@@ -202,7 +206,7 @@ class Outcome(NamedTuple):
     place : str
         Name of the run's folder.
     failure : str or None
-        Reason of a failure; None if the run was completed; `NOT_DONE` if its time was over: the run resumes with the study.
+        Reason of a failure; None if the run succeeded; `NOT_DONE` if its `max_time` was over, after which a repeated study resumes it.
     """
 
     place: str
@@ -216,7 +220,7 @@ class Workers:
     Attributes
     ----------
     jobs : int
-        Number of local runs at the same time; 1 and without effect with Dask, which runs as many as its workers have threads.
+        Number of local runs at the same time; has no effect with Dask, which runs as many as its workers have threads.
     threads : int
         Threads of the kernels in each run.
     scheduler : str or None
@@ -229,10 +233,10 @@ class Workers:
 
     @classmethod
     def chosen(cls, runs: int, jobs: int | None, threads: int | None, scheduler: str | None) -> Self:
-        """Return workers with given numbers of jobs and threads; None stands for a number chosen from the cores and the count of `runs`.
+        """Return workers with given numbers of jobs and threads; None stands for a number chosen from the cores and the number of `runs`.
 
-        Raise TypeError or ValueError if a number is invalid, SceneError if jobs are given together with a scheduler, or if Dask is not
-        installed.
+        Raise TypeError or ValueError if a number is invalid; raise SceneError if jobs are given together with a scheduler, or if a
+        scheduler is given but Dask is not installed.
         """
         for key, value in (("jobs", jobs), ("threads", threads)):
             if value is not None:
@@ -257,9 +261,10 @@ class Workers:
         return None
 
     def carry_out(self, tasks: dict[str, SceneTask | FitTask], folder: Path, max_time: float | None = None) -> Iterator[Outcome]:
-        """Carry out runs, given by their folders under `folder`, for at most `max_time` seconds each; yield each outcome as a run ends.
+        """Carry out the tasks, in parallel and for at most `max_time` seconds each, and yield the outcome of every run as it ends.
 
-        A run whose process is killed, for example when memory runs out, is tried once more.
+        `tasks` has, for each run, the name of its folder under `folder` as the key. A run whose process is killed, for example when memory
+        runs out, is tried once more.
         """
         if not tasks:
             return
@@ -284,10 +289,10 @@ class Workers:
 
     @contextmanager
     def _backend(self, folder: Path) -> Iterator[tuple[int | None, dict[str, Any], type[Exception]]]:
-        """Yield the process id of the study, options of `joblib.parallel_config`, and the exception raised when a worker is killed.
+        """Yield the process id of the study, options of `joblib.parallel_config`, and the class of the error raised if a worker is killed.
 
-        Local workers end when the process with that id ends; the id is None with Dask. Raise SceneError unless all workers of a Dask
-        scheduler see the study's folder.
+        Local workers end when the process with that id ends; with Dask the id is None. Raise SceneError if no Dask scheduler answers, if it
+        has no workers, or if one of them does not see `folder`.
         """
         if self.scheduler is None:
             yield os.getpid(), {"backend": "loky", "n_jobs": self.jobs, "inner_max_num_threads": self.threads}, TerminatedWorkerError
@@ -315,7 +320,8 @@ class Workers:
 def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int | None, max_time: float | None = None) -> Outcome:
     """Carry out one run of a study in this process; write its outcome to the run's folder and return it.
 
-    At most as many `threads` are used as numba was started with. If the process with the id `study` ends, this process ends as well.
+    The kernels use `threads` threads, or as many as numba was started with if these are fewer. If the process with the id `study` ends,
+    this process ends as well.
     """
     if study is not None and os.getpid() != study:
         _end_without(study)
@@ -336,7 +342,10 @@ def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int 
 
 @cache
 def _end_without(parent: int) -> None:
-    """Start a thread that ends this process once its parent process is gone, so that no worker of a killed study writes to a folder."""
+    """Start a thread that ends this process when its parent has ended, so that no worker of a killed study goes on writing.
+
+    `parent` is the process id of the parent.
+    """
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -1,4 +1,4 @@
-"""Function `study`, which carries out the missing runs of a study and collects all results in one table, and its result."""
+"""Function `study`, which carries out the missing runs of a study and collects the results of all runs in one table."""
 
 import json
 import math
@@ -23,22 +23,22 @@ from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, quantitie
 TABLE, FIGURE, DESCRIPTION, RUNS = "study.csv", "study.png", "study.json", "runs"
 
 SECONDS_BETWEEN_TABLES = 10.0
-"""Seconds between updates of the table while runs end. Chosen: the table is written whole each time, which costs more the more runs there
-are."""
+"""Seconds between updates of the table on disk while runs end. Chosen: the whole table is written each time, which takes longer the more
+runs there are."""
 
 DIGITS = 16
-"""Number of hexadecimal digits of a digest in the name of a run's folder: two of `MOST_RUNS` runs have the same with a probability of
-3e-10."""
+"""Number of hexadecimal digits in the name of a run's folder, which are the first of the run's digest. Among `MOST_RUNS` runs, two have the
+same name with a probability of 3e-10."""
 
 
 class StudyProgress:
-    """Receiver of the progress of a study that does nothing; subclasses override its methods to show the progress."""
+    """Receiver of the progress of a study; its methods do nothing, and subclasses override them to show the progress."""
 
     def begin(self, runs: int, done: int, workers: Workers) -> None:
-        """Report the number of runs, how many of them are done already, and the workers for the others."""
+        """Report the number of runs, the number of those that are done already, and the workers that carry out the others."""
 
     def ended(self, place: str, failure: str | None) -> None:
-        """Report that the run in the folder `place` has ended; `failure` is the reason if it failed, otherwise None."""
+        """Report that the run in the folder with the name `place` has ended; `failure` is the reason if the run failed, otherwise None."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class StudyResult:
     folder : Path
         Folder with ``study.csv``, ``study.png`` and, in ``runs``, a folder for every run.
     rows : list of dict
-        One row for every run, in the order of the design: ``run``, the name of its folder; parameters and quantities by their keys; and
-        ``failure``, None for a completed run.
+        One row for every run, in the order of the design: ``run``, the name of its folder; parameters and quantities (columns of results)
+        by their keys; and ``failure``, None for a run that succeeded.
 
     Examples
     --------
@@ -83,16 +83,16 @@ class StudyResult:
 
     @property
     def not_done(self) -> list[dict[str, Any]]:
-        """Rows of the runs that have not been carried out."""
+        """Rows of the runs that are not finished: not started, interrupted, or out of time."""
         return [row for row in self.rows if row[FAILURE] == NOT_DONE]
 
     def _summaries(self) -> dict[str, dict[str, Any]]:
-        """Return the contents of ``summary.json`` of the completed runs, by the names of their folders."""
+        """Return the contents of the file ``summary.json`` of each successful run, by the name of its folder."""
         done = [row[RUN] for row in self.rows if row[FAILURE] is None]
         return {place: summary for place in done if (summary := _read(self.folder / RUNS / place / SUMMARY))}
 
     def cautions(self) -> list[str]:
-        """Return texts of warnings about quantities that no run has, and about runs with states outside the domain of a surrogate."""
+        """Return texts of warnings: of asked quantities that no successful run has, and of states outside the domain of a surrogate."""
         summaries = self._summaries()
         missing = [name for name in self.study.quantities or () if not any(quantities_in(one, [name]) for one in summaries.values())]
         found = [f"quantities: no run has {name!r}" for name in missing if summaries]
@@ -102,7 +102,10 @@ class StudyResult:
         return found
 
     def figure(self):
-        """Return a matplotlib figure of every varying quantity against every parameter; None if there is nothing to draw."""
+        """Return a matplotlib figure of every varying quantity against every varying parameter; None if nothing varies.
+
+        It shows the first six of each (`MOST_DRAWN`).
+        """
         units = next((summary["units"] for summary in self._summaries().values() if "units" in summary), {})
         return study_figure(self.rows, list(self.study.parameters), units)
 
@@ -146,13 +149,13 @@ def study(
     folder : str or path
         Folder of the results.
     jobs : int, optional
-        Runs at the same time; by default the cores divided by the threads of a run.
+        Number of runs at the same time; by default the number of cores divided by `threads` (or by 1), but no more than there are runs.
     threads : int, optional
-        Threads of each run; by default the cores divided by the jobs. Results do not depend on it.
+        Number of threads of each run; by default the number of cores divided by `jobs`. Results do not depend on it.
     scheduler : str, optional
         Address of a Dask scheduler whose workers carry out the runs.
     overwrite : bool
-        Replace the table of a study with other runs in `folder`; their folders stay.
+        Whether to replace the table of a study with other runs in `folder`; the folders of these runs stay.
     max_time : float, optional
         Seconds after which every run ends with a checkpoint, from which an equal call resumes the run later; only for studies of scenes.
     progress : StudyProgress, optional
@@ -167,10 +170,10 @@ def study(
     SceneError
         If the study or one of its runs is invalid; no run has been started then.
     ValueError
-        If it is started on several ranks.
+        If the function is called on several MPI ranks.
     FolderTaken
-        If `folder` holds a table that was not written by a study, or one with runs that this study does not have, or if another study is
-        writing there.
+        If `folder` holds a table that was not written by a study, or (without `overwrite`) a table with runs that this study does not have,
+        or if another study is writing there.
     StudyInterrupted
         After Ctrl-C; the table of the finished runs is written.
 
@@ -240,9 +243,9 @@ def study(
 
 
 def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool) -> None:
-    """Raise FolderTaken if the folder holds a table with runs (`places`) that this study does not have, or a table of no study.
+    """Raise FolderTaken if the folder holds a table not written by a study, or, without `overwrite`, one with runs that this study lacks.
 
-    `overwrite` permits to replace the table of another study.
+    `places` are the names of the folders of the runs of this study.
     """
     described = (folder / DESCRIPTION).exists()
     if not described and (folder / TABLE).exists():
@@ -273,7 +276,7 @@ def _row(runs: Path, place: str, parameters: dict[str, Any], ended: Mapping[str,
 
 
 def _read(file: Path) -> Any:
-    """Return the content of a JSON file; None if the file cannot be read."""
+    """Return the content of a JSON file; None if the file cannot be read or is not JSON."""
     try:
         return json.loads(file.read_text("utf-8"))
     except (OSError, ValueError):
@@ -281,7 +284,10 @@ def _read(file: Path) -> Any:
 
 
 def _outcomes(runs: Path, tasks: Mapping[str, SceneTask | FitTask]) -> dict[str, str | None]:
-    """Return, by folder, the reason of failure of each run that is done, None if it succeeded; leave out runs that are not done."""
+    """Return, by the name of its folder in `runs`, the reason of failure of each finished run, None if it succeeded.
+
+    `tasks` are the runs to look for, by the same names; unfinished runs and results of other tasks are left out.
+    """
     found = {}
     for place, task in tasks.items():
         with suppress(KeyError, TypeError):

@@ -20,10 +20,12 @@ _ALL = ("fraction_outside_domain", "n_force_evaluations", "seconds_total")
 OF_GRIPS = ("converged", "stretch", "nominal_stress", "peak_nominal_stress", "crack.broken_bonds", "crack.through", *_ALL)
 OF_STEPS = ("converged", "t", "forces", "moments", "probes.*.displacement", "crack.broken_bonds", "crack.through", *_ALL)
 OF_FITS = ("on_surface.rms", "on_surface.max", "cross_validated_rms", "outcome.n_iter", "seconds_total")
-"""Default columns of scenes with grips, of scenes with steps, and of fits; a table has only the columns that occur in its runs."""
+"""Default columns of the tables of studies of scenes with grips, of scenes with steps, and of fits; only those with a value in some run are
+shown."""
 
 COMPARED = ("nominal_stress", "lateral_displacement", "greatest_lateral_displacement")
-"""Quantities of a level for which a reference solution may exist."""
+"""Keys of a level (an output in equilibrium) whose value may be compared with a reference solution, in keys ``..._reference`` and
+``..._error``."""
 
 KEYS_OF_RUNS = (
     *("scene", "force", "material", "materials", "plane", "thickness", "n_points", "n_bonds", "n_directed_bonds", "n_ghost_points"),
@@ -45,10 +47,11 @@ KEYS_OF_FITS = (
     *("least_slope", "least_slope_exact", "least_acoustic", "least_acoustic_exact", "least_curvature", "least_curvature_exact"),
     *("shear_modulus", "outcome", "cross_validation", "cross_validated_rms", "seconds_total"),
 )
-"""All keys that the summary of a run, its levels and its crack can have, and those of a fit; tests compare them with written files."""
+"""All keys that the summary of a run, its levels (outputs) and its crack can have, and those of the summary of a fit; tests compare them
+with written files."""
 
 RUN, FAILURE = "run", "failure"
-"""First and last column: the folder of the run, and why it failed."""
+"""Names of the first and last column: the name of the run's folder, and the reason of its failure."""
 
 UNITS = {
     "length": "spacing|cell_size|horizon|(greatest_)?lateral_displacement|displacements?|(.*_)?radius|semi_axes|size|length|centre|lower",
@@ -56,10 +59,11 @@ UNITS = {
     "force": "forces",
     "energy": "moments|(kinetic_)?energy|energy_put_in",
 }
-"""Patterns of quantities of runs, and of parameters of scenes, by the kind of unit that they have; a part of a dotted key matches one."""
+"""Regular expressions for quantities of runs and parameters of scenes, by the kind of their unit; a key has the kind whose expression
+matches a whole part between its dots."""
 
 MOST_DRAWN = 6
-"""Greatest number of quantities, and of parameters, in a figure. Chosen: 36 small diagrams fill a page."""
+"""Greatest number of quantities, and also of parameters, in a study's figure. Chosen: 36 small diagrams fill a page."""
 
 
 def check_quantities(study: Study) -> None:
@@ -76,8 +80,9 @@ def check_quantities(study: Study) -> None:
 def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str, Any]:
     """Return the values that the study's table shows for a run, by the names of their columns.
 
-    A name is a dotted key of the run's `summary`, or else of its last level; an asterisk stands for every key of a table. A value becomes
-    one column; a table or list becomes one column for each entry at any depth. `names` defaults to the usual ones for the kind of run.
+    Each of the `names` is a dotted key of the run's `summary`, or else of the last of its ``levels`` (outputs); an asterisk stands for
+    every key of a table. A value becomes one column; a table or list becomes one column for each entry at any depth. By default the names
+    are `OF_GRIPS`, `OF_STEPS` or `OF_FITS`, according to the kind of run.
     """
     last = summary["levels"][-1] if summary.get("levels") else {}
     if names is None:
@@ -89,14 +94,17 @@ def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str
 
 
 def _below(table: dict, name: str) -> dict[str, Any]:
-    """Return by dotted key the entries of nested tables and lists, but None, whose key is a name or begins with it; ``*`` is any key."""
+    """Return, by dotted key, the entries of nested tables and lists whose key is `name` or continues it after a dot, except None.
+
+    An asterisk in the name stands for any key between two dots.
+    """
     first, pattern = name.split(".")[0], re.escape(name).replace(r"\*", "[^.]+") + r"(\.|$)"
     named = {key: inner for key, inner in table.items() if first in (key, "*")}
     return {key: value for key, value in leaves(named) if value is not None and re.match(pattern, key)}
 
 
 def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
-    """Return the names of the columns that occur in any row of a study's table, in order of appearance; the column of failures is last."""
+    """Return the names of the columns that occur in any row of a study's table, in order of appearance, with ``failure`` as the last."""
     return [*(column for column in tables.columns_of(rows) if column != FAILURE), FAILURE]
 
 
@@ -111,7 +119,10 @@ def _cell(value: Any) -> str:
 
 
 def label_of(key: str, units: Mapping[str, str]) -> str:
-    """Return the axis label of a quantity: its dotted key, followed by its unit in brackets if it has one."""
+    """Return the axis label of a quantity: its dotted key, followed by its unit in brackets if it has one.
+
+    `units` gives the names of the units by kind, such as "length" or "stress".
+    """
     parts = [part.removesuffix("_reference") for part in key.split(".")]
     kind = next((kind for kind, pattern in UNITS.items() if any(re.fullmatch(pattern, part) for part in parts)), None)
     return f"{key} ({units[kind]})" if units.get(kind) else key
@@ -120,7 +131,8 @@ def label_of(key: str, units: Mapping[str, str]) -> str:
 def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]) -> Figure | None:
     """Return a figure of every varying quantity against every varying parameter, up to `MOST_DRAWN` of each; None if nothing varies.
 
-    `units` gives the names of the units of length, stress, force and energy from a run's summary; it is empty for fits.
+    `rows` are those of the study's table, and `parameters` the columns of parameters. `units` gives the names of the units of length,
+    stress, force and energy from a run's summary; it is empty for fits.
     """
     across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1][:MOST_DRAWN]
     others = [key for key in columns_of(rows) if key not in (RUN, FAILURE, *parameters)]
@@ -148,7 +160,10 @@ def _is_number(value: Any) -> bool:
 
 
 def _places(values: list[Any]) -> tuple[list[float], list[str]]:
-    """Return positions of values on an axis, and tick labels: without labels for numbers, and side by side with labels for other values."""
+    """Return the positions of a parameter's values on an axis, and tick labels.
+
+    Numbers are their own positions and have no labels; if any value is not a number, different values stand at 0, 1, 2 ... with labels.
+    """
     if all(_is_number(value) for value in values):
         return values, []
     words = list(dict.fromkeys(_cell(value) for value in values))
