@@ -117,6 +117,8 @@ def _components(d):
         "put": put_row,
         # Loads and sums over bonds, see `pdsurrogate.engine.vector_loads`.
         "gather_pairs": vector_loads.gather_pairs(d),
+        "put_vectors": vector_loads.put_records(d),
+        "put_matrices": vector_loads.put_records(len(matrix)),
         "subtract_positions": vector_loads.subtract_positions(d),
         "sum_matrix_products": vector_loads.sum_matrix_products(d),
         "sum_signed_records": vector_loads.sum_records(d, -1),

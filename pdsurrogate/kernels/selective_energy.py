@@ -213,12 +213,9 @@ def pair_energies(algebra):
                 put_column(bonds, k, algebra.times(like(F[0], reference[length, k]), traction))
                 put_column(sums, k, algebra.times_matrix(like(F[0], 0.5), across))
                 total += reference[counted, k] * result[3, k]
-            force = algebra.vector_rows(forces[at : at + BLOCK])
-            moment = algebra.matrix_rows(moments[at : at + BLOCK])
-            for k in range(BLOCK):
-                algebra.put(force, k, algebra.column_at(bonds, k))
-            for k in range(BLOCK):
-                algebra.put(moment, k, algebra.matrix_column_at(sums, k))
+            for k in range(0, BLOCK, 4):
+                algebra.put_vectors(bonds, k, forces, at + k)
+                algebra.put_matrices(sums, k, moments, at + k)
             energies[block] = total
 
     return pair_energies
