@@ -79,6 +79,30 @@ def subtract(dimension):
     return fast, plain
 
 
+def put(length):
+    """Return the pass that writes blocks of rows as records by the intrinsic, and its plain twin."""
+    intrinsic = loads.put_records(length)
+
+    @compiled
+    def fast(rows, records):
+        widest_vectors()
+        rows = block_rows(rows)
+        for at in range(0, records.shape[0], BLOCK):
+            for k in range(0, BLOCK, 4):
+                intrinsic(rows, k, records, at + k)
+
+    @compiled
+    def plain(rows, records):
+        widest_vectors()
+        rows = block_rows(rows)
+        for at in range(0, records.shape[0], BLOCK):
+            for k in range(BLOCK):
+                for r in range(length):
+                    records[at + k, r] = rows[r, k]
+
+    return fast, plain
+
+
 @compiled
 def outer_sums(positions, pointers, neighbours, weights, out):
     """Sum outer products by the intrinsic."""
@@ -287,6 +311,8 @@ def cases():
             summed_products = products(loads.sum_matrix_products(d), d)
             yield f"sum_matrix_products, {name}", summed_products, (drawn(n, m), *table, weights, np.zeros((n, d)))
             yield f"subtract_positions, {name}", subtract(d), (*ends, rows[1])
+            for length in (d, m):
+                yield f"put_records({length}), {name}", put(length), (drawn(length, BLOCK), np.zeros((pairs, length), dtype))
             if d == 2:
                 yield f"sum_outer_products, {name}", (outer_sums, outer_sums_plain), (body.points, *table, weights, np.zeros((n, 4)))
             for length, sign in ((d, -1), (m, 1)):

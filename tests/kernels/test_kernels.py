@@ -102,20 +102,22 @@ def test_record_loads(random, dtype, d):
     algebra = algebra_of(d)
 
     @kernel
-    def load(table, positions, first, second, sums, differences, alone, records):
+    def load(table, positions, first, second, sums, differences, alone, records, vectors):
         for k in range(0, first.shape[0], 4):
             gather_pairs(table, positions, (first, second), k, sums, differences, k)
             subtract_positions(positions, (first, second), k, alone, k)
-        for k in range(first.shape[0]):
-            algebra.put(records, k, algebra.matrix_column_at(sums, k))
+        for k in range(0, first.shape[0], 4):
+            algebra.put_vectors(differences, k, vectors, k)
+            algebra.put_matrices(sums, k, records, k)
 
     sums, differences, alone = np.zeros((d * d, pairs), dtype), np.zeros((d, pairs), dtype), np.zeros((d, pairs), dtype)
-    records = np.zeros((pairs, d * d), np.float32)
-    load(table, positions, first, second, sums, differences, alone, records)
+    records, vectors = np.zeros((pairs, d * d), np.float32), np.zeros((pairs, d))
+    load(table, positions, first, second, sums, differences, alone, records, vectors)
     np.testing.assert_array_equal(sums, (table[first] + table[second]).T)
     np.testing.assert_array_equal(differences, (positions[second] - positions[first]).T.astype(dtype))
     np.testing.assert_array_equal(alone, differences)
     np.testing.assert_array_equal(records, sums.T.astype(np.float32))
+    np.testing.assert_array_equal(vectors, differences.T)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
