@@ -50,8 +50,8 @@ MOST_STORED = 0.1
 of `pdsurrogate.evaluate`. Chosen to catch mistakes, such as samples of another law: coarse fits pass with a warning (`NOTED`)."""
 
 NOTED = 0.01
-"""RMS error, as for `MOST_STORED`, beyond which storing or running a surrogate warns. Chosen: forces in a run are off by about as much, and
-fits of the default sizes reach a thirtieth of it or less."""
+"""RMS error of a surrogate's force or stress, divided by the RMS of the exact one, above which storing or running the surrogate warns.
+Chosen: forces in a run are off by about as much, and fits of the default sizes reach a thirtieth of it or less."""
 
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
 """Names of an artefact's files other than its card: constants of the surrogate, constants of committee members, and fitted pipeline."""

@@ -306,8 +306,8 @@ class _Surroundings:
     def fit(self, degree: int) -> tuple[sparse.csr_array, ...]:
         """Return matrices from values at points to value and derivatives at places, by a least-squares polynomial of a degree.
 
-        The row of a place is empty where the points are too few or lie in one row, or, from degree 2, where the fit would amplify their
-        errors (`MOST_AMPLIFICATION`).
+        A place has an empty matrix row if the points near it are too few or lie on a line (in space also: in a plane), or, from degree 2,
+        if the fit would amplify errors of the values at the points by more than `MOST_AMPLIFICATION`.
         """
         dimension = self.offsets.shape[1]
         powers = [chosen for order in range(degree + 1) for chosen in combinations_with_replacement(range(dimension), order)]

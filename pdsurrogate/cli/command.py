@@ -129,9 +129,10 @@ def law_of(name: str, changes: list[str] | None = None) -> Law:
 
 
 def check_folder(folder: Path | None, report: str = "", asked: dict | None = None, overwrite: bool = False) -> None:
-    """Check, before any work, that files can be written to a folder, and that an older file `report` in it answers the settings `asked`.
+    """Check, before any work, that files can be written to a folder, and that no report of other settings would be replaced there.
 
-    With `overwrite` a report with other settings is allowed. Without a folder nothing is checked.
+    `report` is the name of the report's file and `asked` are the settings of the new report: an existing file must have been made with
+    equal settings, unless `overwrite` is set. Without a folder nothing is checked.
     """
     if folder is not None:
         with bad_input(OSError):

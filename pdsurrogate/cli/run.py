@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -57,7 +57,10 @@ def run(
     writes = folder if ranks.rank == 0 else None
     check_folder(writes)
     failure = None
-    with nullcontext() if writes is None else occupied(writes):
+    with ExitStack() as held:
+        if writes is not None:
+            with writing(writes):
+                held.enter_context(occupied(writes))
         options = {"folder": out_folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
         try:
             with writing(folder), Bar() as bar:
@@ -127,7 +130,10 @@ class _Shown(Progress):
         note("Compiling kernels, once on this machine; later runs load them from the cache.")
 
     def level(self, number: int, parameter: float) -> None:
-        """Begin a new bar for the next level of stretch, or the next step of the loading parameter."""
+        """Begin a new bar for entry `number` (from 0) of the scene's ``stretches``, or of its ``steps`` if it has none.
+
+        `parameter` is the value of that entry: a stretch, or a loading parameter t.
+        """
         if self._scene.stretched:
             at = f"stretch {parameter:g} ({number + 1}/{len(self._scene.stretches)})"
         else:

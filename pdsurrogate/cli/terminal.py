@@ -220,7 +220,7 @@ def writing(folder) -> Iterator[None]:
 def end_soon_after_interrupts() -> None:
     """End the process soon after Ctrl-C, also while it compiles or factorises a matrix: Python itself waits until such a call returns.
 
-    One of several ranks is not ended: the other ranks would wait for it.
+    In a run on several MPI ranks no process is ended in this way, because the remaining ranks would wait for it.
     """
     if threading.current_thread() is not threading.main_thread() or os.name == "nt":
         return

@@ -1,4 +1,4 @@
-"""Edges of a scene at which reflection planes hold its body, found from the scene alone before the points exist."""
+"""Reflection planes that constrain the motion of a body's edges, and these edges, found from the scene alone before the points exist."""
 
 from collections.abc import Mapping
 

@@ -21,9 +21,8 @@ RASTER = 16
 """Number of sampled places along each side of a cell in the plane, which determine the area of its material to some 1/1000 of a cell."""
 
 SCATTERED = 128
-"""Number of sampled places in one eighth of a 3D cell, with mirror images in the others. No two have equal coordinates along an axis, so
-that a volume is as accurate as with 1024 places along each axis if a plane or cylinder cuts the cell along the axes, and better than
-1/200 of a cell otherwise."""
+"""Number of sampled places in one eighth of a 3D cell, with mirror images in the others. No two in an eighth
+have equal coordinates along an axis: the volume on one side of a plane normal to an axis is found to within 1/40 of a cell."""
 
 WITHIN = 1 - 1e-6
 """Share of the way from the middle of a 3D cell to its corners, edges and faces at which material is tested: a little inside, so that a

@@ -224,9 +224,9 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
 
 
 def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
-    """Return the boundary of a prism along an axis as triangle arrays (f, 3, 3): its outline with both caps, then each hole through it.
+    """Return the boundary of the prism `straight` as triangle arrays (f, 3, 3): its outline with both caps, then each hole through it.
 
-    `holes` are the plane sections of the holes.
+    The prism extends along `axis`, and `holes` are the plane sections of the holes. `cell` are the sizes of a cell along the three axes.
     """
     across = [(axis + 1) % 3, (axis + 2) % 3]
     beside = cell[across]

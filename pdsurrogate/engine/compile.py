@@ -258,7 +258,7 @@ def compile_bond_force(function: Callable, dtype, state_rows: int = STATE_ROWS, 
     """Compile a function of blocks of bonds for the arguments of `bond_force_signature`, which it receives as arrays, not as pointers.
 
     `dtype` is the precision of the model, `state_rows` and `result_rows` are the numbers of rows of its states and of its result. The
-    arrays of ``sizes``, ``weights`` and ``work`` have the nominal length `MOST_VALUES`.
+    arrays ``sizes``, ``weights`` and ``work`` are declared with the length `MOST_VALUES`: only the model knows how long they really are.
     """
     body = expanded(function)
 

@@ -266,7 +266,10 @@ def sum_outer_products(builder, positions, neighbours, weights, bonds, point, ou
     own = _one_or_two(builder, positions, [point, point])
 
     def add(accumulators, *places):
-        """Add one or two bonds to two accumulators: difference of positions times first and second component of the weight."""
+        """Add one bond, or two at once if two `places` in the list of bonds are given, to both accumulators.
+
+        The first sums the difference of positions times the first component of the weight, the second that times the second component.
+        """
         ends = _one_or_two(builder, positions, [_listed(builder, neighbours, place) for place in places])
         factors = _as_real(builder, _one_or_two(builder, weights, places), _DOUBLE)
         differences = builder.fsub(ends, own)

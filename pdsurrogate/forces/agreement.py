@@ -68,8 +68,8 @@ def isochoric_states(law: Law, first, second):
     """Return n trial states for an isochoric energy, and the exact deviatoric principal Kirchhoff stresses there, shape (n, 3).
 
     The states are a tuple of I1bar, I2bar, and squared principal stretches of product 1, shape (3, n). These stretches are `first`,
-    `second` (shape (n,)) and 1, divided by their geometric mean, and brought nearer to 1 where they exceed the bounds of all given
-    stretches.
+    `second` (shape (n,)) and 1, divided by their geometric mean. Where one of a state lies outside the range of all given stretches and 1,
+    the logarithms of its three stretches are multiplied by the factor that takes it to the end of the range.
     """
     logs = np.log([first, second, np.ones_like(first)])
     low, high = logs.min(), logs.max()

@@ -64,8 +64,8 @@ WORST_CONDITION = 1e6
 of points leads to 1e3."""
 
 Near: TypeAlias = tuple[float, np.ndarray, int, float]
-"""Interface near a point: distance and direction from the point, number of the material beyond, and share of the horizon's volume on the
-wrong side of the fitted plane."""
+"""Interface near a point, as a plane fitted between the points of two materials: distance and unit normal from the point to the plane,
+number of the material beyond, and share of the horizon's volume whose points lie on the other material's side of the plane."""
 
 
 class Interfaces:
@@ -169,7 +169,10 @@ class Interfaces:
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
 
     def _with_transpose(self, matrix: sparse.lil_array) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Return a matrix (n, n), which has rows of this rank's points only, and its transpose with the rows of other ranks included."""
+        """Return a matrix (n, n), filled in the rows of this rank's own points only, and a transpose.
+
+        The transpose is that of the matrix with its rows of halo points (points of other ranks) filled in by their owners.
+        """
         return matrix.tocsr(), self._body.share.with_rows_of_others(matrix.tocsr()).T.tocsr()
 
     def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:

@@ -251,9 +251,9 @@ class InternalForce:
         """
         return {array.name: array.values for array in self.states}
 
-    def applied(self) -> np.ndarray | None:
-        """Return None: no loads are part of an internal force; a `LoadedForce` returns the forces of its loads, shape (n, d), instead."""
-        return None
+    def applied(self) -> np.ndarray:
+        """Return zeros, shape (n, d): no loads are part of an internal force; a `LoadedForce` returns the forces of its loads instead."""
+        return np.zeros_like(self.body.points)
 
     def mean_stress(self) -> np.ndarray:
         """Return the volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d).
@@ -270,15 +270,17 @@ class InternalForce:
         """Return minus the derivative of the forces at positions (n, d), in a body that is not divided among ranks.
 
         The operator is of shape (n d, n d), in the order of ``positions.ravel()``; with an energy it is symmetric. A product is a central
-        difference over `PROBE` spacings, which costs two evaluations of this force in its present state of bonds and planes.
+        difference over `PROBE` spacings, which costs two evaluations of this force in its present state of bonds and planes, and leaves the
+        force in the state last evaluated, beside these positions.
 
         Raises
         ------
         ValueError
-            If the force is not bound with ``precision="float64"``.
+            If the force is not bound with ``precision="float64"``, or if the body is divided among ranks.
         """
-        if self.precision != "float64":
-            raise ValueError("a tangent is formed by differences of forces in float64: bind the force with precision='float64'")
+        if self.precision != "float64" or self.body.share.divided:
+            needs = "bind the force with precision='float64', to a body on one rank"
+            raise ValueError(f"a tangent is formed by differences of forces in float64: {needs}")
         ahead, behind = np.empty((2, *positions.shape))
 
         def multiply(displacements: np.ndarray) -> np.ndarray:
@@ -291,7 +293,8 @@ class InternalForce:
             self(positions - moved, behind)
             return ((behind - ahead) / (2 * step)).ravel()
 
-        return LinearOperator((positions.size, positions.size), multiply, dtype=float)
+        adjoint = multiply if self.has_energy else None
+        return LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
 
     def linearised_dilatation(self) -> "LinearisedDilatation":
         """Return the derivative of the points' volume ratios by the positions, for a force that is `nearly_incompressible`."""

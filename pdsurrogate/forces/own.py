@@ -124,7 +124,8 @@ class OwnBondForce(ForceSurrogate):
 
     def energy(self, I1, I2) -> np.ndarray:
         """Return W and its derivatives by I1bar and I2bar from the user's ``energy``, shape (3, n), checked for shape and finite values."""
-        return self._values("energy", I1bar=I1, I2bar=I2)
+        I1, I2 = np.broadcast_arrays(I1, I2)
+        return self._values("energy", I1bar=I1.ravel(), I2bar=I2.ravel()).reshape(-1, *I1.shape)
 
     def _values(self, method: str, **states: np.ndarray) -> np.ndarray:
         """Return what a method of the user's object gives at n states, shape (values, n), after checks for shape and finite numbers."""
@@ -166,8 +167,8 @@ class OwnBondForce(ForceSurrogate):
             has_state = np.isfinite(rows).all(axis=0) & (rows[3] > 0) & (rows[4] > 0)
             rows = np.where(has_state & (rows[5] > 0), rows, REST)
             result[:] = np.where(has_state, self._tractions(*rows), np.nan)
-        except RuntimeError as error:  # an exception cannot pass through compiled code; the evaluation raises it later
-            self.failure = error
+        except Exception as error:  # an exception cannot pass through compiled code; the evaluation raises it later
+            self.failure = error if isinstance(error, RuntimeError) else OwnForceFailed(f"{self.name}: {type(error).__name__}: {error}")
 
     def compiled(self, dtype) -> CompiledBondForce:
         """Return the function for blocks of bonds that compiled passes call; it calls back the user's Python code."""

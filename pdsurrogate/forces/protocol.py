@@ -327,7 +327,8 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     ------
     ValueError
         If a point is in no portion or in two; if a model does not describe its law, cannot honour a setting, or does not accept several
-        materials in this plane; if models belong to different families; or if bonds may break.
+        materials in this plane; if models belong to different families; or if bonds may break and there are several portions (even equal
+        ones) or rigid points.
     """
     rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
     if not portions:

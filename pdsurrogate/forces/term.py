@@ -244,7 +244,10 @@ class Term(ABC):
         raise TypeError(f"{type(self).__name__} has no dilatation of its own")
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Return the numbers of pairs nearly or fully turned inside out in the last evaluation; none unless a subclass finds them."""
+        """Return the indices of the pairs that were nearly or fully turned inside out in the last evaluation.
+
+        The array is empty unless a subclass looks for such pairs.
+        """
         return np.empty(0, dtype=np.int64)
 
     def volume_ratios(self) -> np.ndarray:

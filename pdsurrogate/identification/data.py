@@ -23,7 +23,8 @@ BIAXIAL = "biaxial"
 
 CURVES = ("mode", "stretch", "nominal_stress")
 GRID = ("stretch", "lateral_stretch", "nominal_stress", "lateral_stress")
-"""Columns of the two kinds of files, tests in the modes of loading `MODES` and biaxial tests, without the optional ``weight``."""
+"""Columns of the two kinds of test data files, without the optional ``weight``: `CURVES` of tests in the modes of loading `MODES`, and
+`GRID` of biaxial tests."""
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,8 @@ errors of cross-validation over a few modes are not known to better than some pe
 single tests."""
 
 FOLDS = 5
-"""Number of folds into which cross-validation divides a biaxial grid, by the greatest stretch, or the states of all modes. Chosen: the
-usual five, with which each fit keeps four fifths of the tests."""
+"""Number of folds of cross-validation, where the folds are not the modes of loading: ranges of the greatest stretch in a biaxial grid
+(`groups_of`), and states taken by turns (`fifths_of`). Chosen: the usual five, with which each fit keeps four fifths of the tests."""
 
 ROUNDS = 60
 """Most rounds of a fit, each of the weights at given volume ratios, and of the volume ratios that follow from these weights. At the bulk
@@ -190,7 +190,10 @@ class EnergyRegressor(StressRegressor):
         return (logs @ self.hull_[:, :2].T + self.hull_[:, 2]).max(axis=1) - self.margin
 
     def domain_hull(self) -> list[list[float]]:
-        """Return the half-planes (n1, n2, d) of the hull with its margin, in the form of `pdsurrogate.forces.Domain`."""
+        """Return the half-planes (n1, n2, d), as in ``hull`` of `pdsurrogate.forces.Domain`, that bound the domain of the fitted energy.
+
+        They are the sides of the convex hull of the test data in logarithmic stretches, moved outwards by ``margin``.
+        """
         check_is_fitted(self)
         return [[n1, n2, self.margin - offset] for n1, n2, offset in self.hull_.tolist()]
 

@@ -16,7 +16,7 @@ from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
 from .energy import EnergyRegressor
 from .examination import examine, standardised
-from .regressor import LawRegressor
+from .regressor import LawRegressor, fitted_laws
 from .stress_regressor import StressRegressor, committee, free_sides, nominal_stress, states
 
 EDGE = 1e-6
@@ -137,6 +137,9 @@ def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]
 
     `bulk` is a dictionary as `bulk_arguments` returns it.
     """
+    if law is not None and law not in fitted_laws():
+        known = f"{', '.join(fitted_laws())} are fitted to tests, and fit --free finds an energy without a law"
+        raise ValueError(f"unknown law {law!r}: {known}")
     regressor = EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
     return regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
 

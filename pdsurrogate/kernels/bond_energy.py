@@ -39,9 +39,10 @@ at `RESULT`, those of the exact energy at `EXACT_RESULT`, the deformed bond vect
 gradients at `COLUMNS`."""
 
 COLLAPSED = 0.3
-"""Value of det F_ij up to which a bond counts as collapsed. Intact rubber in a tear stays above 0.5. The last bonds of a crack draw points
-together faster than sound: below a third the volumetric energy makes a bond stiffer than the time step allows.
-"""
+"""Greatest det F_ij, the area or volume ratio at a bond, at which the bond counts as collapsed.
+
+Intact rubber in a tear stays above 0.5. Bonds left across a crack draw their points together faster than sound; below a third the
+volumetric energy makes such a bond stiffer than the time step allows."""
 
 
 @inlined

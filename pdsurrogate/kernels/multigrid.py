@@ -15,8 +15,8 @@ from ..engine.vector_loads import sum_weighted_rows
 def passes_of(width: int) -> SimpleNamespace:
     """Return four passes over vectors with rows of `width` reals: `scale`, `relax`, `residual` and `add_product`.
 
-    `scale` and `relax` are steps of Jacobi's iteration for A x = b, `residual` is b - A x, and `add_product` adds A x to a multiple of a
-    vector.
+    For A x = b, `scale` is the first step of Jacobi's iteration, from x = 0, and `relax` a step from any x. `residual` is b - A x, and
+    `add_product` adds A x to a multiple of a vector.
     """
     add_up = sum_weighted_rows(width)
 

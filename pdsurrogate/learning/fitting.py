@@ -261,7 +261,10 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
 
 
 def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[LearntBondForce | LearntEnergy, dict]:
-    """Return the surrogate of a fitted model and a report on its resampling; raise ValueError unless both have the same target."""
+    """Return the surrogate of a fitted model, and a report on how the model was resampled for it.
+
+    Raise ValueError if the model is a pipeline for another target than that of `samples`.
+    """
     model, target = best_of(model), samples.target
     found = target_of(model)
     if found is not None and found is not target:

@@ -12,7 +12,7 @@ from typer import Option
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import ACTIVATIONS, MOST_HIDDEN
 from ..materials import Law
-from ..scenes.strict_model import StrictModel
+from ..scenes.strict_model import NUMBER, StrictModel
 from .chebyshev import ChebyshevRegressor
 from .fitting import TARGETS, cross_validate, reachable_stretches, surrogate_pipeline, training_samples
 from .levenberg_marquardt import LevenbergMarquardtRegressor
@@ -35,7 +35,9 @@ ITERATIONS_HELP = "Most iterations of the training of a network; 1000 by default
 
 def _as_text(value: Any) -> Any:
     """Return degrees or units, given as a number or a sequence of numbers, as text with commas between them."""
-    return ",".join(map(str, value)) if isinstance(value, list | tuple) else str(value) if isinstance(value, int) else value
+    if isinstance(value, list | tuple):
+        return ",".join(str(_as_text(number)) for number in value)
+    return f"{value:g}" if isinstance(value, int | float) else value
 
 
 class FitSettings(StrictModel):
@@ -73,12 +75,12 @@ class FitSettings(StrictModel):
     degree: Annotated[str | None, BeforeValidator(_as_text), Option(help=DEGREE_HELP)] = None
     units: Annotated[str | None, BeforeValidator(_as_text), Option(help=UNITS_HELP)] = None
     activation: Annotated[str | None, Option(help="Activation: algebraic (the default), logistic, tanh or relu.")] = None
-    samples: Annotated[int | None, Field(strict=True, ge=200), Option(help="Training samples; 8000, of an energy 1000.", min=200)] = None
-    least: Annotated[float | None, Field(strict=True), Option(help=LEAST_HELP)] = None
-    greatest: Annotated[float | None, Field(strict=True), Option(help=GREATEST_HELP)] = None
-    iterations: Annotated[int | None, Field(strict=True, ge=1), Option(help=ITERATIONS_HELP, min=1)] = None
-    folds: Annotated[int, Field(strict=True, ge=0), Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5
-    seed: Annotated[int, Field(strict=True, ge=0), Option(help="Seed of samples, split and first weights.", min=0)] = 0
+    samples: Annotated[int | None, Field(ge=200), NUMBER, Option(help="Training samples; 8000, of an energy 1000.", min=200)] = None
+    least: Annotated[float | None, NUMBER, Option(help=LEAST_HELP)] = None
+    greatest: Annotated[float | None, NUMBER, Option(help=GREATEST_HELP)] = None
+    iterations: Annotated[int | None, Field(ge=1), NUMBER, Option(help=ITERATIONS_HELP, min=1)] = None
+    folds: Annotated[int, Field(ge=0), NUMBER, Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5
+    seed: Annotated[int, Field(ge=0), NUMBER, Option(help="Seed of samples, split and first weights.", min=0)] = 0
 
     def model_post_init(self, context: Any) -> None:
         if self.folds != 0 and not 2 <= self.folds <= self.n_samples:
@@ -113,7 +115,7 @@ class FitSettings(StrictModel):
             return self._polynomial()
         if self.degree is not None:
             raise ValueError("degree is of a polynomial, units of a network: choose one")
-        hidden, activation = _numbers(self.units or "8", "units"), self.activation or "algebraic"
+        hidden, activation = _numbers("8" if self.units is None else self.units, "units"), self.activation or "algebraic"
         if self.energy:
             if len(hidden) != 1:
                 raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")

@@ -209,8 +209,8 @@ def values_and_slopes(X, W, b, v, activation: str, columns: int) -> np.ndarray:
 class _Function:
     """Network of one hidden layer with its gradient and its loss at weighted samples, as functions of the vector theta of its parameters.
 
-    With an anchor the network has no constant; the value at the origin is subtracted, and so are the derivatives there by the features in
-    ``flat``.
+    With an anchor the network has no constant term. Its value at the origin is subtracted from its outputs, and so is a linear function of
+    the features in ``flat``, so that the derivatives by these features vanish at the origin.
     """
 
     def __init__(self, regressor, X, Y, weights):

@@ -90,6 +90,7 @@ def sheet_stretches(state):
 def of_sheet_stretches(state, stretches, sums, volumetric):
     """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(x1, x2, x3) + U(J3).
 
+    The residual is that of P33 = 0, from which J3 is found, and its slope is the derivative by J3.
     The principal stresses in the plane are P_a = (g_a - g_3)/lambda_a, with the derivatives g_a of W by the logarithmic stretches and the
     pressure eliminated by P33 = 0; the coefficients p and q follow from p lambda_a^2 + q = g_a - g_3 for both. `sums` is
     (W, g1, g2, g3, h), see `PrincipalStretchLaw.term`.

@@ -53,8 +53,9 @@ def inputs(shared, a, b, U_mm, J, C33, length):
 def traction(shared, o1, o2, a, b, U_mm, J, C33):
     """Return the stress components T_nn, T_nm and T_mm in the axes n, m along and across the undeformed bond (theory (11)).
 
-    `o1` and `o2` are the components of the force along and across the deformed bond, and a = U_nn and b = U_nm those of the stretch tensor.
-    The force does not determine T_mm, which is set to 0.
+    `shared` is the result of the function of this name: the bond stretch and its inverse. `o1` and `o2` are the components of
+    the force along and across the deformed bond, and a = U_nn and b = U_nm those of the stretch tensor. The force does not determine T_mm,
+    which is set to 0.
     """
     inverse = shared[1]
     return (o1 * a - o2 * b) * inverse, (o1 * b + o2 * a) * inverse, like(a, 0.0) * o1

@@ -11,9 +11,10 @@ from ..engine.passes import Pass, share_of
 
 @Pass
 def convected_rotations(chunk, gradients, records):
-    """Overwrite the rotation of every point, cos and sin in the first two columns of `records`, with the paper's rotation.
+    """Write cos and sin of every point's rotation, as defined in the paper, to the first two columns of `records`, a row for each point.
 
-    It is the mean rotation of the two base vectors by the deformation gradient; `gradients`, shape (n, 4), holds F11, F21, F12, F22.
+    The rotation is the mean of those of the two base vectors by the deformation gradient; `gradients`, shape (n, 4), holds F11, F21, F12,
+    F22. A thread works on the points of one `chunk`.
     """
     for i in share_of(gradients.shape[0], chunk):
         F11, F21, F12, F22 = gradients[i, 0], gradients[i, 1], gradients[i, 2], gradients[i, 3]

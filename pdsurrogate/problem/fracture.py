@@ -26,8 +26,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
         Energy per unit area of crack in the undeformed state, in units of stress times length.
     horizon : float
     tip_diameter : float
-        Diameter in horizons; by default that of sheets whose bonds have forces and no energy. With `bond-energy` in three dimensions it is
-        1.2 for a horizon of 1.75 spacings, and 0.83 for one of 2.2.
+        Diameter in horizons. The default, 1.15, was measured in sheets with force models that give bond forces (family "bond force"). For
+        the force model `bond-energy` in three dimensions take 1.2 with a horizon of 1.75 spacings, and 0.83 with one of 2.2.
 
     Returns
     -------

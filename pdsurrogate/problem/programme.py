@@ -115,7 +115,7 @@ class Measures:
 
 
 def measures_of(scene: Scene, areas: dict[str, float]) -> Measures:
-    """Return the quantities that results of a scene report, given the cross-sections `areas` at its grips by edge."""
+    """Return the `Measures` of a scene, which say what its results report; `areas` maps edges with grips to the cross-sections there."""
     if not scene.stretched:
         return Measures(None, None, areas, lambda parameter: {})
     grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))

@@ -28,8 +28,9 @@ RIM = 0.05
 Facets of round outlines, half a cell long, lie up to 0.02 cells inside the outline."""
 
 NEAR = 2.0
-"""Greatest distance in cells between the place of a region `near` and the nearest point; an error beyond it. Chosen: inside a body the
-nearest point lies 0.9 cells away at most; a place two cells away lies outside, and is a mistake in the scene."""
+"""Greatest distance in cells from the place that a region states by its key ``near`` to the nearest point of the body; a scene with a
+greater distance is refused. Chosen: inside a body the nearest point lies 0.9 cells away at most; a place two cells away lies outside, and
+is a mistake in the scene."""
 
 ALIKE = 1e-3
 """Difference of distance, in cells, within which points count as equally near to a place. Chosen far above rounding, and far below the
@@ -161,12 +162,12 @@ class BodyRegions:
         return _Facets(self, self.surface().midpoints(), self.surface().groups)
 
     def points(self, reference: str | Region, key: str | None = None) -> np.ndarray:
-        """Return the numbers of the points in a region, given as a `Region` or by name.
+        """Return the indices of the points in a region, given as a `Region` or by name.
 
         Raises
         ------
         ValueError
-            If there are none; the message names the region (one without a name by `key`) and the nearest point.
+            If there are none; the message gives the name of the region (for a region without a name `key`) and the nearest point.
         """
         return self._found(reference, key, self._points)
 

@@ -78,7 +78,10 @@ class Communicator:
         return tuple(sums.tolist()) if isinstance(here, tuple) else sums.item()
 
     def greatest(self, here: float | np.ndarray) -> float:
-        """Return the greatest of the numbers, or entries of arrays, on all ranks; NaN if any is NaN, and 0 for an array without entries."""
+        """Return one number, the greatest entry of `here` (a number or an array) on all ranks; NaN if an entry is NaN.
+
+        An array without entries counts as 0.
+        """
         most = float(np.max(here)) if np.size(here) else 0.0
         if not self._mpi:
             return most

@@ -130,9 +130,9 @@ class Share:
     divided : bool
         True if several ranks share the body.
     leads : bool
-        True on the first rank, the only one to count values that all ranks have.
+        True on the first rank. A value that every rank has whole, such as the work of a load, enters a sum over ranks on this rank only.
     agree, everywhere, total, greatest : callable
-        Methods of `Communicator`.
+        Methods of `Communicator`: raise an error of any rank on all, list the values of all ranks, and take sum and maximum over them.
     fill, fold, clear, gather : callable
         Methods of `Halo` and `Rows`, for arrays with a row for each point.
     numbers, owners, size, ranks

@@ -117,9 +117,9 @@ def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Ti
 def measure_error(entry: TimedModel, law: Law, n_samples: int) -> dict:
     """Return the errors of a learnt model against the exact law at `n_samples` states; empty for other models.
 
-    They are relative errors (RMS and greatest) of the compiled kernel in its own precision: of bond forces on and off the surface of states
-    of plane stress, of an energy's stresses on it alone. For a bond force the least slope of its component along the bond by the bond
-    stretch is added, in double precision.
+    They are relative errors (RMS and greatest) of the compiled kernel in its own precision. A model of bond forces is tested at states of
+    plane stress (``on_surface``) and at other states (``off_surface``), an energy by its stresses at states of plane stress only. For bond
+    forces ``least_slope`` is added: the least derivative of the force along the bond by the bond stretch, in double precision.
     """
     if isinstance(entry.model, EnergySurrogate):
         # An energy gives the stress on the surface only, since C33 is not among its inputs.
@@ -229,7 +229,10 @@ def table(report: dict) -> tuple[list[str], list[list[str]]]:
 
 
 def _cell(form: str, row: dict) -> str:
-    """Return the text of a table cell from a format and a row of the report; ``-`` if a value is missing, or "failed" if of the scene."""
+    """Return the text of a table cell from a format and a row of the report.
+
+    If the row lacks the value, the text is "failed" for a column about the run of a scene, and ``-`` for any other column.
+    """
     percent = {key: 100 * row[key] for key in ("scene_stress_error", "scene_displacement_error") if key in row}
     try:
         return form.format(**{**row, **percent})

@@ -16,8 +16,8 @@ MESH = "mesh"
 """Key of the digest of the scene's mesh file among the digests of the force models."""
 
 MOST_TOLD, MOST_CHARACTERS = 3, 60
-"""Number of differences that a message lists, and characters of a value in it. Chosen: the message stays some lines long, and three
-differences tell a changed setting from another scene."""
+"""Greatest number of differences between the inputs of two runs that a message lists, and of characters that it shows of a value. Chosen:
+the message stays some lines long, and three differences tell a changed setting from another scene."""
 
 ABSENT = "not given"
 """Text that stands in a message for the value of a missing entry."""

@@ -202,7 +202,7 @@ POINT_FIELDS = {
 
 
 def point_fields(state: PointState) -> dict[str, np.ndarray]:
-    """Return, by name, the fields of `POINT_FIELDS` that have a meaning in a state, and the shown internal states of the force.
+    """Return, by name, the fields of `POINT_FIELDS` that have a meaning in a state, and the internal states that the force model shows.
 
     Every field has shape (n,) or (n, components).
     """

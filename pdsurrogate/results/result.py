@@ -257,7 +257,7 @@ class Result:
         The latter are spread evenly over the outputs (with grips those in dynamics), or with fracture over the growth of cracks.
         """
         moving, count, stretched = self.in_dynamics(), len(self.states), self.scene.stretched
-        if stretched and self.scene.dynamics is None:
+        if not count or (stretched and self.scene.dynamics is None):
             return list(range(count))
         cracks = bool(moving) and self.scene.fracture is not None
         chosen = np.linspace(moving[0] if moving and (stretched or cracks) else 0, count - 1, min(most, count))

@@ -67,6 +67,8 @@ class States:
 
     def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of the body in a state that was read from a file, and the displacements of their nodes, shape (k, d)."""
+        if not any(isinstance(kept, Path) for kept in self._kept):
+            raise ValueError("the result has neither a body nor files with states")
         return vtk.read_state(self._kept[number])[:2]
 
 

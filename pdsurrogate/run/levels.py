@@ -207,14 +207,16 @@ class Equilibria:
         return guesses[0] if len(guesses) == 1 else min(guesses, key=residual)
 
     def _take_back(self, increments: Increments, error: Exception, cause: Exception, spent: bool) -> None:
-        """Undo an increment that failed with an error, and shorten it unless all evaluations allowed for failures are `spent`.
+        """Undo an increment that failed with an error, and shorten it for another attempt.
+
+        `spent` is True if failed attempts have used up the force evaluations allowed for them; the increment is not shortened then.
 
         `cause` is the error to report: `error`, or the RanAway with which an earlier, longer increment failed.
 
         Raises
         ------
         NoEquilibrium, InvalidState
-            If the increment cannot be shortened: an error of the type of `cause`; the message says which loading was reached.
+            If the increment is not shortened. The error has the type of `cause`; its message says which loading was reached.
         """
         run, state = self.run, self.run.state
         run.note(increments.target, failure=str(error))

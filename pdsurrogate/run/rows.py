@@ -44,7 +44,7 @@ def place_columns(run: Run, time: float | None = None) -> dict:
 
 
 def state_columns(run: Run) -> dict[str, float]:
-    """Return the last columns of a row of the history: displacements of supports and loads by name, and at probes."""
+    """Return the last columns of a row of the history: displacements at probes, and mean displacements where supports and loads act."""
     return component_columns("displacement", displacements_by_name(run)) | run.probes.columns(run.positions - run.body.points)
 
 

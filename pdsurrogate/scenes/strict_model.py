@@ -19,12 +19,12 @@ def refused(wrong: Callable[[Any], bool], message: str) -> Callable[[Any], Any]:
     return checked
 
 
-_no_switch_or_text = refused(lambda value: isinstance(value, bool | str | bytes), "Input should be a valid number")
+NUMBER = BeforeValidator(refused(lambda value: isinstance(value, bool | str | bytes), "Input should be a valid number"))
 """Reject values that Pydantic would convert into a number, such as true and "1"."""
 
-Finite = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(_no_switch_or_text)]
+Finite = Annotated[float, Field(allow_inf_nan=False), NUMBER]
 Positive = Annotated[Finite, Field(gt=0)]
-Whole = Annotated[int, BeforeValidator(_no_switch_or_text)]
+Whole = Annotated[int, NUMBER]
 Point = tuple[Finite, Finite]
 """A place or a direction in the plane, for parts that lie in the plane alone."""
 

@@ -208,8 +208,7 @@ class EquilibriumSolver(ABC):
         if not residual <= tolerance or tolerance > self.tolerance:
             return residual, residual <= tolerance
         left = self.share.sum(np.abs(forces))
-        loads = force.applied()
-        loading = 0.0 if loads is None else self.share.sum(np.abs(loads))
+        loading = self.share.sum(np.abs(force.applied()))
         self._drive = max(loading, self._holding(force), self._least_drive)
         most = self._share_left * self._drive
         if left <= most:

@@ -77,8 +77,8 @@ of zero."""
 
 
 JUMP = 0.25
-"""Root mean square displacement component of points from their extrapolation, divided by the growth of the body's extent, beyond which a
-body has jumped to another branch of equilibria.
+"""Distance of an equilibrium from its extrapolation, above which a body has jumped to another branch of equilibria: root mean square
+component of the differences of positions, divided by the change of the body's length from the previous equilibrium to this one.
 
 Contraction across the load and stresses at holes and cracks cause some hundredths; buckling of a sheet several tenths to ten, and more with
 shorter increments."""

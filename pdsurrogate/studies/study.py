@@ -155,7 +155,7 @@ def study(
     scheduler : str, optional
         Address of a Dask scheduler whose workers carry out the runs.
     overwrite : bool
-        Whether to replace the table of a study with other runs in `folder`; the folders of these runs stay.
+        Whether to replace the table in `folder` even if it has runs that this study does not have; the folders of those runs stay.
     max_time : float, optional
         Seconds after which every run ends with a checkpoint, from which an equal call resumes the run later; only for studies of scenes.
     progress : StudyProgress, optional

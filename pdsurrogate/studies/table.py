@@ -132,7 +132,7 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mappi
     """Return a figure of every varying quantity against every varying parameter, up to `MOST_DRAWN` of each; None if nothing varies.
 
     `rows` are those of the study's table, and `parameters` the columns of parameters. `units` gives the names of the units of length,
-    stress, force and energy from a run's summary; it is empty for fits.
+    stress, force and energy from a run's summary; it is empty for a study of fits of surrogates, which has no units.
     """
     across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1][:MOST_DRAWN]
     others = [key for key in columns_of(rows) if key not in (RUN, FAILURE, *parameters)]

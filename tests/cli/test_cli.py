@@ -273,7 +273,7 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
 def test_bad_identifications_exit_with_2(tmp_path):
     for arguments, message in (
         (["identify", "none.csv"], "cannot read test data"),
-        (["identify", "treloar", "--law", "granite"], "'law' parameter of LawRegressor must be a str among {"),
+        (["identify", "treloar", "--law", "granite"], "unknown law 'granite': "),
         (["identify", "treloar", "--up-to", "0.5"], "no row"),
         (["identify", "kawabata", "--law", "gent", "--hold-out"], "nothing held out"),
         (["fit", "x", "--data", "treloar", "--law", "gent", "--set", "chain_limit=3"], "choose one"),

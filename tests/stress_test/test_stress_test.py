@@ -144,7 +144,7 @@ def test_the_tangent_of_springs_is_what_it_is():
     body = regular(2, 5)
 
     class Springs:
-        precision, tangent = "float64", InternalForce.tangent
+        precision, has_energy, tangent = "float64", True, InternalForce.tangent
 
         def __init__(self):
             self.body = body
