@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, WrapValidator
@@ -244,14 +245,11 @@ class Card(StrictModel):
         return html_facts(f"Artefact {self.name}@{self.version}", facts)
 
 
-def read_card(data: bytes, where: str) -> Card:
-    """Return the card in the bytes of a ``card.json``; `where` is the path for messages.
-
-    Raises
-    ------
-    ArtifactError
-        If the card is damaged, incomplete, or of a schema that this version does not read; the message gives the remedy.
-    """
+def read_card(path: Path) -> Card:
+    """Read and check the card at a path; raise ArtifactError with the file and the field for a wrong one, OSError if it cannot be read."""
+    where = str(path)
+    with path.open("rb") as file:
+        data = file.read(MOST_CARD + 1)
     if len(data) > MOST_CARD:
         raise ArtifactError(f"{where}: the card has {len(data)} bytes, which is not a card")
     try:

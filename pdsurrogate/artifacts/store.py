@@ -20,20 +20,7 @@ from ..array_files import DamagedFile, read_arrays
 from ..forces import FORCES, Domain, ForceModel, LearntBondForce, LearntEnergy, Member
 from ..materials import LAWS, Law
 from ..scenes import MaterialSpec, Scene
-from .card import (
-    DIGESTED,
-    KINDS,
-    MEMBERS,
-    MOST_CARD,
-    NAME_PATTERN,
-    PIPELINE,
-    SURROGATE,
-    VERSION_PATTERN,
-    ArtifactError,
-    Card,
-    new_card,
-    read_card,
-)
+from .card import DIGESTED, KINDS, MEMBERS, NAME_PATTERN, PIPELINE, SURROGATE, VERSION_PATTERN, ArtifactError, Card, new_card, read_card
 
 Surrogate = LearntBondForce | LearntEnergy
 """Types of the force models that artefacts hold."""
@@ -221,8 +208,8 @@ def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
 
 def _card_of(folder: Path) -> Card:
     """Return the card in an artefact's folder; raise ArtifactError if its digest shows that it was changed after it was stored."""
-    with _reading(), (folder / CARD).open("rb") as file:
-        card = read_card(file.read(MOST_CARD + 1), str(folder / CARD))
+    with _reading():
+        card = read_card(folder / CARD)
     if card.stated_digest() not in (None, card.found_digest()):
         raise ArtifactError(
             f"{folder / CARD}: digest: what the card says of {', '.join(DIGESTED)} or training.identification is not what was stored with "

@@ -114,9 +114,10 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
         If the body has no straight edge or flat face at such an end, or no material there.
     """
     areas, faces = {}, faces_of_groups(scene, lower, upper)
+    sides = _outer_sides(scene)[2] if isinstance(scene.body, Mesh) else None
     for edge in [grip.edge for grip in scene.grips] or reflected_edges(scene, faces):
-        if isinstance(scene.body, Mesh):
-            areas[edge], near = _area_of_sides(scene, edge, lower, upper), 0.0
+        if sides is not None:
+            areas[edge], near = _area_of_sides(sides[_on_edge(sides, edge, lower, upper)]), 0.0
         else:
             axis, side = EDGES[edge]
             shifts = side * CUT_SHIFT * (upper - lower).max() * np.array([1, 2])
@@ -243,12 +244,10 @@ def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[
     return found
 
 
-def _area_of_sides(scene: Scene, edge: str, lower: np.ndarray, upper: np.ndarray) -> float:
-    """Return the area (in the plane the length) of the sides of a mesh's cells that lie on an edge of the bounding box."""
-    _, _, corners = _outer_sides(scene)
-    corners = corners[_on_edge(corners, edge, lower, upper)]
+def _area_of_sides(corners: np.ndarray) -> float:
+    """Return the area (in the plane the length) of sides of cells, given by the positions of their corners, shape (s, corners, d)."""
     diagonals = corners[:, corners.shape[1] // 2 :] - corners[:, : corners.shape[1] // 2]
-    vectors = diagonals[:, 0] if scene.dimension == 2 else np.cross(diagonals[:, 0], diagonals[:, 1]) / 2
+    vectors = diagonals[:, 0] if corners.shape[2] == 2 else np.cross(diagonals[:, 0], diagonals[:, 1]) / 2
     return float(np.linalg.norm(vectors, axis=1).sum())
 
 

@@ -34,14 +34,14 @@ class Stage:
     inertia : Dynamics or StepDynamics or None
         Settings of the scene for a stage in dynamics; None for a stage in equilibrium.
     key : str
-        Key of these settings in the scene.
+        Key of the scene that describes the stage, for messages.
     """
 
     to: float
     outputs: int
     largest_increment: float | None
     inertia: Dynamics | StepDynamics | None
-    key: str = "dynamics"
+    key: str
 
     def motion(self, begin: float) -> Motion:
         """Return the loading parameter as a function of time in dynamics, from the value `begin` to the end of the stage."""
@@ -63,7 +63,7 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
         )
     stages = [Stage(stretch, 1, scene.solver.largest_increment, None, "stretches") for stretch in scene.stretches]
     if scene.dynamics is not None:
-        stages.append(Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, scene.dynamics))
+        stages.append(Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, scene.dynamics, "dynamics"))
     return tuple(stages)
 
 

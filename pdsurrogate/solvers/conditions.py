@@ -294,7 +294,7 @@ class Loading:
         """Return internal force plus loads on every point in the state last evaluated, shape (n, d), redistributed in rigid regions."""
         total = self.internal_forces(force)
         if self.loads:
-            total += force.applied()
+            self.loads.forces(force.positions[: len(self.body)], force.thickness(), total)
         for region in getattr(force, "rigid", ()):
             region.carry(force.positions, total)
         return total
