@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING
@@ -104,7 +105,7 @@ class InternalForce:
             self.stiffness_moduli, self.force_scale = self._moduli(moduli)
         self.interfaces = kinematics.interfaces
         binding = Binding(kinematics, portions, settings, self.precision, self.portion_of)
-        self.terms = [kind(binding) for kind in kinds]
+        self.terms = [kind(replace(binding, leads=number == 0)) for number, kind in enumerate(kinds)]
         self._further = np.empty_like(body.points) if len(kinds) > 1 else None
         self._forms = any(term.needs_gradients for term in self.terms)
         self._watches = [watch for term in self.terms for watch in term.watches]
@@ -148,7 +149,10 @@ class InternalForce:
         for watch in self._watches:
             watch.found = 0
         try:
-            self._kinematics.place(positions, self._forms)
+            if self.learnt.places:
+                self._kinematics.take(positions)
+            else:
+                self._kinematics.place(positions, self._forms)
             self._add_up([term.find for term in self.terms], out)
         except RuntimeError as found:  # the error concerns the state, or comes from a user's own force
             error = self.portions[0].model.cause_of(found)

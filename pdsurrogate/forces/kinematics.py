@@ -13,6 +13,7 @@ from ..engine.threads import chunks_of
 from ..kernels.ghosts import place_points
 from ..kernels.node_state import deformation_gradients
 from ..kernels.reference_state import shape_rows
+from .steps import Step
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
 """Share of the gradient along a clamped plane that ghosts (mirror images) beyond the plane copy from the points they mirror.
@@ -56,6 +57,8 @@ class Kinematics:
         gradients.
     changes : int
         Number of changes of positions and bonds, by which dependent states detect that they are out of date.
+    formed : bool
+        Whether `gradients` belong to `positions`.
     """
 
     def __init__(self, body: Body, precision: str, plane: str = "stress") -> None:
@@ -73,7 +76,7 @@ class Kinematics:
         self._find_shapes(np.arange(len(body), dtype=np.uint32))
 
         self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
-        self.changes, self._formed = 0, False
+        self.changes, self.formed = 0, False
         self.interfaces, self.seen = None, []
         self._plane_displacements = np.zeros((len(body.planes), d))
         self._plane_turns = self._gradient_shifts = None
@@ -84,6 +87,7 @@ class Kinematics:
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
         form = self.gradient_pass(self.positions, self.gradients, 1.0)
         self._place_alone, self._form_gradients, self._place_and_form = Chain(self._place), Chain(form), Chain(self._place, form)
+        self._passes = self._place, form
 
     @cached_property
     def sources(self) -> np.ndarray:
@@ -109,7 +113,7 @@ class Kinematics:
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
         self._find_shapes(touched)
-        self._formed, self.changes = False, self.changes + 1
+        self.formed, self.changes = False, self.changes + 1
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True
         self.body.ghosts.fill(reached)
@@ -171,12 +175,24 @@ class Kinematics:
             self._gradient_shifts = self.gradient_ghosts.gradient_shifts(self._plane_turns)
         self._shifts[:] = self.body.ghosts.shifts(self.body.points, self._plane_displacements, self._plane_turns)
 
-    def place(self, positions: np.ndarray, form: bool = False) -> None:
-        """Set the positions of the points and ghosts; compute deformation gradients at once if `form`, or else when they are needed."""
+    def steps(self) -> list[Step]:
+        """Return the steps that place points and ghosts at the positions last taken and compute deformation gradients; two are passes.
+
+        A term that runs these steps before its own, in one call of compiled code where no other work comes between, then sets `formed`.
+        """
+        completed = self.body.share.divided or len(self.body.ghosts) or self.interfaces is not None
+        return [*self._passes, *([self._complete_gradients] if completed else [])]
+
+    def take(self, positions: np.ndarray) -> None:
+        """Take the positions of the points, shape (n, d), for the next run of `steps`."""
         positions = np.ascontiguousarray(positions, dtype=float)
         self.body.share.fill(positions)
         self._place.give("given", positions)
-        self._formed, self.changes = False, self.changes + 1
+        self.formed, self.changes = False, self.changes + 1
+
+    def place(self, positions: np.ndarray, form: bool = False) -> None:
+        """Set the positions of the points and ghosts; compute deformation gradients at once if `form`, or else when they are needed."""
+        self.take(positions)
         if form:
             self._place_and_form()
             self._complete_gradients()
@@ -185,7 +201,7 @@ class Kinematics:
 
     def form_gradients(self) -> None:
         """Bring the deformation gradients of points and ghosts up to date."""
-        if not self._formed:
+        if not self.formed:
             self._form_gradients()
             self._complete_gradients()
 
@@ -205,7 +221,7 @@ class Kinematics:
             self.interfaces.see(self.positions, self.gradients)
         for points in self.seen:
             points.update()
-        self._formed = True
+        self.formed = True
 
     def deformation_gradients(self) -> np.ndarray:
         """Return the deformation gradients F of the body's points, shape (n, d, d)."""

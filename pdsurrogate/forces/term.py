@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ..body import Body
+from ..engine.passes import BoundPass
 from ..materials import PLANES
 from .errors import InvalidState, OutsideDomain, OutsideDomainWarning, locate
 from .kinematics import Kinematics
@@ -93,6 +94,8 @@ class Binding:
         Precision of the bond pass.
     portion_of : ndarray of int, shape (n + m,), or None
         Number of the material (index into `portions`) of every point and ghost, ``len(portions)`` for rigid ones; None with one material.
+    leads : bool
+        Whether the term that is bound is the first of the force, which may place the points.
     """
 
     kinematics: Kinematics
@@ -100,6 +103,7 @@ class Binding:
     settings: ForceSettings
     precision: str
     portion_of: np.ndarray | None
+    leads: bool = True
 
     @property
     def outside(self) -> str:
@@ -132,6 +136,8 @@ class Term(ABC):
         Whether the force does not resist some displacements that alternate from point to point.
     learnt_thickness : bool
         Whether the volume ratios J3 of the points are computed with a learnt force, and not by the law.
+    places : bool
+        Whether `find` begins with the steps of `Kinematics.steps`, which place the points and form their gradients.
     correction : str
         Correction of incomplete horizons.
     state : list of StateArray
@@ -146,7 +152,7 @@ class Term(ABC):
     keeps: ClassVar[tuple[Kept, ...]] = ()
     has_energy: ClassVar[bool] = False
     zero_energy_modes: ClassVar[bool] = False
-    nearly_incompressible = learnt_thickness = False
+    nearly_incompressible = learnt_thickness = places = False
     correction = "none"
 
     def __init__(self, binding: Binding) -> None:
@@ -174,12 +180,15 @@ class Term(ABC):
         last must be the pass that writes the forces on the points to its argument `out`, and returns how many of them are not finite.
         """
         share, states = self.body.share, [step for points in self.materials for step in points.steps]
-        self._sum, self._find_forces, self._find_all = steps[-1], Steps(share, *steps), Steps(share, *states, *steps)
+        leading = self.kinematics.steps() if self.binding.leads else []
+        self.places, self._leading = bool(leading), sum(isinstance(step, BoundPass) for step in leading)
+        self._sum, self._find_forces, self._find_all = steps[-1], Steps(share, *steps), Steps(share, *leading, *states, *steps)
 
     def find(self, out: np.ndarray) -> None:
         """Evaluate the term at the positions in `kinematics`: write the forces on the points, shape (n, d), to `out`.
 
-        Each of `watches` receives the number of pairs found outside its model's domain.
+        A term that `places` begins by setting points and ghosts to the positions that `kinematics` has taken, and by forming gradients. Each
+        of `watches` receives the number of pairs found outside its model's domain.
 
         Raises
         ------
@@ -187,7 +196,9 @@ class Term(ABC):
             If the deformation has no force; the message names a point.
         """
         self._sum.give("out", out)
-        counts = have_states(self.materials, self._find_all())
+        found = self._find_all()
+        self.kinematics.formed |= self.places
+        counts = have_states(self.materials, found[self._leading :])
         for watch in self.watches:
             watch.found = counts.pop(0)
         if counts[-1]:

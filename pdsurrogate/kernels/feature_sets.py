@@ -95,8 +95,8 @@ def symmetric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
 
 
 def isochoric_shared(a, b, J, C33):
-    """Return the tuple of the single value J3^(-2/3), which the functions of the isochoric feature set share."""
-    return (inverse_cube_root(J * J * C33),)
+    """Return the tuple of J3^(-2/3) and 1/J, which the functions of the isochoric feature set share."""
+    return inverse_cube_root(J * J * C33), quotient(like(a, 1.0), J)
 
 
 def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
@@ -106,9 +106,9 @@ def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
     these features lose nothing, and isotropy and the split are exact. The second feature is cosh log(lambda_1/lambda_2) - 1; its numerator
     is tr C/2 - J, so that the feature is zero in the undeformed state also on processors whose quotient of one by one is not exactly one.
     """
-    c = shared[0]
+    c, inverse = shared
     trace = a * a + like(a, 2.0) * b * b + U_mm * U_mm
-    return logarithm(c * J), quotient(like(a, 0.5) * trace - J, J)
+    return logarithm(c * J), (like(a, 0.5) * trace - J) * inverse
 
 
 def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
@@ -118,11 +118,10 @@ def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
     T J are computed, and divided by J last: in the undeformed state they are zero in exact arithmetic and in floating point, whatever the
     rounding of a quotient.
     """
-    c = shared[0]
+    c, inverse = shared
     p = c * o1
     q = o2 - C33 * p
     p = p * J
-    inverse = quotient(like(a, 1.0), J)
     return (p * a + q * U_mm) * inverse, (p - q) * b * inverse, (p * U_mm + q * a) * inverse
 
 
