@@ -187,7 +187,7 @@ class Term(ABC):
     def find(self, out: np.ndarray) -> None:
         """Evaluate the term at the positions in `kinematics`: write the forces on the points, shape (n, d), to `out`.
 
-        A term that `places` begins by setting points and ghosts to the positions that `kinematics` has taken, and by forming gradients. Each
+        A term that `places` begins by setting points and ghosts to the positions that `kinematics` has taken and by forming gradients. Each
         of `watches` receives the number of pairs found outside its model's domain.
 
         Raises
