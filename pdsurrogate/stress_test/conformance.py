@@ -14,7 +14,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from functools import wraps
+from functools import cache, wraps
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -131,6 +131,26 @@ def _settled(force: InternalForce, positions: np.ndarray) -> np.ndarray:
     return forces_at(force, positions)
 
 
+@cache
+def _bound(subject: Subject, change: str = "none", unit_of_length: float = 1.0, unit_of_stress: float = 1.0) -> InternalForce:
+    """Return the force of a subject on the `notched` body, or on this body mirrored, renumbered or in other units; bound once."""
+    body = notched(subject.dimension)
+    if change == "mirrored":
+        body = of_points(body.points * MIRROR[: subject.dimension])
+    elif change == "renumbered":
+        body = of_points(body.points[_other_order(len(body))])
+    elif change == "units":
+        volumes = unit_of_length**subject.dimension * body.volumes
+        body = Body(unit_of_length * body.points, volumes, unit_of_length * body.horizon, unit_of_length * body.spacing)
+        return subject.bind(body, subject.law.scaled(unit_of_stress))
+    return subject.bind(body)
+
+
+def _other_order(n: int) -> np.ndarray:
+    """Return a permutation of n points, the same in every call."""
+    return np.random.default_rng(20240109).permutation(n)
+
+
 def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Callable], Case]:
     """Return a decorator that makes a `Case` of a function that measures one or more errors of a force on a `notched` body.
 
@@ -141,7 +161,7 @@ def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Call
     def declare(function: Callable[[Subject, InternalForce, np.ndarray], float | list[float]]) -> Case:
         @wraps(function)
         def measure(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-            force = subject.bind(notched(subject.dimension))
+            force = _bound(subject)
             errors = [np.max(function(subject, force, deformation(force.body.points))) for deformation in deformations]
             return Outcome.below(np.max(errors), limit, weakness)
 
@@ -195,9 +215,8 @@ def another_start(subject, force, positions):
 def mirror(subject, force, positions):
     """Return the relative difference of the forces on a mirrored body and the mirrored forces on the original; the limit is 1e-9."""
     across = MIRROR[: subject.dimension]
-    mirrored = subject.bind(of_points(force.body.points * across))
     expected = _settled(force, positions) * across
-    return np.abs(_settled(mirrored, positions * across) - expected).max() / _scale(force, expected)
+    return np.abs(_settled(_bound(subject, "mirrored"), positions * across) - expected).max() / _scale(force, expected)
 
 
 @drawn("linear momentum", "sum of all forces below 1e-12 of their sizes", 1e-12, "accuracy")
@@ -229,10 +248,8 @@ def order_of_points(subject, force, positions):
 
     Rounding is 1e-16 for each of some thirty bonds, multiplied by K/mu where the volumetric part cancels.
     """
-    order = np.random.default_rng(20240109).permutation(len(force.body))
-    shuffled = subject.bind(of_points(force.body.points[order]))
-    expected = _settled(force, positions)
-    return np.abs(_settled(shuffled, positions[order]) - expected[order]).max() / _scale(force, expected)
+    order, expected = _other_order(len(force.body)), _settled(force, positions)
+    return np.abs(_settled(_bound(subject, "renumbered"), positions[order]) - expected[order]).max() / _scale(force, expected)
 
 
 @drawn("units of length and stress", "the same forces, 1e-9", 1e-9, "accuracy")
@@ -241,10 +258,9 @@ def units(subject, force, positions):
 
     A force per unit thickness has the unit of stress times length; a force in three dimensions stress times length^2.
     """
-    body, d, expected, errors = force.body, subject.dimension, _settled(force, positions), []
+    d, expected, errors = subject.dimension, _settled(force, positions), []
     for length, stress in ((1e-9, 1e9), (1e9, 1e-9)):
-        scaled = Body(length * body.points, length**d * body.volumes, length * body.horizon, length * body.spacing)
-        other = subject.bind(scaled, subject.law.scaled(stress))
+        other = _bound(subject, "units", length, stress)
         found = _settled(other, length * positions) / (length ** (d - 1) * stress)
         errors.append(np.abs(found - expected).max() / _scale(force, expected))
     return errors
