@@ -1,4 +1,4 @@
-"""Safe reading of files of plain arrays from untrusted sources: it runs no code from a file, and needs no more memory than the file."""
+"""Safe reading of files of plain arrays from untrusted sources, without running code from a file, or expanding compressed arrays."""
 
 import zipfile
 from collections.abc import Collection

@@ -1,4 +1,4 @@
-"""Public names of the shapes of bodies, of holes and of cuts in scenes."""
+"""Public names of the shapes of bodies, holes and cuts (lines or surfaces that no bond crosses) in scenes."""
 
 from .scenes import Box, Circle, Cylinder, DiscCut, Ellipse, Extrusion, Mesh, ParallelogramCut, Polygon, Precut, Rectangle, Sphere, Tube
 

@@ -5,7 +5,8 @@ An artefact is a folder ``NAME/VERSION/`` of up to four files:
 * ``card.json`` describes it, and states size and SHA-256 of the other files;
 * ``surrogate.npz`` holds the constants of the surrogate, all that a simulation needs: plain arrays, read without pickle;
 * ``members.npz`` holds the constants of the members of its committee, if it has one;
-* ``pipeline.joblib`` is the fitted scikit-learn pipeline, for refinement: a pickle, which can run code, loaded only on explicit trust.
+* ``pipeline.joblib`` is the fitted scikit-learn pipeline, for further training: a pickle, which can run code, loaded only on
+  explicit trust.
 """
 
 from .card import Card

@@ -64,7 +64,7 @@ Count = Annotated[int, Field(strict=True, ge=0)]
 
 
 class ArtifactError(ValueError):
-    """Artefact that cannot be found, read or written; the message gives the reason.
+    """Error for an artefact that cannot be found, read or written; the message gives the reason.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class ArtifactError(ValueError):
 
 
 def _looked_at(part: type[StrictModel]) -> WrapValidator:
-    """Return a pydantic validator that checks a table of a card against the pydantic model `part`, and returns the table."""
+    """Return a pydantic validator that checks a table of a card against the pydantic model `part`, and returns the table itself."""
     return WrapValidator(lambda value, _: part.model_validate(value) and value)
 
 
@@ -108,7 +108,7 @@ class _Report(StrictModel):
 
 
 class _Reports(StrictModel):
-    """Reports of errors by title; the report ``box``, over the stretches of the domain, is required."""
+    """Reports of errors by title; the report ``box``, over all pairs of principal stretches in the domain's range, is required."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, _Report]
@@ -152,7 +152,10 @@ Training = Annotated[dict[str, Any], _looked_at(_Training)]
 
 
 class Material(StrictModel):
-    """Entry of a card for the material: the law with its parameters in training, and the dimensionless ones that the force depends on."""
+    """Entry of a card for the material: the law, its parameters in training, and the dimensionless parameters that determine the force.
+
+    The dimensionless parameters `shape` do not change when all moduli are scaled.
+    """
 
     law: str
     trained_with: dict[str, Any]
@@ -178,7 +181,11 @@ class DomainSpec(StrictModel):
 
 
 class MemberSpec(StrictModel):
-    """Entry of a card for a member of the committee, a further surrogate in the artefact: material, domain and errors."""
+    """Entry of a card for a member of the committee: material, domain and errors.
+
+    A member is a further surrogate in the artefact. The deviations of the members' forces from that of the main surrogate estimate the
+    uncertainty of the force.
+    """
 
     material: Material
     domain: DomainSpec
@@ -207,7 +214,10 @@ class Card(StrictModel):
     digest: Annotated[str, Field(pattern=SHA256)] | None = None
 
     def stated_digest(self) -> str | None:
-        """Return the digest with which the card was stored; None for a card of schema version 2, without digests, that was not shipped."""
+        """Return the digest with which the card was stored, or None.
+
+        Cards of schema version 2 contain no digest: for those shipped with the package it is that listed in `SHIPPED_CARDS`, else None.
+        """
         return self.digest or next((SHIPPED_CARDS[file.sha256] for file in self.payloads.values() if file.sha256 in SHIPPED_CARDS), None)
 
     def found_digest(self) -> str:
@@ -218,7 +228,7 @@ class Card(StrictModel):
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> str:
-        """Return the text of ``card.json``; a hull of test data, a committee and a digest are left out where there is none."""
+        """Return the text of ``card.json``; entries that have their default value, such as no committee, are left out."""
         return json.dumps(self.model_dump(exclude_defaults=True), indent=2, allow_nan=False) + "\n"
 
     def of_member(self, number: int) -> Card:
@@ -246,7 +256,7 @@ class Card(StrictModel):
 
 
 def read_card(path: Path) -> Card:
-    """Read and check the card at a path; raise ArtifactError with the file and the field for a wrong one, OSError if it cannot be read."""
+    """Read and check the card at a path; raise ArtifactError, with file and field, for a wrong card, OSError if there is none to read."""
     where = str(path)
     with path.open("rb") as file:
         data = file.read(MOST_CARD + 1)

@@ -1,4 +1,4 @@
-"""Material of an artefact, for scenes that do not state their own."""
+"""Material of an artefact, for scenes (descriptions of a simulation) that state no material of their own."""
 
 import json
 import warnings
@@ -18,12 +18,16 @@ PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6}
 
 
 def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceModel]:
-    """Return a scene with the material that a force model describes, and the model.
+    """Return a scene, with a material for which a force model holds, and the force model.
 
-    A built-in scene with its default material takes the material of an artefact's card.  Moduli that were identified from test data or
-    given by hand are used in the scene's unit of stress (those from test data of the package are converted from MPa); default moduli of a
-    law have no unit and are scaled to the shear modulus of the scene.  Any other scene keeps the material that it states; a scene without
-    a material takes the material of the card unchanged.
+    An exact force model leaves the scene as it is. With an artefact, a built-in scene with its default material takes the law on the
+    artefact's card, with these moduli:
+
+    * moduli identified from the package's own test data are converted from MPa to the scene's unit of stress;
+    * other identified or user-given moduli are taken as numbers in the scene's unit of stress;
+    * moduli left at the law's defaults have no unit, and are scaled so that the shear modulus is that of the scene.
+
+    Any other scene keeps the material that it states; a scene without a material takes the material of the card unchanged.
 
     Parameters
     ----------
@@ -75,7 +79,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
 
 
 def material_on(card: Card, scene: Scene) -> Law:
-    """Return the law of a card with its parameters, the moduli in the scene's unit of stress as `with_material` explains.
+    """Return the law of a card with its parameters, and moduli in the unit of stress of `scene`, by the rules of `with_material`.
 
     Raises
     ------
@@ -98,5 +102,5 @@ def _has_moduli(card: Card) -> bool:
 
 
 def in_words(law: Law) -> str:
-    """Return a law as the text of a scene's table ``material``, with all digits."""
+    """Return a law as an inline table, the text of ``material`` in a scene file (TOML), with all digits."""
     return f"{{{', '.join(f'{key}={json.dumps(value)}' for key, value in law.describe().items())}}}"

@@ -57,16 +57,20 @@ In a checkout of this package ``artifacts`` holds the shipped artefacts, so the 
 
 
 def own_folder() -> Path:
-    """Return the folder of a user's artefacts: ``PDSURROGATE_ARTIFACTS`` if set, else ``artifacts`` in the working folder.
+    """Return the folder of a user's artefacts: the value of ``PDSURROGATE_ARTIFACTS``, a variable of the environment, if it is set.
 
-    Without this variable it is ``own-artifacts`` in a checkout of this package, whose ``artifacts`` holds the shipped artefacts.
+    Otherwise the folder is ``artifacts`` in the working folder; or ``own-artifacts`` in a checkout of this package, where ``artifacts``
+    holds the shipped artefacts.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     return Path(chosen or (OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN))
 
 
 def next_version(folder: str | Path, name: str) -> str:
-    """Return the next version of artefact `name` in a folder: the first number of its highest version plus 1, or "1" for a new name."""
+    """Return the next version of artefact `name` in a folder: the first number of its highest version plus 1.
+
+    Return 3 after 2.1.4, and 1 for a new name.
+    """
     check_path(folder, "folder")
     _check_name(name)
     versions = _versions(Path(folder) / name)
@@ -99,8 +103,9 @@ def find_artifact(reference: str | Path) -> Path:
     ----------
     reference : str or path
         ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artefact's folder or of a folder
-        of its versions.  Text is a path if it has a separator or begins with a dot, or if it is a folder that holds a card; other folders
-        of that name, such as results, are ignored.  The number of a committee member (see `parted`) is ignored as well.
+        of its versions.  Text is a path if it has a separator or begins with a dot, or if it names a folder that holds an artefact; a
+        folder of that name without one, such as a folder of results, is ignored.  A suffix ``#3`` or ``#all`` for the members
+        of the committee is ignored as well.
 
     Raises
     ------
@@ -196,7 +201,10 @@ def called(folder: Path, card: Card, which: str | None = None) -> str:
 
 
 def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
-    """Return the numbers of the committee members that `which` selects (a number or all); raise ArtifactError for unknown members."""
+    """Return the numbers of the committee members that `which` selects: one for a number as text, all for "all", none for None.
+
+    Raise ArtifactError if the committee has no such member.
+    """
     members = range(1, len(card.members) + 1)
     chosen = [number for number in members if which in (ALL, str(number))]
     if which is not None and not chosen:
@@ -226,8 +234,9 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     Parameters
     ----------
     reference : str or path
-        ``analytic``, ``nosb`` …, or an artefact as for `find_artifact`.  Append ``#3`` for the third member of its committee, or ``#all``
-        for the surrogate with all members, whose deviation a run then records (field ``member_deviation``).
+        Name of an exact force model (``analytic``, ``nosb``, ``ba-nosb`` or ``bond-energy``), or an artefact as for `find_artifact`.
+        Append ``#3`` for the third member of its committee, or ``#all`` for the surrogate with its members: a run then records the greatest
+        deviation of a member's force or stress from the surrogate's (field ``member_deviation``).
 
     Raises
     ------
@@ -315,12 +324,12 @@ def law_of(card: Card) -> Law:
 
 
 def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
-    """Return the arrays and texts of a surrogate (its ``payload()``) by name, from the bytes of the file that `save_artifact` wrote.
+    """Return the dictionary of a surrogate's arrays and texts (its ``payload()``) from the bytes of the file that `save_artifact` wrote.
 
     Raises
     ------
     DamagedFile
-        If it is no file of plain arrays.
+        If `data` are not those of a file of plain arrays.
     """
     arrays = read_arrays(io.BytesIO(data))
     return {key: str(array) if array.ndim == 0 and array.dtype.kind == "U" else array for key, array in arrays.items()}
@@ -337,7 +346,7 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
     ----------
     law : Law
     family : str
-        Family of the model, such as "bond force" or "bond energy", see `ForceModel.family`.
+        Kind of formulation, `ForceModel.family`: "bond force", "bond energy", "nosb" or "ba-nosb".
     plane : str
         State of the body: "stress", "strain" or "space".
 
@@ -360,9 +369,9 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
 def default_force(scene: Scene) -> ForceModel:
     """Return the default force model of a scene.
 
-    For a single material under plane stress this is the model that `surrogate_for` returns. For plane strain, solids and several materials
-    it is the exact bond energy; in plane strain and in solids its isochoric part acts at the bonds and its volumetric part at the points,
-    which avoids locking.
+    For a single material under plane stress this is the model that `surrogate_for` returns. For plane strain, for
+    three-dimensional bodies, and for several materials it is the exact bond energy. In plane strain and three dimensions the isochoric part
+    of this energy acts at the bonds and its volumetric part at the points, which avoids volumetric locking.
     """
     if scene.plane != "stress" or scene.materials:
         return load_surrogate("bond-energy")
@@ -414,7 +423,7 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
 
 
 def _check_name(name: str, version: str = "1") -> None:
-    """Raise ArtifactError for a name or a version that no artefact may have."""
+    """Raise ArtifactError unless name and version match `NAME_PATTERN` and `VERSION_PATTERN`, and no exact force model has the name."""
     for key, value, pattern in (("name", name, NAME_PATTERN), ("version", version, VERSION_PATTERN)):
         if not isinstance(value, str) or not re.fullmatch(pattern, value):
             raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")

@@ -79,7 +79,7 @@ class Body:
     groups : mapping of str to ndarray of int, optional
         Numbers of the points in each group named in a mesh file.
     mesh_cells : CellMesh, optional
-        Cells of the mesh from which the points were made, for pictures; without them the points belong to a lattice.
+        Cells of the mesh from which the points were made, used for pictures; None for points of a lattice.
     faces : mapping of str to str, optional
         For each group that covers a whole edge or face of the bounding box, the name of that edge or face.
     share : Share
@@ -192,7 +192,8 @@ class Body:
     def names(self) -> np.ndarray:
         """Integers that identify points and images on all ranks, shape (n + m,).
 
-        A point has its number in the whole body; an image has the number of its source plus a multiple of the whole body's size.
+        A point has its number in the whole body; an image (a ghost) has the number of its source plus its plane mask
+        `Ghosts.image` times the number of points of the whole body.
         """
         source, image = self.ghosts.source, self.ghosts.image
         return np.concatenate([self.share.numbers, self.share.numbers[source] + image * self.share.size])
@@ -320,8 +321,8 @@ def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.nda
 class Bonds:
     """Bonds of a body: neighbour lists of all points (directed bonds), and a list of pairs.
 
-    A *pair* is an undirected bond. Pairs within the body come from the lists of both ends, pairs with an image from the list of the body's
-    point only.
+    A *pair* is an undirected bond. A pair of two points of the body appears in the neighbour lists of both; a pair of a point and an image
+    appears in the list of the point only.
 
     Attributes
     ----------
@@ -357,7 +358,7 @@ class Bonds:
     n_directed: int
 
     def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return `first` and `second` padded with zeros to a multiple of the block size; results of the padding are not used."""
+        """Return `first` and `second` padded with zeros to a multiple of `block`; kernels ignore the results of the padding."""
         size = -(-len(self.first) // block) * block
         first, second = (np.pad(ends, (0, size - len(ends))) for ends in (self.first, self.second))
         return first, second

@@ -54,7 +54,7 @@ class CellMesh:
     def of_lattice(cls, points: np.ndarray, volumes: np.ndarray, cell: np.ndarray) -> CellMesh:
         """Return the cell mesh of lattice points, of cells with sides `cell`; a cell cut by the body's surface is included in full.
 
-        Points with the volume of a full cell lie at its middle.
+        The first point with the volume of a full cell fixes the lattice, as the middle of its cell; other points may lie off the middle.
         """
         full = np.flatnonzero(np.isclose(volumes, cell.prod(), rtol=1e-9, atol=0))
         middle = points[full[0] if len(full) else 0]
@@ -74,7 +74,7 @@ class CellMesh:
         return cls(nodes, tuple(block[part] for block, part in zip(blocks, parts, strict=True) if part.any()))
 
     def only(self, kept: np.ndarray) -> tuple[CellMesh, np.ndarray]:
-        """Return the mesh of the cells for which `kept` is true, with their nodes alone, and the numbers of these nodes in this mesh."""
+        """Return the mesh of the cells for which `kept` is true, with their nodes alone, and the old numbers of these nodes."""
         blocks = CellMesh.of_mesh(self.nodes, self.blocks, kept).blocks
         used, corners = np.unique(np.concatenate([block.ravel() for block in blocks]), return_inverse=True)
         parts = np.split(corners.astype(np.int32), np.cumsum([block.size for block in blocks])[:-1])
@@ -97,7 +97,10 @@ class CellMesh:
         return np.concatenate([block.ravel() for block in self.blocks])
 
     def sides(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sides of all cells, cell by cell: nodes at their corners, shape (s, 2 or 4), and their cells, shape (s,)."""
+        """Return the sides of all cells, cell by cell: nodes at their corners, shape (s, 2 or 4), and their cells, shape (s,).
+
+        A side is an edge of a cell in the plane, and a face in three dimensions, where a triangle repeats one of its nodes.
+        """
         faces = [np.array(FACES[self.dimension, block.shape[1]]) for block in self.blocks]
         corners = [block[:, face].reshape(-1, face.shape[1]) for block, face in zip(self.blocks, faces, strict=True)]
         counts = np.repeat([len(face) for face in faces], [len(block) for block in self.blocks])
@@ -105,7 +108,10 @@ class CellMesh:
 
     @cached_property
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges (in 3D faces) of the cells, each listed once: nodes at its corners (f, 2 or 4), and its two cells (f, 2), -1 for none."""
+        """Edges (in 3D faces) of the cells, each listed once: nodes at its corners (f, 2 or 4), and its two cells (f, 2), -1 for none.
+
+        A triangle repeats one of its nodes.
+        """
         corners, owners = self.sides()
         number = side_numbers(corners)
         _, first = np.unique(number, return_index=True)
@@ -115,9 +121,10 @@ class CellMesh:
         return corners[first], np.stack([owners[first], beyond], axis=1)
 
     def moved(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-        """Return the displacements of the nodes, shape (k, d), from the displacements (n, d) of the body's points.
+        """Return the displacements of the nodes, shape (k, d), from the motion of the body's points.
 
-        A node has the mean of the linear extrapolations from the points of its cells, with their deformation gradients (n, d, d).
+        Each cell extrapolates the displacement of its point linearly to its nodes; a node has the mean over its cells. `points` and
+        `displacement` have shape (n, d), and the deformation gradients `gradients` shape (n, d, d).
         """
         counts = np.bincount(self._entries, minlength=len(self.nodes))
         total = np.zeros_like(self.nodes)
@@ -134,7 +141,8 @@ class CellMesh:
     def torn(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> CellMesh:
         """Return the cell mesh with separate nodes on the two sides of open cracks, from the motion of the points.
 
-        A face is open where the positions that its two cells predict for it differ by more than `TORN`; see `moved` for the arguments.
+        Each of the two cells of a face predicts the position of its middle. The face is open if the predictions differ by more than `TORN`
+        times the deformed distance from point to face to point. See `moved` for the arguments.
         """
         corners, beside = self.faces
         inner = beside[:, 1] >= 0

@@ -21,7 +21,7 @@ dilatations: a rank with a cube of 60 points a side as its share of a solid woul
 def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     """Return the part of a body that this rank computes, with a halo of points of other ranks.
 
-    The bonds of the whole body must not have been used yet.
+    Call this function before the bonds of the whole body are first used (they are built then).
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
 
 
 def rows_of(body: Body, kind: str) -> Rows:
-    """Return the correspondence between the rows of arrays on this rank, which has the part `body`, and of arrays of the whole body.
+    """Return a `Rows` that relates the rows of arrays on this rank, which has the part `body`, to the rows of arrays of the whole body.
 
     `kind` names what a row belongs to: "points", "images" (points and images), "bonds" (directed bonds), or "pairs".
     """

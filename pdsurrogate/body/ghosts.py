@@ -40,9 +40,9 @@ class ReflectionPlane:
 class Ghosts:
     """Ghosts of a body, stored after the body's points in every array that holds both.
 
-    An image in a plane moves with the point it mirrors: each displacement component is continued evenly or oddly about the displacement of
-    its plane, and its neighbourhood is that of the point, reflected. An image of an image has the products of the signs of both
-    reflections.
+    The motion of a ghost follows from that of the point that it mirrors: relative to the plane, each displacement component of the ghost
+    is that of the point times the parity, +1 (even) or -1 (odd), of the plane. The neighbourhood of the ghost is that of the point,
+    reflected. An image of an image has the products of the signs of both reflections.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Ghosts:
         Number of the point or ghost that the ghost mirrors in `plane`: its source, or for an image of an image another ghost.
     planes : tuple of ReflectionPlane
     share_along : float or None
-        Share of the source's gradient along a clamped plane that a ghost has, see `held_by_clamps`; None where it is continued oddly.
+        The argument `share` of `held_by_clamps`; None if deformation gradients are continued as displacements are.
     """
 
     source: np.ndarray
@@ -119,10 +119,11 @@ class Ghosts:
     def held_by_clamps(self, share: float) -> Ghosts:
         """Return these ghosts with another continuation of deformation gradients, for a material that hardly changes its volume.
 
-        A mirror image has the volume ratio of its source. Under odd continuation of all components, as displacements have beyond a clamped
-        plane, the strain along the plane changes its sign and the strain across it does not: where the source has kept its volume, its
-        image has not, and bonded edges are too stiff. Here the image has the gradient of its source across the plane, and along the plane
-        `share` times the gradient of its source plus 1 - `share` times that of the plane itself, which is known (theory (53)).
+        The image of an incompressible source should keep its volume too. But if all displacement components are odd, as beyond a clamped
+        plane, the strain along the plane has opposite signs in source and image, and the strain across the plane the same sign: the image
+        of a source that keeps its volume changes its own, and bonded edges are too stiff. The ghosts returned here have other gradients
+        beyond clamped planes: the column of F for the normal direction is that of the source, and the columns for the directions along the
+        plane are `share` times those of the source plus 1 - `share` times those of the plane's known motion (theory (53)).
         """
         parity, reflection = np.ones((2, *self.parity.shape))
         for number, plane in enumerate(self.planes):
@@ -163,10 +164,10 @@ class Ghosts:
         return feet
 
     def gradient_shifts(self, turns: np.ndarray) -> np.ndarray | None:
-        """Return the changes of the ghosts' gradients by turns Q - I (planes, d, d) of the planes; by columns, shape (m, d d).
+        """Return the changes of the ghosts' gradients by turns Q - I (planes, d, d) of the planes; shape (m, d d), column after column.
 
-        Along a clamped plane the body stretches and turns with the plane, and so does the image. Return None if `share_along` is 1: a
-        ghost then has the gradient of its source, however its plane turns.
+        Only the columns of F for directions along a plane change, as the body is bonded to the plane and turns with it. Return None if
+        `share_along` is 1: a ghost then has the gradient of its source, however its plane turns.
         """
         if self.share_along == 1:
             return None
@@ -182,11 +183,12 @@ class Ghosts:
     def levers_on_planes(self, positions: np.ndarray, gradients: np.ndarray, forces: np.ndarray, moments: np.ndarray) -> np.ndarray:
         """Return the first moments of the forces of every plane on the body, sums of f (x) y, shape (planes, d, d).
 
-        f is the force that the plane exerts on the body at the place y. The sums follow from virtual work: a plane that moves by W y, for
-        example when it turns, moves its images by W at the places midway to what they mirror, and changes their gradients by
-        `gradient_shifts`; the energy changes by W : (f (x) y). `forces` (m, d) are minus the derivatives of an energy by the positions of
-        the ghosts, `moments` (m, d, d) its derivatives by their gradients, and `gradients` (n + m, d, d) are continued by `fill_gradients`.
-        The planes are taken from the last to the first, since contributions of images of images are passed on to the images.
+        f is the force that the plane exerts on the body at the place y. The sums follow from virtual work. A virtual displacement W y of
+        the plane, such as a small turn, displaces an image by twice W y in the odd components, with y midway between the image and the
+        point or ghost that it mirrors, and changes the gradient of the image; the energy changes by W : (f (x) y). `forces` (m, d) are
+        minus the derivatives of an energy by the positions of the ghosts, `moments` (m, d, d) its derivatives by their gradients, and
+        `gradients` (n + m, d, d) include those of the ghosts. The planes are taken from the last to the first, since contributions of
+        images of images are passed on to the images.
         """
         n, dimension = len(positions) - len(self), positions.shape[1]
         forces, moments = forces.copy(), moments.copy()
@@ -223,7 +225,8 @@ class Ghosts:
     def fill_gradients(self, gradients: np.ndarray) -> None:
         """Write the deformation gradients of the ghosts, I + P (F_source - I) S with parity P and reflection S, into `gradients`.
 
-        On a body that is symmetric about the plane this equals F by theory (20) over the ghost's own horizon, at lower cost.
+        On a body that is symmetric about the plane, the result equals F as summed over the ghost's own horizon (theory (20)).
+        The signs are `gradient_parity` and `gradient_reflection`; the part of F due to the motion of the plane is not added here.
         """
         kernels.fill_matrices(gradients, self.source, self.gradient_parity, self.gradient_reflection, 1.0)
 
@@ -246,9 +249,10 @@ class Ghosts:
 
 
 def _continuation(plane: ReflectionPlane, share: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return three vectors (d,) that continue gradients beyond a plane: parity of rows, factors of columns, weight of the plane's gradient.
+    """Return three vectors (d,) that continue F - I beyond a plane: factors of its rows, of its columns, and weights of the plane's turn.
 
-    `share` is that of `Ghosts.held_by_clamps`; with None gradients are continued as displacements are.
+    The weights multiply the rows of the plane's turn Q - I. `share` is the argument of `Ghosts.held_by_clamps`; with None, gradients are
+    continued as displacements are.
     """
     across, parity = np.arange(len(plane.parity)) == plane.axis, np.array(plane.parity, dtype=float)
     if share is None or (parity > 0).any():

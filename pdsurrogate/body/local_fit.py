@@ -67,7 +67,7 @@ def interpolation(
     """Return matrices that map positions of a body's points to positions and deformation gradients at given places.
 
     A quadratic field is fitted to the points around a place that no hole or cut separates from it: quadratic motions are exact, with their
-    gradients. The field is linear where the points are too few, in two rows, or such that a quadratic one would amplify their errors.
+    gradients. The field is linear where the points are too few, lie on two lines, or would make a quadratic fit amplify errors.
 
     Parameters
     ----------
@@ -99,8 +99,9 @@ def fields_at(
 ) -> tuple[tuple[sparse.csr_array, ...], tuple[sparse.csr_array, ...]]:
     """Return matrices that interpolate displacements and tensors of a body's points to given places, one matrix for every component.
 
-    They are the ``values`` of `interpolation`, except that in three dimensions the points near a plane of symmetry have images:
-    displacements along the plane use the images; the displacement across it does not, since an image moves with the plane.
+    They are the ``values`` of `interpolation`, except near a plane of symmetry in three dimensions. There the fits of tensors and of the
+    displacements along the plane include the mirror images of points. The fit of the displacement across the plane does not: the
+    displacement of an image across the plane depends on the motion of the plane as well.
 
     Parameters
     ----------
@@ -110,8 +111,8 @@ def fields_at(
     -------
     displacements : tuple of d csr_array, shape (k, n)
     tensors : tuple of 9 csr_array, shape (k, n)
-        Matrices for the components 11, 12, ... of tensors in three dimensions of which both indices are reflected, such as stresses and
-        deformation gradients.
+        Matrices for the components 11, 12, ... of tensors T in three dimensions, such as stresses and deformation gradients, whose mirror
+        image is S T S with the reflection S.
 
     Raises
     ------
@@ -159,15 +160,15 @@ def _polynomials(
 
 
 def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[sparse.csr_array, ...]:
-    """Return the maps from the motion of points to the motion of nodes (k, d) on the boundary: N of `Surface`, as `Following.rows`.
+    """Return the maps from the motion of points to the motion of nodes (k, d) on the boundary, for `Following.rows`.
 
-    A linear field is fitted to the points, at a corner to those near either side, so that the rows of N sum to 1 and have the place as
-    their first moment. Where too few points lie along a normal, as in a sharp corner, it is fitted to all points within reach. `normals`
-    (k, sides, d) are the unit normals of the sides that meet at a node, NaN where there are fewer. There is one map for all components, or
-    one for each; rows are empty where the points near a node are too few or in one row.
+    A linear field is fitted to the points beside a node along the normals of the sides that meet there. Where these are too few, as in a
+    sharp corner, the field is fitted to all points within reach. The maps reproduce affine motions exactly. `normals` (k, sides, d) are the
+    unit normals of the sides, NaN where fewer meet. There is one map for all components, or one for each; a row is empty where the points
+    near a node are too few or on one line.
 
-    In three dimensions the points near a plane of symmetry have images, and a face in the plane is no side of the body: the motion along
-    the plane is fitted to points and images, the motion across it to the points only, since an image moves with the plane.
+    In three dimensions the fit of the motion along a plane of symmetry includes mirror images of the points, the fit of the motion across
+    the plane does not, since an image moves with the plane. The normal of a face in such a plane is ignored.
     """
     rows = _on_boundary(body, nodes, normals)
     mirrors = _mirrors(body)
@@ -202,7 +203,7 @@ def _on_boundary(body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Se
 
 
 def _mirrors(body: Body) -> list[ReflectionPlane]:
-    """Return the planes of symmetry of a body in three dimensions (odd normal displacement, others even); a sheet has none."""
+    """Return the planes of symmetry of a body in three dimensions (odd normal displacement, others even); none for a sheet."""
     if body.dimension == 2:
         return []
     return [plane for plane in body.planes if all((sign < 0) == (axis == plane.axis) for axis, sign in enumerate(plane.parity))]
@@ -234,7 +235,7 @@ class _Images:
 
 
 def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = None) -> sparse.csr_array:
-    """Turn a map from points and images, `rows`, into a map from points: an image has its source's value times its sign, by default 1."""
+    """Turn a map from points and images, `rows`, into a map from points: an image has its source's value times `signs` (default 1)."""
     if len(images.source) == images.count:
         return rows
     signs = np.ones(len(images.source)) if signs is None else signs
@@ -242,7 +243,7 @@ def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = 
 
 
 def too_few(body: Body) -> str:
-    """Return words for error messages: which numbers of points are too few to define a deformation in the body's dimension."""
+    """Return words for error messages: how few points, or in what arrangement, do not define a deformation gradient."""
     return "three or in one row" if body.dimension == 2 else "four or in one layer"
 
 
@@ -260,7 +261,7 @@ def _filled(rows: sparse.csr_array, others: sparse.csr_array, numbers: np.ndarra
 
 
 class _Surroundings:
-    """Points near each of several places, except those that a hole or cut separates from it, and their weights in a polynomial fit.
+    """Points near each of several places, except those that a hole or cut separates from the place, and their weights in a polynomial fit.
 
     The weight of a point is its volume times 1 - (distance / reach)^2, where `_reach` gives the reach. If `normals` are given, the unit
     normals of the boundary at every place (k, sides, d), it is the volume times the sum over these normals of 1 - (depth / reach)^2 times a

@@ -19,8 +19,8 @@ class Following:
     Attributes
     ----------
     rows : tuple of csr_array, shape (k, n)
-        One map for all components, or one for each: near a plane of symmetry the motion along it continues beyond it as a mirror image, and
-        the motion across it does not.
+        One map for all components, or one for each: near a plane of symmetry the maps of the components along the plane use mirror images
+        of the points, and the map of the component across it does not.
     """
 
     rows: tuple[sparse.csr_array, ...]
@@ -48,12 +48,12 @@ class Following:
 
     @property
     def T(self) -> Following:  # noqa: N802 (the name that arrays use)
-        """Transpose, which carries forces on the places to the points."""
+        """Transposed map, a `Following` that distributes forces on the places to the points."""
         return Following(tuple(rows.T.tocsr() for rows in self.rows))
 
     @classmethod
     def mean(cls, several: Sequence[Following]) -> Following:
-        """Return the map from the motion of the points to the mean motion of several places, given the map of each."""
+        """Return the equally weighted mean of several maps: row i maps to the mean motion of place i of all the maps."""
         return cls(
             tuple((sum(others, first) / (1 + len(others))).tocsr() for first, *others in zip(*(one.rows for one in several), strict=True))
         )
@@ -63,9 +63,10 @@ class Following:
 class Surface:
     """Boundary of a body: facets between nodes on the boundary, segments in the plane and triangles in three dimensions.
 
-    The outermost points of a body lie half a cell inside its boundary. A node moves with them and their deformation gradient, y_s = sum_j
-    N_sj y_j, where the rows of N sum to 1 and have X_s as their first moment: every affine motion is followed exactly, and a load on a node
-    does its work at the boundary itself and keeps linear and angular momentum. The node at the mouth of a cut follows both of its sides.
+    The outermost points of a body lie half a cell inside its boundary. The position of a node is linear in those of the points near it,
+    y_s = sum_j N_sj y_j, with sum_j N_sj = 1 and sum_j N_sj X_j = X_s. So every affine motion is followed exactly, and a load on a node
+    acts at the boundary itself: its force and moment on the points equal those of the load. The node at the mouth of a cut follows both
+    of its sides.
 
     Attributes
     ----------
@@ -126,7 +127,7 @@ class Surface:
         return encloses(places, first, second)
 
     def distances(self, places: np.ndarray, reach: float, chosen: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Return the distance of each place (m, d) to the nearest of the chosen facets, shape (m,); infinite beyond the reach."""
+        """Return the distance of each place (m, d) to the nearest of the chosen facets, shape (m,); infinity if above `reach`."""
         corners = self.nodes[self.facets[chosen]]
         nearest = np.full(len(places), np.inf)
         if not len(corners):
@@ -162,7 +163,7 @@ def _distances_to_segments(places: np.ndarray, starts: np.ndarray, ends: np.ndar
 
 
 def _distances_to_triangles(places: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray) -> np.ndarray:
-    """Return the distance of place i to triangle i, for every i: to its plane where the place projects into it, else to a side."""
+    """Return the distance of place i to triangle i, for every i: to its plane where the place projects into it, else to an edge."""
     one, other, offset = second - first, third - first, places - first
     normal = np.cross(one, other)
     square = (normal**2).sum(axis=1)

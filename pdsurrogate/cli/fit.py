@@ -90,7 +90,7 @@ def identify(
 
 
 def print_identified(report: dict) -> None:
-    """Print identified parameters with their standard errors, and for each mode of test R^2 and the greatest difference from the data."""
+    """Print identified parameters with standard errors, and for each deformation mode R^2 and the greatest difference from the data."""
     form, cells = report.get("form", report["law"]["law"]), []
     for name, value in report["parameters"].items():
         error = report["standard_errors"][name]
@@ -201,11 +201,12 @@ def fit(
 
 
 def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
-    """Simulate the material tests with a fitted artefact, and print how much the stresses differ from the tests and from the law.
+    """Simulate the material tests with the stored surrogate in `path`, and print how much the stresses differ from the tests and the law.
 
-    A picture of tests, law and simulation is written next to the artefact, unless it exists.
+    Write a picture of tests, law and simulation next to the folder of the surrogate, unless the picture exists.
 
-    Return, for the output as JSON, the differences from the tests, the number of rows outside the domain, and the simulated stresses.
+    Return, for the output as JSON, the differences from the tests, the number of rows of test data that lie outside the surrogate's domain,
+    and the simulated stresses.
     """
     with Bar(f"Simulating the tests with {path}"):
         surrogate = load_surrogate(path)

@@ -156,7 +156,7 @@ class _Shown(Progress):
         self._bar.show(done, state, f"{self._scene.name}: dynamics")
 
     def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
-        """Store the energies and the rate of steps as text, which the next call of `dynamics` shows."""
+        """Store the energies and the number of time steps per second as text, which the next call of `dynamics` shows."""
         rate = self._bar.rate("steps", steps)
         self._account = f", energies {strain_energy:.3g} strain, {kinetic_energy:.2g} kinetic{rate}"
 
@@ -283,7 +283,7 @@ def _print_columns(title: str, columns: Sequence[Column]) -> None:
 
 
 def _figures(cells: Sequence[str | float | None]) -> list[str]:
-    """Return the cells of a column as text: numbers with five decimals, or in powers of ten if the greatest is too small or too large."""
+    """Return the cells of a column as text: all numbers with five decimals, or all in the form 1.2345e-06 if the greatest does not fit."""
     greatest = max((abs(cell) for cell in cells if isinstance(cell, float)), default=0.0)
     form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
 

@@ -58,7 +58,8 @@ def show(
 def _print_history(result: Result) -> None:
     """Print the rows of the history in equilibrium or, if there are none, its last ten rows, and the names of the fields.
 
-    Columns of moments and displacements are left out, as are columns of zeros and of negligible forces (`SHOWN_SHARE`).
+    Columns of moments and displacements are left out, as are columns of zeros, and columns of forces that nowhere exceed `SHOWN_SHARE`
+    times the greatest force.
     """
     rows = [row for row in result.history if "time" not in row] or result.history[-10:]
     if not rows:

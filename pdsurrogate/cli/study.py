@@ -62,7 +62,7 @@ class _Progress:
         self._runs, self._ended, self._failed = 0, 0, 0
 
     def begin(self, runs: int, done: int, workers) -> None:
-        """Print the numbers of runs, of finished runs and of workers, and begin the bar."""
+        """Print the number of runs, the number of those finished by an earlier call, and the workers; begin the bar."""
         if workers.caution:
             warn(f"{workers.caution}.")
         each = f"{workers.jobs} at a time, threads of each: {workers.threads}"

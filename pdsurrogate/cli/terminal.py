@@ -96,9 +96,9 @@ def print_table(
     rows : iterable
         Cells of each row; None draws a line.
     left : int, optional
-        Number of columns, from the first, that are justified left, with the others justified right; by default all.
+        Number of columns, from the first, that are left-aligned, while the others are right-aligned; by default all.
     folds : sequence of str
-        Columns that may break anywhere, such as those of paths.
+        Headings of columns whose cells may break at any character, such as columns of paths.
     **options
         See `rich.table.Table`.
     """
@@ -133,7 +133,8 @@ def show(table: Table) -> None:
 class Bar(Progress):
     """Progress bar of one task: title, share done, time elapsed and left; on a second line its ``state`` (counts, rate, residual, energy).
 
-    On the first line a narrow terminal would cut the state. Nothing is drawn if standard error is no terminal.
+    The state has a line of its own because a narrow terminal would cut it off after the bar. Nothing is drawn if standard error is not a
+    terminal, or with ``--quiet``.
     """
 
     def __init__(self, title: str = "") -> None:
@@ -179,7 +180,7 @@ class Bar(Progress):
 
 
 def share(ranks) -> None:
-    """Note that the ranks of a communicator carry out this command together: only the first rank prints, and all end together."""
+    """Register the communicator whose ranks share this command: from now on only the first rank prints, and all ranks end together."""
     global _ranks
     _ranks = ranks
     err.quiet = ranks.rank > 0
@@ -218,7 +219,7 @@ def writing(folder) -> Iterator[None]:
 
 
 def end_soon_after_interrupts() -> None:
-    """End the process soon after Ctrl-C, also while it compiles or factorises a matrix: Python itself waits until such a call returns.
+    """Make Ctrl-C end the process soon, also while it compiles or factorises a matrix: Python itself waits until such a call returns.
 
     In a run on several MPI ranks no process is ended in this way, because the remaining ranks would wait for it.
     """

@@ -15,7 +15,10 @@ BESIDE = 1e-6
 
 
 def same_places(places: np.ndarray, tolerance: float) -> np.ndarray:
-    """Return for each place (k, d) the number of the first place that coincides with it, directly or through others, within a tolerance."""
+    """Return for each place (k, d) the number of the first place of its cluster.
+
+    Two places are in one cluster if a chain of places joins them in which neighbours lie within `tolerance` of each other.
+    """
     _, labels = connected(len(places), *cKDTree(places).query_pairs(tolerance, output_type="ndarray").T)
     _, first = np.unique(labels, return_index=True)
     return first[labels]
@@ -30,7 +33,8 @@ def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.n
     facets : ndarray of int, shape (f, 2)
         Chain by chain, in order around each.
     curves : ndarray of int, shape (f, 2)
-        For each facet the numbers of its chain and of its run, the facets of a chain between two places where chains meet.
+        For each facet the numbers of its chain and of its run; a run is a sequence of facets of one chain between two places where chains
+        meet.
     """
     starts = np.concatenate(chains)
     ends = np.concatenate([np.roll(chain, -1, axis=0) for chain in chains])
@@ -54,9 +58,9 @@ def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.n
 
 
 def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return where facets cross or touch each other, except neighbours in a chain: facets, shares of their lengths, and places (m, 2).
+    """Return where facets, other than neighbours in a chain, cross or touch: facet numbers (m,), fractions (m,) and places (m, 2).
 
-    Each meeting is listed for both of its facets, with the share of the facet's length from its start to the place.
+    Each meeting is listed for both of its facets; the fraction is the distance from the start of the facet divided by its length.
     """
     along = ends - starts
     lengths = np.linalg.norm(along, axis=1)

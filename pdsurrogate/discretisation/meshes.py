@@ -91,7 +91,7 @@ class Sides:
     owners : ndarray of int, shape (e,)
         Cell to which each side belongs.
     number : ndarray of int, shape (k,)
-        Node that replaces each of the file's nodes in `corners`: the first of all nodes at the same position.
+        Node that `corners` has in place of each node of the file: where several nodes have the same position, the first of these.
     """
 
     corners: np.ndarray
@@ -176,7 +176,7 @@ def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
 
 
 def _check_solid_cells(file: str, cells: np.ndarray) -> None:
-    """Raise ValueError if a tetrahedron or hexahedron of `cells` (n, corners, 3) is inverted, flat, or folded at a corner."""
+    """Raise ValueError if a cell of `cells` (n, corners, 3) is inverted or flat, or if it is a hexahedron not convex at a corner."""
     kind = CELL_TYPES[3][cells.shape[1] == 8]
     edges = cells[:, BESIDE_CORNERS[cells.shape[1]]] - cells[:, : len(BESIDE_CORNERS[cells.shape[1]]), None]
     turns = np.linalg.det(edges)  # volume that the three edges at each corner span
@@ -240,7 +240,7 @@ def simplices_of(cells: np.ndarray) -> np.ndarray:
 
 
 def volumes_of(cells: np.ndarray) -> np.ndarray:
-    """Return the volumes (n, parts) of the `simplices_of` cells (areas in the plane), negative where corners run clockwise."""
+    """Return the signed volumes (n, parts) of the simplices (`simplices_of`) of cells; in the plane areas, negative where clockwise."""
     parts = simplices_of(cells)
     return np.linalg.det(parts[:, :, 1:] - parts[:, :, :1]) / math.factorial(cells.shape[2])
 

@@ -1,4 +1,4 @@
-"""Reflection planes that constrain the motion of a body's edges, and these edges, found from the scene alone before the points exist."""
+"""Reflection planes, beyond which mirrored points continue a body and so hold its edges, and these edges, found before the points exist."""
 
 from collections.abc import Mapping
 
@@ -24,7 +24,7 @@ def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) 
 
 
 def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
-    """Return the displacement components that an entry of `prescribed` of a scene fixes, 0 for x1; all if it prescribes a rotation."""
+    """Return the numbers, from 0 for x1, of the displacement components that an entry of `prescribed` fixes; all for a rotation."""
     return tuple(component for component in range(dimension) if entry.rotation is not None or entry.displacement[component] is not None)
 
 

@@ -62,13 +62,13 @@ PARTS = {(2, 3): 2, (3, 4): 6}
 
 
 def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> tuple[Body, np.ndarray, np.ndarray]:
-    """Return the body of a scene: points outside its holes, images beyond its grips, and no bonds across precuts or empty space.
+    """Return the body of a scene: points outside holes, mirrored points beyond held edges, and no bonds across precuts or empty space.
 
     Parameters
     ----------
     scene : Scene
     part_of : callable, optional
-        ``part_of(body)`` returns the part of the whole body that is wanted, such as that of one rank, before bonds are made.
+        ``part_of(body)`` returns the wanted part of the whole body, such as that of one rank; bonds are made for this part only.
 
     Returns
     -------
@@ -146,7 +146,10 @@ def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray,
         return material_at(scene, places)
 
     def lengths(strips: np.ndarray) -> np.ndarray:
-        """Return the length of material on parallel lines of the section, one for a row of `strips`: its third coordinate, none in 2D."""
+        """Return the length of material on each of several parallel lines in the section, shape (lines,).
+
+        Each row of `strips` holds the third coordinate of a line; in the plane, where there is one line, the row is empty.
+        """
         there = inside(np.tile(asked, len(strips)), np.repeat(strips, len(asked), axis=0)).reshape(len(strips), -1)
         line, ends = np.nonzero(there[:, 1:] != there[:, :-1])
         starts, stops, before = asked[ends], asked[ends + 1], there[line, ends]
@@ -220,7 +223,7 @@ def _points_of(scene: Scene):
 
 
 def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray) -> tuple[float, float]:
-    """Return the spacing of a mesh (mean size of a cell), and the side of the squares or cubes that its cells make up.
+    """Return the spacing of a mesh, the mean size (area^(1/2) or volume^(1/3)) of a cell, and the side of the squares or cubes of cells.
 
     `cells` are the corners of the cells block by block, shape (n, corners, d), `kept` flags of the cells that are not in holes, and
     `volumes` those of all cells. Two triangles count as one square, six tetrahedra as one cube.
@@ -232,7 +235,7 @@ def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarr
 
 
 def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, str]:
-    """Return the mesh groups that cover a whole edge (or face) of the bounding box: names of edges by names of groups."""
+    """Return a dictionary from each mesh group that covers a whole edge (or face) of the bounding box to the name of this edge."""
     mesh = mesh_of(scene.body) if isinstance(scene.body, Mesh) and scene.prescribed else None
     if mesh is None or not mesh.side_groups:
         return {}
@@ -245,7 +248,7 @@ def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[
 
 
 def _area_of_sides(corners: np.ndarray) -> float:
-    """Return the area (in the plane the length) of sides of cells, given by the positions of their corners, shape (s, corners, d)."""
+    """Return the total area (length in the plane) of sides of cells, given by the positions of their corners, shape (s, corners, d)."""
     diagonals = corners[:, corners.shape[1] // 2 :] - corners[:, : corners.shape[1] // 2]
     vectors = diagonals[:, 0] if corners.shape[2] == 2 else np.cross(diagonals[:, 0], diagonals[:, 1]) / 2
     return float(np.linalg.norm(vectors, axis=1).sum())
@@ -263,7 +266,7 @@ def _outer_sides(scene: Scene) -> tuple[Sides, np.ndarray, np.ndarray]:
 
 
 def _on_edge(places: np.ndarray, edge: str, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Return flags of the sides, given by the positions of their corners, shape (s, corners, d), that lie on an edge of the box."""
+    """Return flags of the sides, given by their corners' positions (s, corners, d), that lie on the named `edge` of the bounding box."""
     axis, side = EDGES[edge]
     return (np.abs(places[..., axis] - (lower, upper)[side > 0][axis]) <= CUT_SHIFT * (upper - lower).max()).all(axis=1)
 
@@ -308,8 +311,8 @@ def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, mate
 
     `material(places)` flags places in material; `kept` flags the cells whose centres lie in material.
 
-    A raster of places in a cell that a boundary cuts determines its volume of material: with whole cells a curved boundary would be a
-    staircase, whose steps carry no stress, and a hole would be larger than it is.
+    A raster of places in each cell that a boundary cuts determines its volume of material. If cells were kept or left out whole, a curved
+    boundary would be a staircase, whose steps carry no stress, and a hole would be larger than it is.
     """
     sides = np.array(cells.sides)
     corners, raster = _places_in_a_cell(len(sides))
@@ -385,7 +388,8 @@ def _surely_convex(scene: Scene) -> bool:
 def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):
     """Return a function ``crosses(starts, ends)`` that flags bonds that cross a hole or leave the outline.
 
-    Such a bond has a place without material within `CLEARANCE` around. Beyond its bounding box the body is continued by reflection.
+    On such a bond lies a place that is not in material, nor are places at a distance of `CLEARANCE` cells from it in any direction. Beyond
+    its bounding box the body is continued by reflection.
     """
     # Half a cell apart, some place of this lattice lies within 0.36 cells of any empty place, and in the same emptiness.
     pitch = cell / 2

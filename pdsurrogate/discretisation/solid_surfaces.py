@@ -2,8 +2,9 @@
 
 The boundary of a prism, such as a box, a cylinder or an extrusion, is the boundary of its section (found as in `surfaces` for the plane)
 extruded along its axis, and a cap on either end.  Holes that go all the way through along its axis are part of the section.  Other holes
-have a closed boundary of their own, and lie inside the body.  The boundary of a part of a sphere consists of curved eighths of the whole
-sphere, and flat faces between the rims of these; a spherical hole about a place on a flat face is cut by that face.
+have a closed boundary of their own, and lie inside the body.  The boundary of a half, quarter or eighth of a sphere consists of curved
+faces, each an eighth of the whole sphere's surface, and flat faces within their rims; a spherical hole with its centre on a flat face is
+cut by that face.
 """
 
 import math
@@ -29,8 +30,8 @@ MOST_ROUNDS = 20
 def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the boundary of a solid: nodes (k, 3), triangles (f, 3) of node numbers, and part names (f,): outline, holes.0, ...
 
-    Facets are about a cell long; those on flat rectangles are quarters of a cell, which are symmetric about its middle; facets on
-    spheres are half as long.
+    Facets are about a cell long, on spheres half as long. A flat rectangle is divided into cells, and each cell into four triangles that
+    meet at its middle.
 
     Raises
     ------
@@ -94,7 +95,7 @@ def _goes_through(hole: Straight | None, body: Straight | None, tolerance: float
 
 
 def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
-    """Return the normal axes of the planes that bound the curved surface of a spherical hole; none for holes of other shapes.
+    """Return the axes normal to the planes that cut off a part of a spherical hole; none for holes of other shapes.
 
     For a part of a sphere they are those of its own flat faces; for a whole sphere, those of the flat faces of the body, itself a part of
     a sphere, on which the centre of the hole lies.
@@ -111,7 +112,7 @@ def _faces_of_part(body: Solid) -> tuple[int, ...]:
 
 
 def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> int | None:
-    """Return the number of the first hole whose own boundary leaves the body or meets another hole; None if none does.
+    """Return the number of the first hole, among the holes in `closed`, whose boundary leaves the body or meets another hole; else None.
 
     `closed` gives the boundaries as triangles, shape (f, 3, 3), by the numbers of the holes.
 
@@ -135,7 +136,7 @@ def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> i
 def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: float) -> np.ndarray:
     """Return the boundary of one shape as triangles (f, 3, 3), counter-clockwise as seen from outside.
 
-    For a sphere cut by planes normal to the axes `halved`, this is the curved surface without the flat faces; otherwise it is closed.
+    The boundary is closed, except for a sphere cut by planes normal to the axes `halved`: it is then the curved surface without flat faces.
     """
     if isinstance(shape, Sphere):
         return _sphere(shape, halved, cell)
@@ -144,13 +145,15 @@ def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: 
 
 
 def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
-    """Return the curved surface of a sphere, or of its part above the centre along the axes `halved`, as triangles (f, 3, 3).
+    """Return the curved surface of a sphere, or of its part with greater coordinates than the centre along each of the axes `halved`.
+
+    The result is triangles, shape (f, 3, 3).
 
     The triangles of the whole sphere enclose exactly its volume.
 
     A whole sphere is a divided icosahedron, a part of one is made of divided eighths. Nodes lie outside the sphere about as far as the
     middles of facets lie inside, so that the work of a pressure in an affine motion is exact. Facets are about half a cell long: the work
-    in the motion of a swelling hole of six cells' radius is 0.25 % too small; with facets of a whole cell it is 1 %.
+    of a pressure that widens a hole of six cells' radius is then 0.25 % too small; with facets of a whole cell it is 1 %.
     """
     if halved:
         signs = np.array(list(product(*((1.0,) if axis in halved else (1.0, -1.0) for axis in range(3)))))
@@ -224,9 +227,10 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
 
 
 def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
-    """Return the boundary of the prism `straight` as triangle arrays (f, 3, 3): its outline with both caps, then each hole through it.
+    """Return the boundary of a prism as triangle arrays (f, 3, 3): its outline with both caps, then each hole through it.
 
-    The prism extends along `axis`, and `holes` are the plane sections of the holes. `cell` are the sizes of a cell along the three axes.
+    The argument `straight` describes the prism, which extends along `axis`, and `holes` are the plane sections of the holes. `cell` are the
+    sizes of a cell along the three axes.
     """
     across = [(axis + 1) % 3, (axis + 2) % 3]
     beside = cell[across]

@@ -25,10 +25,10 @@ Chosen: 37 degrees are more than between neighbouring facets of a round surface,
 def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> Surface:
     """Return the boundary of the body of a scene as facets, with their names and the map from points to nodes.
 
-    Straight sides have facets of about a cell, ending at corners; of a rectangle, on the boundaries of cells.  Circles and ellipses have
-    facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In 3D facets are triangles of about a cell, on
-    spheres of half a cell, see `boundary_of_solids`.  A mesh has the sides of its cells, quadrilaterals as four triangles about their
-    middle.
+    Straight sides have facets about a cell long and nodes at their ends; on a rectangle nodes lie on the boundaries between cells.  Circles
+    and ellipses have facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In 3D facets are triangles of about
+    a cell, on spheres of half a cell, see `boundary_of_solids`.  A mesh has the sides of its cells, quadrilaterals as four triangles about
+    their middle.
 
     Parameters
     ----------
@@ -63,10 +63,10 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
 
 
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """Return, for each node, the unit normals of the boundary on the sides that meet there, shape (k, d, d).
+    """Return, for each node, unit normals of the flat or smooth parts of the boundary that meet at the node, shape (k, d, d).
 
-    In the plane they are the normals of the facets before and after the node; in three dimensions the means over groups of surrounding
-    facets with normals that differ by less than `EDGE`, followed by rows of NaN.
+    In the plane they are the normals of the facets before and after the node. In three dimensions the surrounding facets form at most three
+    groups of similar normals (see `EDGE`); the normals are the means over the groups, and rows without a group are NaN.
     """
     if nodes.shape[1] == 3:
         return _normals_of_sides(nodes, facets)

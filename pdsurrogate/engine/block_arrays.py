@@ -32,9 +32,9 @@ threads that write to different lines do not slow each other."""
 
 
 def power_of_two(size: float) -> float:
-    """Return the power of two next above a size, and 1 for a size of 0.
+    """Return the smallest power of two greater than `size`, and 1 if `size` is 0.
 
-    Numbers divided by a power of two keep all their digits, and then fit into the range of single precision.
+    Division by this power of two brings numbers of about this size into the range of single precision without rounding them.
     """
     return float(np.ldexp(1.0, int(np.frexp(size)[1]))) if size > 0 else 1.0
 

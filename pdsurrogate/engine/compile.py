@@ -144,14 +144,14 @@ def _enable_cache(compiled, function: Callable, digest: str | None = None, paral
 def kernel(function: Callable) -> Callable:
     """Compile a function on plain arrays, cached on disk.
 
-    Functions called by a pass should be `inline`. A pass would keep its own, newly optimised copy of a `kernel` that it calls; which of the
-    two versions runs would depend on what was compiled or loaded before, and the last bits of their results may differ.
+    A function that a pass calls should be `inline` instead. Numba optimises a copy of a called `kernel` within the pass; whether this copy
+    or the kernel itself runs depends on what was compiled or loaded before, and the last bits of their results may differ.
     """
     return _enable_cache(plain_function(function), function)
 
 
 def plain_function(function: Callable) -> Callable:
-    """Compile a function without its own cache; its code is stored as part of its callers."""
+    """Compile a function without a disk cache of its own: its code is cached as part of its callers."""
     return numba.njit(**OPTIONS)(function)
 
 
@@ -187,7 +187,7 @@ STRESS_RESPONSE = types.void(_real, _real, _real)
 def isochoric_energy_signature(dtype):
     """Return the signature ``energy(states, sizes, weights, response, parameters, result)`` of compiled learnt isochoric energies.
 
-    States and results are in `dtype`, weights in double precision; ``response`` and ``parameters`` are those of the exact energy.
+    States and results are in `dtype`, weights in double precision; ``response`` and ``parameters`` belong to the exact energy.
     """
     real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
     return types.void(real, _sizes, _real, types.int64, _real, real)
@@ -206,7 +206,7 @@ def bond_force_signature(dtype):
 
 @writes
 def call_block(builder, address, *arguments):
-    """Call the compiled block function at an address; pass arrays as pointers to their data, and tuples as their items.
+    """Call the compiled block function at an address; pass arrays as pointers to their data, and each item of a tuple as an argument.
 
     numba's first-class functions would work, but need some 40 microseconds of unpacking at every call of a kernel. The arguments are not
     checked: they must fit the signature that the function was compiled for.

@@ -50,7 +50,7 @@ def code_digest(*values) -> str:
 
 
 class _Walk:
-    """Computation of one digest: it visits a function and everything that the function depends on, and writes each function once."""
+    """Computation of one digest: it visits a function and everything that the function depends on, and hashes each function once."""
 
     def __init__(self) -> None:
         self.digest = hashlib.sha256()
@@ -145,9 +145,10 @@ def _names(code: python_types.CodeType) -> frozenset[str]:
 
 
 def _values_behind(names: frozenset[str], space: dict) -> Iterator[tuple[str, object]]:
-    """Yield (name, value) for each of `names` in a namespace `space`, and in the modules among these values.
+    """Yield (name, value) for each of `names` in the namespace `space`; search modules of the project for the names instead.
 
-    Modules of libraries are yielded, not searched. Attributes are not resolved: a name that several modules have is yielded from each.
+    A module of the project is not yielded, a module of a library is not searched. Attributes are not resolved: a name that several modules
+    define is yielded for each.
     """
     for name in sorted(names & space.keys()):
         value = space[name]
@@ -180,7 +181,7 @@ def _is_of_library(value) -> bool:
 
 
 def _overloads() -> dict[int, list[Callable]]:
-    """Return the compiled-code implementations registered with `numba.extending.overload`, by the id of the function each stands for.
+    """Return the compiled-code implementations registered with `numba.extending.overload`, by the id of the function that each replaces.
 
     Functions and implementations of libraries are left out.
     """

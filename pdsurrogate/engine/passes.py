@@ -1,8 +1,8 @@
 """Passes over a body: functions that work on one chunk of its points or pairs, run on all of numba's threads by one parallel driver.
 
-numba compiles a function with ``prange`` twice, and its array arguments besides, which takes as long as all other compilation. A pass is
-therefore a serial function of a chunk, which the driver, compiled once for all passes, calls by its address. A pass receives its arrays
-once, when it is bound: a call costs a microsecond or two, whatever it works on.
+numba compiles a function with ``prange`` twice, and code that unpacks its array arguments, which takes as long as all other compilation. A
+pass is therefore a serial function of a chunk, which the driver, compiled once for all passes, calls by its address. A pass receives its
+arrays once, when it is bound: a call costs a microsecond or two in addition to the work itself.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ of invalid states in the chunk."""
 def _call_chunk(typingctx, code, arguments, thread, chunk, chunks):
     """Call the compiled function at address `code` on one chunk and return its count, see `CHUNK_FUNCTION`.
 
-    `arguments` is the address of the words that hold its arguments.
+    `arguments` is the address of an array of 64-bit words, the arguments of the function.
     """
     signature = types.int64(*[types.int64] * 5)
 
@@ -51,8 +51,8 @@ def _run_on_threads(calls, following, counts, found):
 
     A row of `calls` holds the addresses of the code and of the arguments of a pass, and its number of chunks. Each thread has the same
     share of the chunks in every pass, so that its data stay in its cache. A thread that has finished takes over chunks that others have not
-    begun: a late thread delays the others by one chunk, and not by its share. `following` and `counts` are working memory; `found` receives
-    the count that each pass returns.
+    begun: a late thread delays the others by at most one chunk, not by its whole share. `following` and `counts` are working memory;
+    `found` receives the count that each pass returns.
     """
     threads = following.shape[0]
     for number in range(calls.shape[0]):
@@ -158,7 +158,7 @@ class Pass:
         self._compiled = plain_function(function)
 
     def bind(self, *arguments, chunks: Chunks | None = None) -> BoundPass:
-        """Return the pass bound to its arguments, the parameters after `chunk`; by default it has one chunk for each thread.
+        """Return the pass bound to `arguments`, the values of its parameters after `chunk`; by default it has one chunk for each thread.
 
         An argument is an array in C order, a number, or a tuple of these.
         """
@@ -185,7 +185,7 @@ class Pass:
 
 @inlined
 def share_of(size, chunk):
-    """Return the range of the items that belong to a chunk, where all chunks share `size` items."""
+    """Return the `range` of the indices of the items that belong to a chunk, where all chunks share `size` items."""
     return range(chunk.number * size // chunk.of, (chunk.number + 1) * size // chunk.of)
 
 

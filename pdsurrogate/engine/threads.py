@@ -101,7 +101,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def _runs_already() -> bool:
-    """Return whether numba's threads already run on GNU OpenMP, or another library has loaded the same copy of it."""
+    """Return whether numba's threads already run on GNU OpenMP, or another library has loaded the same file of GNU OpenMP."""
     if parallel._is_initialized:
         return numba.threading_layer() == "omp"
     if sys.platform != "linux":
@@ -121,7 +121,7 @@ _most: int | None = None
 
 
 def most_threads() -> int:
-    """Return the greatest number of threads that kernels can use: the number that numba was started with, or the limit of `thread_count`.
+    """Return the greatest number of threads that kernels can use: the number at numba's start, or the limit set by `thread_count`.
 
     It is 1 in a forked process in which the threads are lost.
     """

@@ -3,7 +3,7 @@
 A record is what an array holds for one point or pair: two or three doubles of a position, four or nine reals of a gradient. LLVM compiles
 indexed loads in a loop over bonds into gather instructions, one component at a time; loading a record as a few vectors of four, two or one
 reals is faster. Each function states how many times as long a plain loop takes, by ``python pipelines/vector_loads.py`` on a processor with
-AVX2, in single and in double precision; a function that gains less than 1.3 has no place here. ``tests/kernels/test_kernels.py`` compares
+AVX2, in single and in double precision; functions with a factor below 1.3 are not kept. ``tests/kernels/test_kernels.py`` compares
 the results.
 """
 
@@ -201,7 +201,7 @@ def _ends_of(builder, ends, at):
 
 @cache
 def gather_pairs(dimension):
-    """Return an intrinsic that, for four pairs of points, adds the matrices of both ends and subtracts their positions.
+    """Return an intrinsic that, for four pairs of points, writes sums of the matrices and differences of the positions of both ends.
 
     ``sums[r, column + k] = matrices[first[at + k], r] + matrices[second[at + k], r]`` and ``differences[r, column + k] =
     positions[second[at + k], r] - positions[first[at + k], r]``, each for k in 0 … 3, where ``ends = first, second``: one row for each
@@ -344,7 +344,7 @@ def sum_matrix_products(dimension):
 def _sum_of(builder, records, length, bonds, listed=None, factors=None):
     """Return the sum of the records at ``start … stop``, or at ``listed[start … stop]``, as a list of vectors cut as `_parts` defines.
 
-    The sum is in double precision; with `factors`, by which the records are multiplied, it is in the precision of the records.
+    Without `factors` the sum is in double precision. With `factors`, records times factors are summed in the precision of the records.
     """
     scalar = _DOUBLE if factors is None else records.type.pointee
 
@@ -429,10 +429,10 @@ def multiply_pairs(dimension):
 def sum_scaled_records(dimension):
     """Return an intrinsic that sums, at a point, the records of its pairs, each times a factor.
 
-    A record has d + d d reals in single precision. Two sums are formed: over the pairs `own` that have `point` as first point, and over the
-    pairs ``indices[others]`` that have it as second point. `outputs` are two arrays: row `point` of the first receives the first d reals of
-    the first sum minus the second, and row `point` of the second the other d d reals of the first sum plus the second. A plain loop takes
-    5.6 times as long in the plane and 5.8 times in three dimensions.
+    A record has d + d*d reals in single precision. Two sums are formed: over the pairs `own` that have `point` as first point, and over the
+    pairs ``indices[others]`` that have it as second point. `outputs` are two arrays: row `point` of ``outputs[0]`` receives the first d
+    entries of (first sum - second sum), and row `point` of ``outputs[1]`` the other d*d entries of (first sum + second sum). A plain loop
+    takes 5.6 times as long in the plane and 5.8 times in three dimensions.
     """
     length = dimension + dimension**2
 

@@ -67,7 +67,7 @@ class TestData:
 
     @property
     def tests(self) -> np.ndarray:
-        """Number of the test that each row belongs to, shape (n,): biaxial rows of the same state share one, any other row is its own."""
+        """Identification number of each row's test, shape (n,): biaxial rows of equal state are one test, any other row is its own."""
         states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
         _, tests = np.unique(states, axis=0, return_inverse=True)
         return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))

@@ -1,4 +1,4 @@
-"""Energy from test data without a law: a sum of powers of stretches and invariants with non-negative weights."""
+"""Energy from test data without the choice of a law: a sum of powers of stretches and invariants with non-negative weights."""
 
 import warnings
 from dataclasses import dataclass
@@ -65,7 +65,8 @@ class EnergyRegressor(StressRegressor):
     In states of constant volume the stresses are linear in the weights, so that the weights are a non-negative least-squares fit, without
     a start or random choices, and few terms remain. Volume ratios, which depend on the bulk modulus, and weights are found alternately.
     The range of the exponents and the powers of invariants are chosen by cross-validation over modes of loading, or over parts of a
-    biaxial grid; with at least three such parts, the powers of invariants are chosen by the errors in every fifth state left out as well.
+    biaxial grid; with at least three modes or parts, the powers of invariants are chosen by the geometric mean of this error and the
+    error of a second cross-validation, in five folds of interleaved states.
 
     Parameters
     ----------
@@ -159,7 +160,8 @@ class EnergyRegressor(StressRegressor):
         Warns
         -----
         UserWarning
-            If no rubber has such stresses, or the data are of one state or one mode of loading, which do not determine an energy.
+            If the stresses do not rise with the stretch, or the data are of one state or one mode of loading and so leave the energy
+            undetermined.
         """
         X, y, root, used = self._checked(X, y, sample_weight)
         _warn_of_few_modes(X)
@@ -184,7 +186,10 @@ class EnergyRegressor(StressRegressor):
         return self
 
     def beyond(self, X) -> np.ndarray:
-        """Return the distance of states beyond the hull of the data, in log-stretch, shape (n_samples,); at most 0 inside its margin."""
+        """Return how far states lie outside the domain of the energy, in log-stretch, shape (n_samples,); at most 0 within it.
+
+        The domain is the convex hull of the data, extended by `margin`.
+        """
         check_is_fitted(self)
         logs = ordered_logs(self._stretches(np.asarray(in_order(X, self.columns, "X"), dtype=float)))
         return (logs @ self.hull_[:, :2].T + self.hull_[:, 2]).max(axis=1) - self.margin
@@ -219,10 +224,10 @@ class EnergyRegressor(StressRegressor):
         return _first_as_good(candidates)[0]
 
     def _left_out(self, X, y, root, groups, terms) -> float:
-        """Return the RMS error of the stresses of each group as predicted by a fit to the other groups, divided by the RMS of the stresses.
+        """Return one relative RMS error of cross-validation: each group of stresses is predicted by a fit to the other groups.
 
-        The fits have the candidate energy terms `terms` and constant volume; `root` holds square roots of row weights. The error of a
-        single group is 0.
+        It is the RMS over all groups divided by the RMS of the stresses; 0 if there is only one group. The fits have the candidate energy
+        terms `terms` and constant volume; `root` holds square roots of row weights.
         """
         columns, error, size, kinds = columns_of(isochoric(X, np.ones_like(y)), X[:, 0], terms), 0.0, 0.0, np.unique(groups)
         for kind in kinds if len(kinds) > 1 else ():
@@ -262,7 +267,7 @@ class EnergyRegressor(StressRegressor):
 
 
 def nonnegative(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fit y by a sum of columns with non-negative weights; return the weights, and the weights times the norms of the weighted columns.
+    """Fit y by a sum of columns with non-negative coefficients; return these, and these times the norms of ``root * column``.
 
     `root` holds the square roots of the weights of the rows in the least-squares fit.
     """
@@ -274,7 +279,7 @@ def nonnegative(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[n
 
 
 def parted(terms: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Split energy terms: return exponents of stretches, their weights, and weights of powers of invariants by (invariant, power)."""
+    """Split terms: return exponents of stretches, their entries in `weights`, and a dictionary of the others by (invariant, power)."""
     plain = terms[:, 0] == 0
     invariants = {(int(which), int(power)): float(weight) for (which, power), weight in zip(terms[~plain], weights[~plain], strict=True)}
     return terms[plain, 1], weights[plain], invariants
@@ -293,7 +298,7 @@ def _name_of(term) -> str:
 
 
 def stiffness_of(terms: np.ndarray, weights: np.ndarray) -> float:
-    """Return the shear modulus of an energy when undeformed; of the powers of invariants only I2bar^1.5 - 3 sqrt 3 itself contributes."""
+    """Return the shear modulus of an energy when undeformed; of the powers of invariants only the first of I2bar^1.5 - 3 sqrt 3 counts."""
     return float(weights[terms[:, 0] == 0].sum() / 2 + SECOND_AT_REST * weights[(terms == (2, 1)).all(axis=1)].sum())
 
 
@@ -351,13 +356,13 @@ def line_through_rest(logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def dictionary(greatest: float, least: float, offset: float = 0.0) -> np.ndarray:
-    """Return the exponents of candidate energy terms, from -least to -1 and from 1 to greatest, with `offset` added to absolute values."""
+    """Return candidate exponents as an array, from -`least` to -1 and from 1 to `greatest`, with `offset` added to absolute values."""
     sizes = np.arange(LEAST_EXPONENT, max(greatest, least) + STEP / 2, STEP)
     return np.concatenate([-sizes[sizes <= least][::-1] - offset, sizes[sizes <= greatest] + offset])
 
 
 def terms_of(exponents, invariants=()) -> np.ndarray:
-    """Return energy terms as rows of two numbers, shape (n_terms, 2).
+    """Return energy terms, one for each of `exponents`, then the pairs `invariants`, as rows of two numbers, shape (n_terms, 2).
 
     A row is (0, exponent of the stretches), (1, power of I1bar - 3) or (2, power of I2bar^1.5 - 3 sqrt 3).
     """
@@ -381,12 +386,15 @@ def columns_of(stretches: np.ndarray, first: np.ndarray, terms) -> np.ndarray:
 
 
 def fifths_of(X) -> np.ndarray:
-    """Return a fold for each row, 0 to 4 by turns in the order of the greatest stretch; rows of equal states have the same fold."""
+    """Return a fold for each row: states sorted by greatest stretch have the folds 0, 1, 2, 3, 4, 0, 1, ...; equal states the same."""
     return np.unique(ordered_logs(X).round(9), axis=0, return_inverse=True)[1].ravel() % FOLDS
 
 
 def groups_of(X) -> np.ndarray:
-    """Return a group for each row: the mode of loading, or, if most rows have no mode, a fifth of the rows by the greater stretch."""
+    """Return a group for each row: the name of its mode of loading, or `BIAXIAL` for a state of none of `MODES`.
+
+    If most rows are of no mode, the groups are instead fifths of the rows, contiguous in the greater stretch.
+    """
     first, second = X.T
     same = np.array([np.abs(np.log(second / lateral(first))) < SAME_MODE for lateral in MODES.values()])
     groups = np.where(same.any(axis=0), np.array(list(MODES))[same.argmax(axis=0)], BIAXIAL)

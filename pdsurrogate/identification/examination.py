@@ -88,7 +88,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     Parameters
     ----------
     regressor : LawRegressor or EnergyRegressor
-        Fitted in place; unfitted after a refusal.
+        Fitted in place; left unfitted if ValueError is raised.
     data : TestData
     force : bool
         Whether reasons to refuse the fit are given as warnings, and the fit is kept.
@@ -179,8 +179,9 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
 
     The data are compared with an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little. Remarks
     name changes of the stresses of a mode that reduce the residuals by the factor `enough`, and rows that stand out after the best change.
-    Changes are tried only if the residuals are above `enough` times `NOISE`; or above `NOISE` if rows stand out in the data as they are,
-    and if several of these rows are of one mode, the factor `MENDED_IF_POOR` is enough.
+    If no row of the unchanged data stands out, changes are tried only where the residuals exceed `enough` times `NOISE`. If rows stand out,
+    changes are tried where the residuals exceed `NOISE`; and if at least two of these rows have the same mode, `MENDED_IF_POOR` takes the
+    place of `enough`.
     """
     best, predicted = data, _robust(data)[0]
     before, least = _size(data, predicted), enough * NOISE
@@ -288,7 +289,8 @@ def _columns(data: TestData) -> np.ndarray:
 def _robust(data: TestData, shifted: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """Fit the energy terms `TERMS` to stresses, with little weight on outliers.
 
-    Return the fitted stresses, and the constant stress offset found for the rows that the mask `shifted` marks; 0.0 without a mask.
+    Return the fitted stresses (with the offset), and the constant stress offset found for the rows that the mask `shifted` marks; 0.0
+    without a mask.
     """
     columns, stress = _columns(data), data.nominal_stress
     if shifted is not None:
@@ -312,13 +314,13 @@ def _relative(data: TestData, predicted, share: float) -> np.ndarray:
 
 
 def _standing(data: TestData, predicted: np.ndarray) -> np.ndarray:
-    """Return the relative residuals of the rows in units of their standard deviation, which outliers do not change, shape (n,)."""
+    """Return the relative residuals of the rows divided by their standard deviation, robustly estimated (`_scale`), shape (n,)."""
     residuals = _relative(data, predicted, RANGE)
     return residuals / _scale(residuals)
 
 
 def _scale(residuals) -> float:
-    """Return the standard deviation of residuals, estimated by the median absolute value against outliers; at least `NOISE`."""
+    """Return the standard deviation of residuals, at least `NOISE`, from their median absolute value, which is robust to outliers."""
     finite = np.abs(residuals[np.isfinite(residuals)])
     return max(1.4826 * float(np.median(finite)) if len(finite) else 1.0, NOISE)
 
@@ -350,7 +352,7 @@ def _falling(data: TestData):
 
 
 def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):
-    """Yield a remark if the best of `others` and an `EnergyRegressor` has an error below the error of `model` divided by `BETTER`.
+    """Yield a remark if the best among `others` and an `EnergyRegressor` has an error below the error of `model` divided by `BETTER`.
 
     The error is the square root of the mean of 1 - R^2 over the modes. An `EnergyRegressor` is fitted here if none is given.
     """

@@ -46,7 +46,7 @@ class LawRegressor(StressRegressor):
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     greatest_exponent : float, default=12
-        Bound of the absolute value of Ogden's exponents; the default is just above the greatest of the coarse search.
+        Bound of the absolute value of Ogden's exponents; the default is just above the 11 of the coarse search.
     bulk_ratio : float, default=1000
         K/mu of the law, which such tests do not determine. Rubber has about one thousand. Give the ratio of the simulation: parameters that
         are fitted with another ratio are off at large stretches.
@@ -107,7 +107,7 @@ class LawRegressor(StressRegressor):
         Raises
         ------
         ValueError
-            If X has other columns or a stretch is not positive, or no parameters reach the data.
+            If X has other columns or a stretch is not positive, or no parameters tried give a finite stress in all states.
         """
         X, y, root, _ = self._checked(X, y, sample_weight)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)

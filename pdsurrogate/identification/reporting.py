@@ -1,4 +1,4 @@
-"""Identification of laws from test data for the commands, with reports as dictionaries and figures."""
+"""Identification of laws from test data for the command line, with reports as dictionaries and figures."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
@@ -125,7 +125,10 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
 
 
 def bulk_arguments(**given: float | None) -> dict[str, float]:
-    """Return `bulk_modulus` or `bulk_ratio`, whichever is not None, as a dictionary of regressor arguments; raise ValueError for both."""
+    """Return `bulk_modulus` or `bulk_ratio`, whichever is not None, as a dictionary of regressor arguments.
+
+    The dictionary is empty if both are None. Raise ValueError if neither is.
+    """
     found = {key: value for key, value in given.items() if value is not None}
     if len(found) > 1:
         raise ValueError("--bulk-modulus and --bulk-ratio say the same: choose one")
@@ -213,7 +216,7 @@ def identified(data: TestData, law: str | None, n_terms: int, bulk: dict[str, fl
     """Fit a law (Ogden's with `n_terms` terms), or an energy without a law (an `EnergyRegressor`) if `law` is None, to test data.
 
     With `n_members` also fit a committee of as many copies, each to a random half of the tests, drawn with `seed`. `bulk` is a dictionary
-    as `bulk_arguments` returns it. Return the fit, its report and the laws of the committee's members.
+    as `bulk_arguments` returns it. Return an `Identified` with the fit, its report and the laws of the committee's members.
     """
     model = fitted(data, law, n_terms, bulk)
     found, members = examined(model, data), []
@@ -233,7 +236,7 @@ def simulate_tests(force: ForceModel, data: TestData, model: StressRegressor) ->
     stress : ndarray, shape (n,)
         Nominal stresses.
     off_law : float
-        Greatest difference from the law of `model`, relative to the greatest stress; NaN if a state has no stress.
+        Greatest difference from the stresses of `model`, relative to the greatest of these; NaN if a state has no stress.
     outside : int
         Number of rows outside the domain of the force model.
     """

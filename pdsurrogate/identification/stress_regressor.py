@@ -162,7 +162,7 @@ def committee(
     mean square of the differences from the fit to all data estimates the standard deviation of the result (the delete-half jackknife);
     `committee_spread` corrects it for few members. The bootstrap, which draws with replacement, is not consistent for parameters at a
     bound, such as weights at zero. For an `EnergyRegressor` the offset of the exponents is drawn for each member as well: it is arbitrary,
-    and decides on which side of the data a fit is off. The members do not show errors that all of them share, such as those of a law that
+    and the sign of the error of a fit depends on it. The members do not show errors that all of them share, such as those of a law that
     rubber does not follow.
 
     Parameters

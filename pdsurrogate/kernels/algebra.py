@@ -1,10 +1,10 @@
 """Vector and matrix algebra in two and three dimensions, written once over the number of components.
 
 `algebra_of` builds a module of functions for a dimension d; kernels are written over such a module, and `ByDimension` makes them from it.
-Vectors are (1, …, d), matrices are stored by columns, in the plane (11, 21, 12, 22), and symmetric matrices by the rows of their upper
-triangle, (11, 12, 22). All functions take tuples of reals or rows of arrays and are inlined into their callers. Most are made from one
-expression for each entry of their result, as ``v[0] + w[0]``: numba compiles the tuple of these without loops and arrays, and all entries
-stay in registers.
+The components of a vector are in the order 1, …, d, those of a matrix by columns (in the plane 11, 21, 12, 22), and those of a symmetric
+matrix by the rows of its upper triangle (11, 12, 22). All functions take tuples of reals or rows of arrays and are inlined into their
+callers. Most are made from one expression for each entry of their result, as ``v[0] + w[0]``: numba compiles the tuple of these without
+loops and arrays, and all entries stay in registers.
 """
 
 from collections.abc import Callable
@@ -20,12 +20,12 @@ from .elementary import like  # noqa: F401 - read by expressions
 
 
 def entries(arguments, expressions):
-    """Return an inlined function of `arguments`, names separated by commas, that returns the tuple of the values of Python expressions."""
+    """Return an inlined function with the parameters `arguments`, "x, y", that returns the tuple of the values of Python expressions."""
     return scalar(arguments, f"({', '.join(expressions)},)")
 
 
 def scalar(arguments, expression):
-    """Return an inlined function of `arguments`, names separated by commas, that returns the value of a Python expression."""
+    """Return an inlined function with the parameters `arguments`, as in "x, y", that returns the value of a Python expression."""
     return inlined(eval(f"lambda {arguments}: {expression}", globals()))
 
 
@@ -200,7 +200,7 @@ def _space(algebra):
     def sum_outer_products(positions, neighbours, weights, bonds, point, out):
         """Write ``out[point] = sum of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns, over the bonds b.
 
-        `bonds` are the first index and the index after the last. `vector_loads.sum_outer_products` does this for two dimensions.
+        `bonds` are the start and the (excluded) stop of the range of b. `vector_loads.sum_outer_products` does this for two dimensions.
         """
         own = algebra.vector_at(positions, point)
         summed = algebra.no_matrix()

@@ -1,8 +1,8 @@
 """Bond forces of bond-associated correspondence (BA-NOSB), paper Eqs. (11)-(15), in the plane.
 
-Every directed bond has its own deformation gradient, formed over the points that the horizons of both its ends share. The product (y_k -
-y_i) (x) w x V of a neighbour k occurs in about fifteen bonds of point i: the pass computes each product once, into a table that stays in
-the first-level cache, and every bond sums the entries of the points that its ends share.
+Every directed bond has its own deformation gradient, formed over the points that the horizons of both its ends share. The dyad (y_k -
+y_i) (x) (w V x_ik) of a neighbour k, with the undeformed bond vector x_ik, occurs in about fifteen bonds of point i: the pass computes each
+dyad once, into a table that stays in the first-level cache, and every bond sums the entries of the points that its ends share.
 """
 
 import numpy as np
@@ -27,10 +27,10 @@ the last, partly filled block of a tile costs little, and also small bodies have
 def list_common_points(points, table_pointers, table, bond_pointers, targets, horizon, count, common_pointers, common):
     """List, for every directed bond, which neighbours of its first end lie within the horizon of its second end.
 
-    The neighbours of point i are entries ``table_pointers[i]`` to ``table_pointers[i + 1]`` of `table`. `common` receives the indices of
-    the shared neighbours, counted from ``table_pointers[i]``. With `count` true the function writes only the running numbers of shared
-    neighbours, into ``common_pointers[1:]``. The directed bonds of point i are entries ``bond_pointers[i]`` to ``bond_pointers[i + 1]`` of
-    `targets`, which holds the second ends of bonds.
+    The neighbours of point i are entries ``table_pointers[i]`` to ``table_pointers[i + 1]`` of `table`. A first call with `count` true
+    writes only the cumulative numbers of shared neighbours, to ``common_pointers[1:]``; a second call with `count` false writes only
+    `common`, the indices of the shared neighbours, counted from ``table_pointers[i]``. The directed bonds of point i are entries
+    ``bond_pointers[i]`` to ``bond_pointers[i + 1]`` of `targets`, which holds the second ends of bonds.
     """
     reach = horizon * horizon * (1.0 + 1e-9) * (1.0 + 1e-9)
     at = np.uint64(0)
@@ -51,13 +51,13 @@ def list_common_points(points, table_pointers, table, bond_pointers, targets, ho
 def bond_references(points, volumes, table, bonds, common, horizon_volumes, inverse_shapes, vectors):
     """Compute the inverse shape tensor of every directed bond, paper (12), and the vector that turns its stress into its force, (13)-(15).
 
-    The force of a bond is its stress P times the vector phi_xi/(2 phi) w K_xi^-1 x V_i V_j, which replaces w x in `vectors`. Here w is the
-    weight, x the undeformed bond vector, K_xi the shape tensor of the bond, and V_i, V_j are the volumes of its ends. phi_xi is the volume
-    of the points that the horizons of both ends share, divided by the horizon volume of the first end; phi is the horizon volume of the
-    first end divided by the sum of the horizon volumes of both. Volumes are sums over lists of neighbours: a point is not its own
-    neighbour, but the second end of a bond is one of the shared points. `inverse_shapes` becomes zero where the shared points do not span
-    the plane. `table` holds the pointers, the numbers of the neighbours of each point, and w x V of each neighbour; `bonds` the first and
-    second ends of the bonds; `common` the pointers and the indices of the shared points from `list_common_points`.
+    The force of a bond is its stress P times the vector phi_xi/(2 phi) w K_xi^-1 x V_i V_j; `vectors` holds w x on entry and this vector on
+    exit. Here w is the weight, x the undeformed bond vector, K_xi the shape tensor of the bond, and V_i, V_j are the volumes of its ends.
+    phi_xi is the volume of the points that the horizons of both ends share, divided by the horizon volume of the first end; phi is the
+    horizon volume of the first end divided by the sum of the horizon volumes of both. Volumes are sums over lists of neighbours: a point is
+    not its own neighbour, but the second end of a bond is one of the shared points. `inverse_shapes` becomes zero where the shared points
+    do not span the plane. `table` holds the pointers, the numbers of the neighbours of each point, and w x V of each neighbour; `bonds` the
+    first and second ends of the bonds; `common` the pointers and the indices of the shared points from `list_common_points`.
     """
     table_pointers, entries, table_weights = table
     owners, targets = bonds

@@ -83,7 +83,7 @@ def put_parts(pair, moment, k, reference, P, half):
 
 @Pass
 def pair_energies(chunk, positions, gradients, pairs, energy_density, exact, constants, guard, domain, memory, results):
-    """Compute the energy of every pair of points of a sheet, its force, and its moment S; all are dimensionless, times volume.
+    """Compute the energy, the force and the moment S of every pair of points of a sheet, from dimensionless stress and energy density.
 
     S = 1/2 V_b P (I - n (x) n) is the derivative of the energy by the deformation gradient of either point: P is the first Piola-Kirchhoff
     stress of the pair, V_b the volume that its bond represents, and n and l are the direction and the length of the undeformed bond.

@@ -1,7 +1,7 @@
 """Bond forces of every pair of points in a sheet: the stretch tensor of a bond, the exact force, and the pass that evaluates any model.
 
 The exact force (theory (7), (11)) replaces that of a surrogate outside the surrogate's domain. A surrogate that was learnt at plane stress
-serves plane strain with the pressure of the held thickness added.
+serves plane strain, too: `plane_strain_bond_force` adds the pressure of the fixed thickness.
 """
 
 from functools import cache
@@ -48,9 +48,10 @@ compressed so far."""
 def lateral_stretch(a, b, J):
     """Return U_mm = (J + b^2)/a, the component of the stretch tensor across a bond (theory (10)), from a = U_nn and b = U_nm.
 
-    A bond that has turned by a right angle or more has a <= 0 and no stretch tensor: U_mm would change sign through a pole, and the force
-    would turn the bond further instead of back. Below `LEAST_NORMAL_STRETCH` 1/a therefore continues along its tangent. With p > 0 and q <
-    0 the traction T_nn = p a + q U_mm/J is then finite and rises with a through all rotations: it pushes the bond back.
+    A bond turned by a right angle or more against the mean rotation of its points has a <= 0 and no stretch tensor: U_mm would change sign
+    through a pole, and the force would turn the bond further instead of back. Below `LEAST_NORMAL_STRETCH` 1/a therefore continues along
+    its tangent. With p > 0 and q < 0 the traction T_nn = p a + q U_mm/J is then finite and rises with a at every angle: it pushes the bond
+    back.
     """
     inverse = quotient(like(a, 1.0), np.maximum(a, like(a, LEAST_NORMAL_STRETCH)))
     return (J + b * b) * inverse * (like(a, 2.0) - a * inverse)
@@ -60,7 +61,7 @@ def along_and_across(T_nn, T_nm, a, b, stretch):
     """Return the components (t_n, t_tau) of bond forces along and across the deformed bond, shape (n, 2).
 
     `T_nn` and `T_nm` are the components of the traction along and across the undeformed bond, `a` and `b` the components U_nn and U_nm of
-    the stretch tensor, and `stretch` is the stretch of the bond.
+    the stretch tensor, and `stretch` is the deformed length of the bond divided by the undeformed one.
     """
     return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
 
@@ -92,11 +93,11 @@ def analytic_bond_force(dtype):
 
 @cache
 def plane_strain_bond_force(dtype):
-    """Return the function, compiled for blocks of bonds, that adds the pressure of a held thickness to the traction T of a force model.
+    """Return the function, compiled for blocks of bonds, that turns the traction T of a plane-stress model into that of plane strain.
 
     The result is T + (J3 U' - tr(T U)/3) U^-1 (theory (47)), U the stretch tensor and U' the slope of the volumetric energy. The isochoric
-    Kirchhoff stress has no trace; the model, learnt at plane stress, has subtracted the component across the plane from all three
-    components.
+    Kirchhoff stress has no trace, and the plane-stress model returns its components in the plane minus its component tau_33, so that
+    tr(T U)/3 = -tau_33: the formula adds tau_33 and the pressure J3 U' of the fixed thickness.
     """
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
@@ -118,12 +119,12 @@ def plane_strain_bond_force(dtype):
 def pair_forces(chunk, positions, records, pairs, bond_force, exact, constants, guard, domain, memory, forces):
     """Compute the dimensionless force on the first point of every pair; return the number of pairs outside the domain.
 
-    The pass evaluates a pair once, since its averaged state does not depend on the end from which it is seen. Pairs without force
-    (normal_factor = 0: padding, broken bonds, points without support) are given the undeformed state, so that they neither produce NaN nor
-    count.
+    The pass evaluates every pair once, since the mean state of its points is the same from either end. For pairs without force
+    (normal_factor = 0: padding, broken bonds, points without support) the pass replaces the state by the undeformed one, so that they
+    neither produce NaN nor count.
 
     `records` (n, 4) holds the state (cos, sin, J, C33) of every point: its rotation, volume ratio in the plane and squared thickness
-    stretch. `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, 4 to 6, BLOCK) from
+    stretch. `pairs` are the numbers of the first and second points, and the geometry (n_blocks, 4 to 6, BLOCK) from
     `reference_state.pair_rows`, with `COUNTED_ROW`. `bond_force` and `exact` are addresses of functions compiled for blocks of bonds, a
     model's and the exact one, and `constants` the sizes, weights, response and parameters that both take. `guard` is UNGUARDED, TURNED or
     FALL_BACK. `domain` (2, 7) holds the limits of the domain and of its interior, see `pdsurrogate.kernels.domain`. `memory` is, for each

@@ -17,8 +17,8 @@ def find_overstretched(algebra):
         """Find pairs of points whose squared distance in the deformed body exceeds the limit of the pair, paper (30); return their number.
 
         `limits` (n_blocks, BLOCK) holds the squared critical length of every pair, infinite for broken and padding pairs. `found` receives
-        the numbers of the overstretched pairs: each chunk writes its own from the index of its first pair on. `counts` receives how many
-        each chunk has found.
+        the numbers of the overstretched pairs: each chunk writes those that it finds to the entries from the number of its first pair on.
+        `counts` receives how many each chunk has found.
         """
         widest_vectors()
         bond = block_rows(buffers[chunk.thread])

@@ -15,7 +15,7 @@ from .selective_energy import gradient_of_bond, smoothed_value
 
 
 def record_length(dimension: int) -> int:
-    """Return the number of derivatives of a pair's volume ratio: d by its bond vector, and d d by the sum of its points' gradients."""
+    """Return the number of derivatives of a pair's volume ratio: d by its bond vector, and d*d by the sum of its points' gradients."""
     return dimension + dimension * dimension
 
 
@@ -102,10 +102,10 @@ def volume_changes(algebra):
 
 @Pass
 def pair_pressures(chunk, pressures, first, second, shares, found):
-    """Compute the pressure of every pair of points, by which the derivatives of its det F_ij are multiplied.
+    """Compute the pressure of every pair of points, the factor of the derivatives of det F_ij in `sum_pressures`.
 
-    It is the sum of the pressures of both points, each times the share that the pair has in the volume of the point; `shares` (n_blocks, 2,
-    BLOCK) holds these shares, and `found` receives the pressures of the pairs.
+    The pressure of a pair is the sum of the pressures of both points, each times the pair's share in the volume of the point; `shares`
+    (n_blocks, 2, BLOCK) holds these shares, and `found` receives the pressures of the pairs.
     """
     widest_vectors()
     for block in share_of(shares.shape[0], chunk):

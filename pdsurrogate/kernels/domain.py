@@ -35,8 +35,8 @@ def is_outside(a, b, U_mm, J, C33, limits):
     """Return 1 for a bond whose state lies outside a surrogate's domain, else 0; NaN and a bond without a stretch tensor are outside.
 
     `a`, `b` and `U_mm` are the components U_nn, U_nm and U_mm of the stretch tensor, n along the bond and m across. With J the product of
-    the principal stretches in the plane, both stretches lie within [low, high] exactly if J lies within [low^2, high^2] and tr C is at most
-    high^2 + J^2/high^2 and low^2 + J^2/low^2: no eigenvalue is needed.
+    the principal stretches in the plane, both stretches lie within [low, high] exactly if J lies within [low^2, high^2] and tr C exceeds
+    neither high^2 + J^2/high^2 nor low^2 + J^2/low^2: no eigenvalue is needed.
     """
     trace = a * a + b * b + b * b + U_mm * U_mm
     square = J * J
@@ -58,8 +58,8 @@ def share_inside(a, b, U_mm, J, C33, outer, inner):
     """Return the share of the surrogate in the force of a bond: 1 within the interior of its domain, 0 outside, rising smoothly between.
 
     The state has the components a = U_nn, b = U_nm and U_mm of the stretch tensor, n along the bond and m across, the area ratio J and the
-    squared thickness stretch C33. `outer` and `inner` are the limits of the domain and of its interior. Without the band between them the
-    force would jump at the edge by the error of the surrogate, and an equilibrium with bonds on the edge need not exist.
+    squared thickness stretch C33. `outer` and `inner` are the limits of the domain and of its interior. Without the band between both
+    limits the force would jump at the edge by the error of the surrogate, and a body with bonds on the edge might have no equilibrium.
     """
     if is_outside(a, b, U_mm, J, C33, outer) > 0.0:
         return 0.0
@@ -78,7 +78,7 @@ def share_inside(a, b, U_mm, J, C33, outer, inner):
 
 @inline
 def _rise(value, edge, full):
-    """Return the linear ramp of a value: 0 at `edge` and before it, 1 from `full` on; 1 where `edge` and `full` are equal."""
+    """Return (value - edge)/(full - edge) clipped to [0, 1], where `full` may be above or below `edge`; 1 if they are equal."""
     return min(max((value - edge) / (full - edge), 0.0), 1.0) if full != edge else 1.0
 
 
@@ -147,7 +147,7 @@ def distance_coefficients(low, high):
 
 @inlined
 def exact_share_at(distance):
-    """Return the share of the exact energy and its derivative, from the distance of a state from the edge, positive inside the domain.
+    """Return the share of the exact energy at a distance from the edge, positive inside the domain, and its derivative by the distance.
 
     The share is 1 at the edge and outside, and 0 from the distance `BLEND` on.
     """

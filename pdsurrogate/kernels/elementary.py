@@ -40,7 +40,7 @@ def _like(x, value):
 
 
 def quotient(x, y):
-    """Return x/y for finite x and y other than 0. Relative error below 3e-7 (float32) and 2.3e-16 (float64)."""
+    """Return x/y for finite x and finite, non-zero y. Relative error below 3e-7 (float32) and 2.3e-16 (float64)."""
     return x / y
 
 
@@ -52,12 +52,12 @@ def _quotient(x, y):
 
 
 def _format(x):
-    """Return the NumPy type for the numba real type x, the integer type of equal width, and the position of its lowest exponent bit."""
+    """Return the NumPy type for the numba real type x, the integer type of equal width, and the number of its mantissa bits."""
     return (np.float32, np.int32, 23) if x == types.float32 else (np.float64, np.int64, 52)
 
 
 def inverse_cube_root(x):
-    """Return x**(-1/3) for x > 0. Error below 3e-7 (float32) and 4e-16 (float64) over all normal numbers."""
+    """Return x**(-1/3) for x > 0. Relative error below 3e-7 (float32) and 4e-16 (float64) over all normal numbers."""
     return np.cbrt(x) ** -1.0
 
 
@@ -80,7 +80,7 @@ def _inverse_cube_root(x):
 def inverse_square_root(x):
     """Return x**(-1/2) for x > 0. Relative error below 3e-7 (float32) and 5e-16 (float64) over all normal numbers.
 
-    Double precision uses multiplications only: on some processors a square root and a division cost more than all else in a network.
+    Double precision uses multiplications only: on some processors a square root and a division take longer than the rest of a network.
     """
     return 1 / np.sqrt(x)
 
@@ -141,7 +141,7 @@ def _logarithm(x):
 def exponential(x):
     """Return e**x, with x clipped to [-87, 88] (float32) or [-708, 709] (float64).
 
-    Error below 3e-7 (float32) and 2e-15 (float64) for abs(x) <= 30.
+    Relative error below 3e-7 (float32) and 2e-15 (float64) for abs(x) <= 30.
     """
     return np.exp(np.clip(x, -708.0, 709.0))
 

@@ -58,7 +58,7 @@ NETWORK_WORK_ROWS = 2
 def pack_network(hidden_weights, hidden_biases, output_weights, dtype):
     """Pack an energy network of one hidden layer for `network_energy_density`: return its sizes and its weights in `dtype`.
 
-    `hidden_weights` has a row for log J and a row for log(tr C/(2 J)); the constant and the slope that follow the weights are set to zero.
+    `hidden_weights` has a row for log J and a row for log(tr C/(2 J)); the constant and the slope are appended as zeros.
     """
     units = pack_units(hidden_weights, hidden_biases, output_weights)
     return np.array([units.size // GROUP]), np.append(units, np.zeros(N_CONSTANTS)).astype(dtype)
@@ -70,8 +70,8 @@ def network_energy_density(activation, dtype):
 
     ``psi = sum of v a(w1 log J + w2 log(tr C/(2 J)) + b) - constant - slope log J``: the sum runs over the hidden units, with the
     activation a, input weights w1 and w2, bias b and output weight v of each. The function takes the number of hidden units and the weights
-    as arguments. Both features vanish in the undeformed state, where the constant and the slope make psi and dpsi/dlog J vanish, and with
-    them the stress: 2 dpsi/dtr C + dpsi/dJ = dpsi/dlog J there.
+    as arguments. Both features vanish in the undeformed state, where the constant and the slope make psi and dpsi/dlog J vanish. The
+    stress vanishes there, too, since its value 2 dpsi/dtr C + dpsi/dJ equals dpsi/dlog J.
     """
     add_units = unit_sums(activation)
 

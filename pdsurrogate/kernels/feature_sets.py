@@ -103,8 +103,9 @@ def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
     """Return the features log Jbar and tr Cbar/(2 Jbar) - 1 of the isochoric stretch in the plane, Ubar = J3^(-1/3) U.
 
     For a law W_iso + U(J3) the traction is J3^(-1/3) times a function of Ubar alone, and an isotropic function of Ubar has two arguments:
-    these features lose nothing, and isotropy and the split are exact. The second feature is cosh log(lambda_1/lambda_2) - 1; its numerator
-    is tr C/2 - J, so that the feature is zero in the undeformed state also on processors whose quotient of one by one is not exactly one.
+    these features lose nothing, and isotropy and the split into W_iso and U hold exactly. The second feature is cosh log(lambda_1/lambda_2)
+    - 1; its numerator is tr C/2 - J, so that the feature is zero in the undeformed state also on processors whose quotient of one by one is
+    not exactly one.
     """
     c, inverse = shared
     trace = a * a + like(a, 2.0) * b * b + U_mm * U_mm
@@ -114,9 +115,9 @@ def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
 def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
     """Return the traction T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; U is the stretch tensor.
 
-    T vanishes in the undeformed state if o2 does. For laws that depend on I1bar only, r vanishes and p is 2 W1 J3^(-2/3). The components of
-    T J are computed, and divided by J last: in the undeformed state they are zero in exact arithmetic and in floating point, whatever the
-    rounding of a quotient.
+    T vanishes in the undeformed state if o2 does. For laws that depend on I1bar only, r vanishes and p is 2 J3^(-2/3) dW/dI1bar. The
+    components of T J are computed, and divided by J last: in the undeformed state they are zero in exact arithmetic and in floating point,
+    whatever the rounding of a quotient.
     """
     c, inverse = shared
     p = c * o1
@@ -136,7 +137,7 @@ def isochoric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
 def write_tractions(features: FeatureSet):
     """Return the function that turns a model's two outputs for every bond of a block into tractions, in place.
 
-    The function that is returned takes the outputs in the first two rows of `traction`, and subtracts `at_rest`, the outputs in the
+    The returned function takes the outputs in the first two rows of `traction`, and subtracts `at_rest`, the outputs in the
     undeformed state, from them. Its argument `kept` holds the values of `FeatureSet.shared` for every bond.
     """
     traction_of = inlined(features.traction)

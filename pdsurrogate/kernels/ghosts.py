@@ -43,7 +43,10 @@ def place_points(chunk, given, source, parity, shift, positions):
 
 @kernel
 def fold_vectors(values, source, parity):
-    """Add P v to the vector on the source of each ghost, v the vector on the ghost, P = diag(parity); the transpose of `fill_vectors`."""
+    """Add P v to the vector on the source of each ghost, v the vector on the ghost, P = diag(parity); the transpose of `fill_vectors`.
+
+    The vectors on the ghosts stay as they are.
+    """
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):

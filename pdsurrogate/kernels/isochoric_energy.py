@@ -47,7 +47,7 @@ def network_block(activation, invariants, of_invariants):
     The sum runs over the hidden units, with the `activation` a, input weights w1 and w2, bias b and output weight v of each. `invariants`
     computes (I1bar, I2bar) from a state, and `of_invariants` the rows of the result from W and its derivatives by these invariants. The
     function accepts states and results of either precision. Both features vanish in the undeformed state, and the constant makes W vanish
-    there; the stress vanishes as for every function of isochoric invariants.
+    there. The stress vanishes there for any W, since the undeformed state is a stationary point of both invariants.
     """
     add_units = unit_sums(activation)
 

@@ -1,7 +1,7 @@
 """Products with the sparse matrices of a multigrid cycle, for several right-hand sides at once, each fused with the step that follows.
 
-Matrices are given by the pointers, columns and values of their rows; vectors have a row for every unknown. All arrays are in single
-precision.
+Matrices are given by the pointers, columns and values of their rows; vectors have a row for every unknown and a column for every right-hand
+side. All arrays are in single precision.
 """
 
 from functools import cache
@@ -22,7 +22,7 @@ def passes_of(width: int) -> SimpleNamespace:
 
     @Pass
     def scale(chunk, relaxation, right, out):
-        """Compute ``out = r b``, the step of Jacobi's iteration from x = 0 for A x = b; r is `relaxation` (one factor a row), b `right`."""
+        """Compute ``out = r b``, the step of Jacobi's iteration from x = 0 for A x = b; r is `relaxation` (a factor per row), b `right`."""
         for i in share_of(right.shape[0], chunk):
             for c in range(width):
                 out[i, c] = relaxation[i] * right[i, c]

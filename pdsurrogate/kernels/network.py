@@ -2,7 +2,7 @@
 
 Four units are packed into a group, whose weights are scalars of the inner loop over a block of bonds: a state is loaded once for four
 units, and an accumulator is written once for four units. Networks of a bond force have one to three hidden layers; their inputs are padded
-to a multiple of four with zero weights, except a pair of inputs to a single hidden layer.
+to a multiple of four with zero weights; only the two inputs of a network with one hidden layer are not padded.
 
 Activation functions return their first and second derivative, too: a network that represents an energy gives the stress through the slope
 and the stiffness through the curvature. NumPy evaluates the same expressions for checks and training; compiled, unused derivatives cost
@@ -61,7 +61,7 @@ def logistic(x):
 
 
 def tanh(x):
-    """Return the value, slope and curvature of tanh x as 1 - 2/(1 + exp(2x)); the absolute error near 0 is the rounding error at 1."""
+    """Return the value, slope and curvature of tanh x as 1 - 2/(1 + exp(2x)); the error near 0 is that of rounding numbers near 1."""
     value = like(x, 1.0) - like(x, 2.0) / (like(x, 1.0) + exponential(x + x))
     slope = like(x, 1.0) - value * value
     return value, slope, like(x, -2.0) * value * slope

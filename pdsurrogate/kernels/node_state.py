@@ -46,9 +46,9 @@ def solve_volume_ratios(n, states, result, last, response, parameters, last_step
 
     The rows of `states` are tr C and J in the plane, and J3. Return the number of states without a solution. Each state ends with a
     relative step below `last_step`; convergence is quadratic, so the error is about the square of that step. `result` holds the response
-    before the last step. A converged state waits for the others of its block, so that J3 of a state depends on nothing but that state, to
-    the last bit. `last` is a row of working memory. The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from the J3 of the
-    last evaluation one step reaches rounding, and a second confirms it.
+    before the last step. A converged state takes no further steps while other states of its block do, so that its J3 does not depend on
+    them. `last` is a row of working memory. The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from the J3 of the last
+    evaluation one step reaches rounding, and a second confirms it.
     """
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
@@ -95,7 +95,7 @@ def rotation(F):
 
 @ByDimension
 def held_states(algebra):
-    """Build the pass that computes the state of every point of a solid, or of a sheet whose thickness is held, where J3 = det F."""
+    """Build the pass that computes the state of every point of a solid, or of a sheet in plane strain, where J3 = det F."""
     sheet = algebra.DIMENSION == 2
 
     @Pass

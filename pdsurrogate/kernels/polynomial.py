@@ -29,8 +29,9 @@ _FLAGS = ("contract", "reassoc", "nsz")
 def pack(centre, half_width, coefficients, at_rest, dtype):
     """Pack a polynomial for `polynomial_block`: return the number of terms for each degree in the second feature, and the weights.
 
-    Features are mapped to (x - centre)/half_width; `coefficients` (2, inner + 1, outer + 1) multiply T_j(x1) T_i(x2). For each i,
-    coefficients after the last non-zero one cost nothing. `at_rest`, the two outputs in the undeformed state, is appended for subtraction.
+    Features are mapped to (x - centre)/half_width; ``coefficients[output, j, i]``, shape (2, inner + 1, outer + 1), multiplies T_j(x1)
+    T_i(x2). For each i, the coefficients after the last non-zero one are left out. `at_rest`, the two outputs in the undeformed state, is
+    appended for subtraction.
     """
     outer = coefficients.shape[2] - 1
     used = (coefficients != 0).any(axis=0)
@@ -65,7 +66,7 @@ def chebyshev_sums(typingctx, counts, x1, x2, weights):
             return values[0]
 
         def chebyshev(x, count):
-            """Return the Chebyshev polynomials T_0 … T_count-1 at x, by T_p+m = 2 T_p T_m - T_p-m, p a power of two.
+            """Return the Chebyshev polynomials T_0 … T_count-1 at x, by T_(p+m) = 2 T_p T_m - T_(p-m) with p a power of two.
 
             Each polynomial is thus only a few operations from x.
             """

@@ -116,8 +116,8 @@ def bond_shares(algebra):
         too compliant. Shares w V_j exp(-a . x/horizon), with the bond vector x, have a zero mean bond, where the vector a minimises the
         convex function log sum w V_j exp(-a . x/horizon): these are the weights of greatest entropy with zero mean (Arroyo, Ortiz, Int. J.
         Numer. Meth. Engng 65 (2006) 2167). Since no positive weights have a zero mean at an edge, epsilon/2 |a|^2 is added to the function:
-        this keeps a finite, and leaves a mean bond of epsilon a horizons. `strength` is w V_i V_j of every pair, zero for a pair that has
-        no bond.
+        this keeps a finite, and the mean bond vector becomes epsilon a horizon. `strength` is w V_i V_j of every pair, zero for a pair that
+        has no bond.
         """
         for r in share_of(rows.shape[0], chunk):
             i = rows[r]

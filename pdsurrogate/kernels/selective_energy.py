@@ -18,7 +18,7 @@ STATE_ROWS, RESULT_ROWS = 3, 4
 def evaluate_isochoric_energy(energy, constants, states, result):
     """Evaluate the isochoric energy over one block of states: the learnt one at address `energy`, or the exact one of the law if that is 0.
 
-    `constants` are the sizes and weights of a learnt energy, and the address of the response and the parameters of the law.
+    `constants` are the sizes and weights of the learnt energy, the address of the response of the law and the parameters of the law.
     """
     if energy == 0:
         call_block(constants[2], states, constants[3], result)
@@ -69,7 +69,7 @@ def pair_volumes(algebra):
     def pair_volumes(chunk, positions, gradients, pairs, buffers, volumes):
         """Compute det F_ij of every pair of points; return the number of pairs for which it is NaN or not positive.
 
-        `pairs` are their ends, the numbers of their first and second points, and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l,
+        `pairs` are the numbers of the first and second points, and the geometry (n_blocks, d + 2 or d + 3, BLOCK): n, 1/l,
         the volume of the pair and, where a body has several materials or ranks, the part of this volume counted here.
         """
         ends, geometry = pairs
@@ -124,7 +124,7 @@ def smoothed_value(smoothing, values, i):
 
 @Pass
 def smooth(chunk, smoothing, values, out):
-    """Compute ``out = W values``, smoothed values at the points, which are the first rows of `out`.
+    """Write the smoothed values ``W values`` of the points to the first rows of `out`; further rows stay as they are.
 
     `smoothing` is the sparse matrix W, see `smoothed_value`.
     """
@@ -170,7 +170,9 @@ def pair_energies(algebra):
 
     @Pass
     def pair_energies(chunk, positions, gradients, pressures, pairs, shares, energy, constants, buffers, results):
-        """Compute the isochoric energy, the force and the moment S of every pair of points; all are dimensionless, times volume.
+        """Compute the isochoric energy, the force and the moment S of every pair of points.
+
+        Energies and stresses are dimensionless, and multiplied by the volume that the bond represents.
 
         The stress P of a pair includes the pressure of the pair: the sum of the `pressures` of both points, each times the share of the
         pair in the volume of the point (`shares`, (n_blocks, 2, BLOCK)). The results are: `energies`, the sums over each block of pairs;

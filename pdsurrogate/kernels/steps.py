@@ -12,7 +12,7 @@ from ..engine.compile import kernel
 def rayleigh_parts(velocities, forces, last_forces, mass):
     """Return v . K v and v . M v, numerator and denominator of the Rayleigh quotient of the velocities v.
 
-    K v, stiffness matrix times velocities, is minus the change of the forces over the last time step, which has unit length.
+    K v, stiffness matrix times velocities, is minus the change of the forces over the last time step, of length 1.
     """
     stiffness = 0.0
     inertia = 0.0
@@ -25,7 +25,7 @@ def rayleigh_parts(velocities, forces, last_forces, mass):
 
 @kernel
 def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping):
-    """Take one step of dynamic relaxation with unit time step, in place; `last_forces` is overwritten with `forces`.
+    """Advance `positions` and `velocities` in place by one step of dynamic relaxation of length 1; copy `forces` to `last_forces`.
 
     `free` is 1 where a component may move and 0 elsewhere, `mass` is fictitious, and the `damping` rate is below 2.
     """
@@ -57,7 +57,7 @@ def greatest_force_density(forces, free, volumes):
 
 @kernel
 def greatest_strain(displacements, points, first, second):
-    """Return the largest relative displacement of two bonded points, in any component, divided by their undeformed distance.
+    """Return the largest component of u_j - u_i over the undeformed bond length, of all bonds; u are the `displacements`.
 
     `first` and `second` are the numbers of the points of every pair. Bonds to ghosts are left out.
     """

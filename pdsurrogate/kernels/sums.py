@@ -16,8 +16,8 @@ def sum_pair_forces(algebra):
         """Write the force on every point, times `unit` (the shear modulus), summed in double precision; return how many are not finite.
 
         The force of a pair acts on its first point, and the opposite force on the second. `pair_pointers` bound the pairs that have the
-        point as first point, `incidence` lists the pairs that have it as second point. Directed bonds are summed by this pass, too, with
-        the reverse bonds as `incidence`.
+        point as first point, `incidence` lists the pairs that have it as second point. The pass sums directed
+        bonds, too, where `incidence` lists the reverse bonds.
         """
         without_force = 0
         for i in share_of(out.shape[0], chunk):
@@ -46,7 +46,7 @@ def sum_moments(algebra):
 
 @ByDimension
 def weigh_moments(algebra):
-    """Build the pass that replaces the moment S of every point by S K^-1/V, K the shape tensor and V the volume of the point."""
+    """Build the pass that multiplies the moment S of every point by K^-1/V in place, K the shape tensor and V the volume of the point."""
 
     @Pass
     def weigh_moments(chunk, moments, inverse_shape, volumes):

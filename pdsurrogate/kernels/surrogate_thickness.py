@@ -1,7 +1,8 @@
 """Rotation, J and C33 of every point of a sheet, with C33 from the learnt bond force instead of the law.
 
-The isochoric Kirchhoff stress has no trace. With the pressure eliminated by P33 = 0 its principal values are tau_1 - tau_3, tau_2 - tau_3
-and 0 up to a pressure, so that the thickness condition reads
+The principal values tau_1, tau_2, tau_3 of the isochoric Kirchhoff stress sum to zero. P33 = 0 requires tau_3 + J3 U'(J3) = 0, so that the
+principal values of the whole Kirchhoff stress are tau_1 - tau_3, tau_2 - tau_3 and 0. Their sum tr(T U) is -3 tau_3, and the thickness
+condition reads
 
     J3 U'(J3) = tr(T U)/3,        T = R^T P,
 

@@ -1,6 +1,7 @@
 """Base classes of the regressors that learn forces and energies: checked data, activations, predictions in the shape of the targets.
 
-The module also holds `NamedFunction`, for functions in pipelines that state the names of the table columns that they read.
+The module also holds `NamedFunction`: a function in a pipeline with the names of the table columns that it reads, by which pipelines check
+and order the columns of tables.
 """
 
 from collections.abc import Callable
@@ -62,10 +63,11 @@ def checked_samples(regressor: BaseEstimator, X, y, sample_weight=None) -> tuple
 
 
 def distinct_samples(X: np.ndarray, y: np.ndarray, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the indices of the distinct samples of positive weight, and the summed weight of each sample, or None if all weights are 1.
+    """Return the indices of the distinct samples (X, y) of positive weight, and their summed weights, or None if all of these sums are 1.
 
     Copies of a sample and one sample with the sum of their weights give the same training. Where nothing repeats and all weights are 1,
-    all rows are kept in their order; elsewhere the samples kept are sorted. Raise ValueError if all weights are 0.
+    all indices are returned in order; otherwise the samples are in lexicographic order of their values (X, y). Raise ValueError if all
+    weights are 0.
     """
     _, first, inverse = np.unique(np.column_stack([X, y]), axis=0, return_index=True, return_inverse=True)
     if len(first) == len(X) and (weights is None or (weights == 1).all()):
@@ -120,7 +122,7 @@ class BasePerceptron(BaseRegressor):
 
 
 class NamedFunction:
-    """Function defined in a module that states the names of the columns of X and y that it reads; None stands for any columns.
+    """Function of a module with the names of the table columns of X and y that it reads; None stands for columns of any names.
 
     The ``repr`` is the name of the function. A pickle holds only module and name, as the pickle of a plain function does.
     """
@@ -143,7 +145,7 @@ class NamedFunction:
 
 
 def named(columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> Callable[[Callable], NamedFunction]:
-    """Return a decorator that turns a function into a `NamedFunction`, which reads these columns of X and these targets, columns of y."""
+    """Return a decorator that makes a function a `NamedFunction` with the names `columns` of columns of X and `targets` of columns of y."""
     return lambda function: NamedFunction(function, columns, targets)
 
 
@@ -154,7 +156,7 @@ def columns_read(function) -> tuple[tuple[str, ...] | None, tuple[str, ...] | No
 
 
 def check_targets(y, names) -> None:
-    """Raise ValueError unless the targets y have two dimensions and as many columns as there are names."""
+    """Raise ValueError unless the targets y have two dimensions and one column for each of `names`."""
     if np.shape(y)[1:] != (len(names),):
         raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
 

@@ -1,4 +1,4 @@
-"""Learning of the bond force of a sheet: training samples, pipeline, errors, domain and surrogates."""
+"""Learning of the bond force of a sheet: training samples, pipeline, errors, domain of validity, and conversion to a surrogate."""
 
 from collections.abc import Callable
 from typing import ClassVar
@@ -95,9 +95,9 @@ def algorithm_1(
     """Draw samples of bond forces by the paper's Algorithm 1: loops over principal stretches, bond lengths and bond orientations.
 
     The paper loops over "various" values. Here lengths and orientations are drawn uniformly from their ranges, and stretches uniformly in
-    the logarithm. On a full grid of values a network can be exact at the few stretches of the grid and wrong by percents between them. If
-    stretches themselves were uniform, only two in a thousand pairs would be near the corner of least stretches, where C33 is greatest, and
-    a network would be wrong there by ten times its error elsewhere.
+    the logarithm. On a full grid of values a network can be exact at the few stretches of the grid and wrong by percents between them. With
+    stretches drawn uniformly, only two in a thousand pairs would have both stretches near their least value, where C33 is greatest, and the
+    error of a network would be ten times as large there as elsewhere.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def algorithm_1(
     weight : str
         Weight function.
     nondimensional : bool
-        Whether lengths are in units of the horizon, and forces t in units of w l mu/kappa, with the weight w and length l of the bond, the
+        Whether lengths are divided by the horizon, and forces t by w l mu/kappa, with the weight w and length l of the bond, the
         shear modulus mu, and the shape tensor kappa I of a full circular horizon. Otherwise lengths have the unit of `horizon`, and
         forces are those of Eq. (2) of the paper on such a horizon, in the unit of the shear modulus divided by a length cubed.
     random_state : int
@@ -161,9 +161,10 @@ def algorithm_1(
 
 
 def stiffness_slopes(force: Callable, states: np.ndarray) -> np.ndarray:
-    """Return the slopes d t_n / d lambda_b, shape (n,), of a force at fixed rotation, length, C33 and J in `states`, shape (n, 5).
+    """Return d t_n / d lambda_b, shape (n,): the derivatives of the force along the bond by the bond stretch, at fixed other quantities.
 
-    They are the derivatives of the force along the bond by the bond stretch; `states` has the columns `COLUMNS`.
+    ``force(stretch, rotation, length, C33, J)`` returns the components (t_n, t_tau), shape (n, 2); `states`, shape (n, 5), has the columns
+    `COLUMNS`.
     """
     stretch = states[:, 0]
     low, high = (force(stretch * (1 + sign * SLOPE_STEP), *states[:, 1:].T)[:, 0] for sign in (-1, 1))

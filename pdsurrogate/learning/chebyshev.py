@@ -111,7 +111,7 @@ class ChebyshevRegressor(BaseRegressor):
 
 
 def _powers(degrees, share):
-    """Yield each tuple of one degree per feature; the degrees, divided by the greatest `degrees`, add up to at most `share`."""
+    """Yield all tuples (d_1, ..., d_n) of powers for which the sum of d_i/D_i is at most `share`, with `degrees` (D_1, ..., D_n)."""
     if not degrees:
         yield ()
         return

@@ -1,4 +1,4 @@
-"""Learning of the energy of a sheet under plane stress: invariants, features, training samples and measures of stability."""
+"""Learning of the energy of a sheet under plane stress: invariants, features, training samples and measures of material stability."""
 
 import numpy as np
 
@@ -22,14 +22,20 @@ def log_invariants(X) -> np.ndarray:
 
 @named()
 def rubber_energy_size(features) -> np.ndarray:
-    """Return (tr C + J^-2)/2, shape (n,), the order of magnitude of the energy of rubber, from features as of `log_invariants`."""
+    """Return (tr C + J^-2)/2, shape (n,), from the features that `log_invariants` returns: the size of the energy of rubber.
+
+    The training divides residuals by this size.
+    """
     x, u = features.T
     return np.exp(x + u) + np.exp(-2 * x) / 2
 
 
 @named(INVARIANTS, DERIVATIVES)
 def derivatives_by_features(X, y) -> np.ndarray:
-    """Return the energy and its derivatives by log J and log(tr C/(2 J)), shape (n, 3), from energy and derivatives by tr C and J in y."""
+    """Return the energy and its derivatives by log J and log(tr C/(2 J)), shape (n, 3).
+
+    X holds tr C and J, and y the energy and its derivatives by tr C and J.
+    """
     (trace, J), (energy, by_trace, by_J) = checked_derivatives(X, y, INVARIANTS, DERIVATIVES)
     by_ratio = trace * by_trace
     return np.stack([energy, J * by_J + by_ratio, by_ratio], axis=1)
@@ -95,8 +101,10 @@ SHEET_ENERGY = _SheetEnergy()
 
 
 def _stability(energy, samples) -> tuple[float, float]:
-    """Return the least second derivatives of the energy of a sheet, over all samples: by rank-one changes of F, and by log-stretches.
+    """Return two measures of the stability of a sheet, each the least value over all samples.
 
+    The first is the second derivative of the energy along rank-one changes m (x) n of F with unit vectors m and n; the second is the lesser
+    eigenvalue of the matrix of second derivatives of the energy by the logarithms of the two principal stretches.
     `energy` holds the first and second derivatives of the energy by tr C and J at the samples.
     """
     first, second = samples.stretches.T

@@ -1,4 +1,4 @@
-"""Conversion of a fitted model of a bond force to the plain arrays that a run needs, exactly or by resampling."""
+"""Conversion of a fitted model of a bond force to the plain arrays that a simulation needs, exactly or by resampling onto a spline."""
 
 import warnings
 from collections.abc import Callable
@@ -42,12 +42,13 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
     """Return the surrogate made of a fitted model of a bond force, and a report on the error where the model had to be resampled.
 
     Networks of one to three hidden layers and `ChebyshevRegressor` are converted exactly, with scalings folded into their constants, and
-    the report is empty. Any other model is resampled onto a spline of the features of the model if these are two or three, else of the
-    isochoric features.
+    the report is empty. Any other model is resampled onto a spline: of its own features if it is a `surrogate_pipeline` with two or three
+    features, otherwise of the two features "isochoric".
 
     The report names the model and the spline, and states the error of resampling (``rms`` and ``max``, divided by the RMS of the force, on
     states of the training set) and ``jump``, the greatest step of a discontinuous function divided by the RMS of its outputs. `states` are
-    the bonds of the training set (columns `COLUMNS`), for a model that does not keep them.
+    the bonds of the training set (columns `COLUMNS`) for a model that is no `surrogate_pipeline`; a fitted pipeline keeps its own. Without
+    them the errors are those on bonds drawn from the domain.
     """
     model = best_of(model)
     force, is_pipeline = force_of(model), isinstance(model, InputAwareTargetRegressor)
@@ -86,10 +87,10 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
 
 
 def best_of(model):
-    """Return the best fitted estimator if the model is a search over parameters, or any other model unchanged.
+    """Return the best fitted estimator of a search over parameters, and any other model unchanged.
 
-    For a pipeline of a single step, with which a search can choose among models of several feature sets, return that step. Raise ValueError
-    for a search that is not fitted, or keeps no fitted estimator.
+    If the model or the best estimator is a `Pipeline` of a single step, return this step: in such a pipeline a search can exchange whole
+    `surrogate_pipeline` models of different feature sets. Raise ValueError for a search that is not fitted, or keeps no fitted estimator.
     """
     if is_search(model):
         check_is_fitted(model)
@@ -160,7 +161,10 @@ def _quietly(function: Callable, X) -> np.ndarray:
 
 
 def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lower and upper bounds of the features of all bonds in a domain and of the bonds `states`, extended by `MARGIN`."""
+    """Return the lower and upper bounds of the features of the bonds `states` and of a grid of bonds that covers a domain.
+
+    The bounds are moved outward by the share `MARGIN` of their distance.
+    """
     logs = np.linspace(np.log(domain.least_stretch), np.log(domain.greatest_stretch), 25)
     bulk = np.exp(np.linspace(np.log(domain.least_bulk), np.log(domain.greatest_bulk), 3))
     angles, lengths = np.linspace(0.01, np.pi / 2 - 0.01, 13), (0.05, 1.0)
@@ -191,7 +195,7 @@ def title_of(regressor) -> str:
 
 
 def shift_and_scale(scaler: StandardScaler) -> tuple[np.ndarray, np.ndarray]:
-    """Return the shift and the scale of a fitted scaler, each of shape (n_features,): zeros or ones where the scaler does not use them."""
+    """Return the shift of a fitted scaler, or zeros if it has none, and its scale, or ones if it has none, both of shape (n_features,)."""
     count = scaler.n_features_in_
     return scaler.mean_ if scaler.with_mean else np.zeros(count), scaler.scale_ if scaler.with_std else np.ones(count)
 
@@ -270,7 +274,7 @@ def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
 
 
 def _affine(transform, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the matrix M and the vector c of an affine transformation x -> x M + c of `count` features."""
+    """Return the matrix M and the vector c of the affine function ``transform``, x -> x M + c, of `count` features."""
     values = _quietly(transform, np.vstack([np.zeros((1, count)), np.eye(count)]))
     return values[1:] - values[0], values[0]
 

@@ -1,4 +1,7 @@
-"""Training samples, pipelines and surrogates for the quantity to learn; errors of fitted models, and limits of errors for their use."""
+"""Training samples, pipelines and surrogates for each quantity to learn; errors of fitted models.
+
+The module also holds the check that refuses to store or to run a model with too great an error.
+"""
 
 import warnings
 from bisect import bisect_left
@@ -72,11 +75,11 @@ def training_samples(
         Seed.
     target : {"bond-force", "sheet-energy", "isochoric-energy"}
         Quantity to learn: the bond force of a sheet, the energy of a sheet under plane stress, or the energy W(I1bar, I2bar) for plane
-        strain, three dimensions and every bulk modulus.
+        strain and three dimensions, which does not depend on the bulk modulus.
     off_surface : float, optional
         For bond forces, the share of states off the plane-stress surface, on which C33 follows from the stretches in the plane; two thirds
         by default. Bond stretch, rotation and C33 are perturbed independently, by amounts that shrink with the strain, and the force is the
-        exact one of the perturbed values.
+        law's exact bond force as a function of the perturbed values.
 
     Returns
     -------
@@ -176,7 +179,7 @@ def surrogate_pipeline(
     regressor : estimator, optional
         For bond forces, any regressor with the interface of scikit-learn, including pipelines and searches; a regressor of a single target
         is fitted to each output separately; by default a Levenberg-Marquardt network of 20 units. For energies, a `SobolevRegressor`, whose
-        `anchor`, `flat` and `size` are set here; by default one of 12 units, or 8 for an isochoric energy.
+        parameters `anchor`, `flat` and `size` this function sets; by default one of 12 units, or 8 for an isochoric energy.
     target : {"bond-force", "sheet-energy", "isochoric-energy"}
         Quantity to predict, see `training_samples`.
     features : str, optional
@@ -194,8 +197,8 @@ def surrogate_pipeline(
     -------
     InputAwareTargetRegressor
         Pipeline that accepts tables (pandas) with the names of the columns in any order, and refuses other names. With "symmetric" and
-        "isochoric" features it leaves out samples without shear (rotation 0), with a warning: they do not determine how the force grows
-        with shear.
+        "isochoric" features its ``fit`` leaves out samples without shear (rotation 0), with a warning: such a sample does not determine the
+        derivative of the force by the shear, which the regressor learns.
 
     Raises
     ------
@@ -226,8 +229,8 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
     ----------
     model : estimator or object
         A fitted `surrogate_pipeline` with any regressor, or a search over one. For bond forces also another fitted regressor of the
-        five bond quantities (columns of ``Samples.X``), or an object with a ``bond_force(stretch, rotation, length, C33, J)`` or an
-        ``energy(I1bar, I2bar)``.
+        five bond quantities (columns of ``Samples.X``), or an object with one of the methods ``bond_force(stretch, rotation, length, C33,
+        J)`` and ``energy(I1bar, I2bar)`` (see `pdsurrogate.forces.OwnBondForce`).
     law : Law
         Law of the training data.
     samples : Samples
@@ -238,7 +241,7 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
     -------
     NetworkForce, PolynomialForce, SplineForce, EnergyNetwork or IsochoricNetwork
         Networks of one to three hidden layers and `ChebyshevRegressor` are converted exactly, with scalings folded into their constants;
-        any other regressor of a bond force is resampled onto a spline.
+        any other model of a bond force is resampled onto a spline. The model of an energy must be a pipeline with a `SobolevRegressor`.
 
     Raises
     ------
@@ -273,7 +276,9 @@ def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[Lea
 
 
 def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBondForce | LearntEnergy:
-    """Return the force model of a fitted `surrogate_pipeline`, or of a search over pipelines; the training states give the domain.
+    """Return the surrogate of a fitted `surrogate_pipeline`, or of a search over pipelines, as a force model that a simulation can use.
+
+    Unlike `surrogate_of`, this function needs no samples: the training states that the pipeline keeps give the domain.
 
     Parameters
     ----------
@@ -322,7 +327,8 @@ class TooInexact(ValueError):
 def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is stored as", purpose: str = "written") -> None:
     """Raise `TooInexact` if the error in the report of a model (`evaluate`) is above `MOST_STORED`; warn above `NOTED`.
 
-    `what` (the model), `role` (of the law) and `purpose` (for which the model is refused) are words for the messages.
+    The other arguments are words for the messages: `what` names the model, `role` says what `law` is for the model, and `purpose` what is
+    not done with a refused model.
     """
     rms = errors["on_surface"]["rms"]
     if not rms <= MOST_STORED:
@@ -417,16 +423,16 @@ def evaluate(
     stretch_range : tuple of float, optional
         Least and greatest principal stretch; by default those of the domain of the model, or 0.5 to 4 without a domain.
     n_samples : int
-        States in each set.
+        Number of states on the plane-stress surface, and for bond forces as many states off the surface.
     random_state : int
         Seed; choose one that no training used.
 
     Returns
     -------
     dict
-        ``on_surface``: relative errors (``rms``, ``max``) of the force or stress, and for energies ``energy_rms``, over the box of
-        stretches, uniform in their logarithms (for an isochoric energy the stretches with product 1, and Kirchhoff stresses);
-        ``by_strain``: these errors by bins of greatest principal strain; ``at_rest``: the absolute value, in the undeformed
+        ``on_surface``: relative errors (``rms``, ``max``) of the force or stress, and for energies ``energy_rms``, at states with all
+        stretches in `stretch_range`, uniform in their logarithms (for an isochoric energy three stretches with product 1, and Kirchhoff
+        stresses); ``by_strain``: these errors by bins of greatest principal strain; ``at_rest``: the absolute value, in the undeformed
         state, of the bond force, of the isochoric energy, or of the energy or stress of a sheet, whichever is greater.
 
         For bond forces also ``off_surface``: errors in states whose C33 is not that of plane stress; ``least_slope``: least derivative of
@@ -470,10 +476,10 @@ def evaluate(
 
 
 def stated_against(model: LearntBondForce | LearntEnergy, law: Law, states: np.ndarray) -> LearntBondForce | LearntEnergy:
-    """Return a copy of a model that states its errors against a law, as an artefact's card does; raise `TooInexact` above `MOST_STORED`.
+    """Return a copy of a model with its errors against a law as attribute ``stated``; raise `TooInexact` for errors above `MOST_STORED`.
 
-    So a run judges a fitted pipeline as it judges an artefact that `pdsurrogate.store` makes of the pipeline. `states` are the inputs that
-    the model was fitted to; for a bond force they include states off the plane-stress surface.
+    So a run knows the errors of a pipeline that was fitted in memory and has no card. `states` are the inputs of the training: the error of
+    a bond force is computed on them, that of an energy by `evaluate` on new states.
     """
     reach = model.domain.least_stretch, model.domain.greatest_stretch
     if isinstance(model, LearntEnergy):

@@ -28,7 +28,10 @@ def log_isochoric_invariants(X) -> np.ndarray:
 
 @named()
 def isochoric_energy_size(features) -> np.ndarray:
-    """Return (I1bar + I2bar)/6, shape (n,), the order of magnitude of the energy of rubber, from features log(I1bar/3) and log(I2bar/3)."""
+    """Return (I1bar + I2bar)/6, shape (n,), from the features log(I1bar/3) and log(I2bar/3): the size of the energy of rubber.
+
+    The training divides residuals by this size.
+    """
     return np.exp(features).mean(axis=1)
 
 
@@ -120,9 +123,10 @@ ISOCHORIC_ENERGY = _IsochoricEnergy()
 
 
 def _least_acoustic(derivatives, squares) -> float:
-    """Return the least second derivative of W along changes F (a (x) n) of F, with perpendicular unit vectors a and n, divided by |F a|^2.
+    """Return the least second derivative of W, divided by |F a|^2, along changes F (a (x) n) of F with perpendicular unit vectors a and n.
 
-    All rank-one changes that keep the volume are of this kind, so that shear waves are stable if the value is positive.
+    F (a (x) n) is the rank-one change (F a) (x) n; the division accounts for the length of F a. All rank-one changes that keep the volume
+    have this form, so that shear waves are stable if the value is positive.
     ``derivatives(I1, I2)`` returns the derivatives of W by both invariants; `squares`, shape (3, n), are the squares of the principal
     stretches of the states F. The minimum is over all states and over `DIRECTIONS` random pairs a, n.
     """

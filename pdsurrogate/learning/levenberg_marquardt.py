@@ -51,10 +51,10 @@ def accepted_steps(
 ) -> Iterator[tuple[np.ndarray, float]]:
     """Minimise a loss by Levenberg-Marquardt steps: yield weights and loss after each of at most ``max_iter`` accepted steps.
 
-    Training `number` of the ``n_init`` of a regressor starts from `weights`. ``normal_equations(weights)`` returns J^T J and J^T r for the
-    residuals r and their derivatives J by the weights. The damping, relative to the diagonal of J^T J, is raised until the
-    loss falls, and lowered after the step. The training ends early where no damping makes a step an improvement: the loss is then at its
-    least to rounding. A listener set by `listening` is called after each step.
+    The training starts from `weights`; `number` counts the ``n_init`` trainings of a fit, from 0, for the listener.
+    ``normal_equations(weights)`` returns J^T J and J^T r for the residuals r and their derivatives J by the weights. The damping, relative
+    to the diagonal of J^T J, is raised until the loss falls, and lowered after the step. The training ends early where no damping makes a
+    step an improvement: the loss is then at its least to rounding. A listener set by `listening` is called after each step.
     """
     loss, damping, most, listener = loss_of(weights), regressor.initial_damping, regressor.max_iter, _listener.get()
     for iteration in range(number * most + 1, (number + 1) * most + 1):
@@ -274,8 +274,9 @@ class _Part:
     def _fill(self, jacobian, coefs, inputs, slopes, delta):
         """Write the derivatives of an output by weights and biases of the hidden layers to the first columns of `jacobian`.
 
-        `inputs` and `slopes` are the inputs of each hidden layer and the slopes of its activation; `delta` holds the derivatives by the
-        arguments of the last activation.
+        `inputs` and `slopes` are the inputs of each hidden layer and the slopes of its activation; `delta`, shape (n, units),
+        holds the derivatives of the output by the inputs of the activation of the last hidden layer. Each row written is
+        linear in its row of `delta`, so that a factor of `delta`, such as the root of a sample's weight, is a factor of the result.
         """
         for layer in range(len(slopes) - 1, -1, -1):
             start, (n_in, n_out) = self.starts[layer], self.shapes[layer]

@@ -56,7 +56,7 @@ def bond_force_pipeline(
 
 
 def _for_two_outputs(regressor):
-    """Return the regressor, wrapped in `MultiOutputRegressor` if it fits one target only; raise ValueError for no regressor."""
+    """Return the regressor, wrapped in `MultiOutputRegressor` if it fits one target only; raise ValueError if it is not a regressor."""
     if isinstance(regressor, type) or not (hasattr(regressor, "fit") and hasattr(regressor, "predict")) or not is_regressor(regressor):
         title = regressor.__name__ if isinstance(regressor, type) else type(regressor).__name__
         more = "; give an instance of it" if isinstance(regressor, type) else ""
@@ -105,11 +105,11 @@ def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.n
 
 @named(COLUMNS, OUTPUTS)
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
-    """Return the outputs of a feature set, shape (n, 2), that correspond to bond forces y, as training targets of the regressor.
+    """Return the training targets of the regressor, shape (n, 2): the two scalars from which a feature set composes the bond forces y.
 
     ``factor(length)`` is the unit of dimensional forces, by which y is divided; None stands for dimensionless forces.
     Outputs that vary by rounding only are made constant: scaled to unit variance they would be noise to fit. If one of the
-    outputs is a derivative by the shear, both are NaN for a bond without shear, whose force does not determine the derivative.
+    outputs is a derivative by the shear U_nm, both are NaN for a bond with U_nm = 0, whose force does not determine the derivative.
     """
     a, b, U_mm, J, C33, length = _bond_state(X)
     check_targets(y, OUTPUTS)
@@ -146,7 +146,8 @@ def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
 def _bond_state(X):
     """Return the components U_nn, U_nm and U_mm of the stretch tensor, J, C33 and length of the bonds X (columns `COLUMNS`).
 
-    The axis n is along the undeformed bond, and m across. Raise ValueError for bonds that no stretch tensor has.
+    The axis n is along the undeformed bond, and m across. Raise ValueError for rotations that no stretch tensor gives
+    a bond: a right angle or more.
     """
     stretch, rotation, length, C33, J = checked_columns(X, COLUMNS, ("stretch", "C33", "J"))
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)

@@ -1,4 +1,4 @@
-"""Resampling of functions of two or three features, or of bonds, onto a cubic spline that the kernels evaluate."""
+"""Resampling of a function of two or three features, or of a bond force, onto a cubic spline that the kernels evaluate."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -134,10 +134,11 @@ def resampled(function: Callable, low, high, error: Callable[[Spline], float]) -
 
 
 def isochoric_outputs_of(force: Callable) -> Callable:
-    """Return a function from isochoric features to outputs that fits a given bond force best, by least squares over bond directions.
+    """Return a function from isochoric features, shape (k, 2), to the two outputs, shape (k, 2), that reproduce a bond force best.
 
-    ``force(stretch, rotation, length, C33, J)`` is dimensionless, shape (m, 2). The states have J3 = 1 and bonds of half the horizon. An
-    isotropic force has the same outputs in all directions of a bond.
+    The outputs are the least-squares fit to ``force(stretch, rotation, length, C33, J)``, dimensionless, shape (m, 2), over several
+    directions of the bond. The states have the undeformed volume (J3 = J sqrt(C33) = 1), and the bonds have half the length of the horizon.
+    For an isotropic force the fitted outputs hold in every direction.
     """
     isochoric = FEATURE_SETS["isochoric"]
 

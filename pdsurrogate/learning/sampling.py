@@ -22,9 +22,11 @@ def wide_bonds(
 ) -> tuple[np.ndarray, np.ndarray, dict, np.ndarray]:
     """Draw bond-force samples uniform in log-stretch (theory, section 5): return X, y, their design and principal stretches.
 
+    The design is the dictionary of the parameters with which the samples were drawn.
+
     The share `near_rest` of the states, with small strains (`log_stretches`), comes first. The share `off_surface` is off the plane-stress
     surface, on which C33 follows from the in-plane stretches: bond stretch, rotation and C33 are perturbed independently, by amounts that
-    shrink with the strain, and the force is the exact one of the perturbed values.
+    shrink with the strain, and y is the law's exact bond force as a function of the perturbed values.
     """
     check_share(off_surface, "off_surface")
     low, high = stretch_range
@@ -65,8 +67,8 @@ def random_order(n_samples: int, near_rest: float, random_state: int) -> np.ndar
 def log_stretches(random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
     """Return logarithms of principal stretches, shape (n_samples, 2), uniform within their bounds except near the undeformed state.
 
-    The share `near_rest` of the samples has strains from 0.1 % to 30 %, uniform in the logarithm of the strain. Where a bound limits the
-    strain further, and a tenth of this limit is less than 0.1 %, strains begin at this tenth.
+    The share `near_rest` of the samples, the first ones, has strains uniform in the logarithm of the strain, with upper limit 30 % or, if
+    that is less, the strain at the bound `low` or `high`, and lower limit 0.1 % or, if that is less, a tenth of the upper limit.
     """
     logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
     n_near = int(near_rest * n_samples)

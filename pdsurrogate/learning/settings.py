@@ -1,4 +1,4 @@
-"""Settings with which a surrogate is fitted to a law, for the command ``pdsurrogate fit`` and for studies."""
+"""Settings with which a surrogate is fitted to a law, for the command ``pdsurrogate fit`` and for parameter studies."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -41,7 +41,7 @@ def _as_text(value: Any) -> Any:
 
 
 class FitSettings(StrictModel):
-    """Settings with which a surrogate is fitted to a law, each with its option of the command; None stands for a default.
+    """Settings with which a surrogate is fitted to a law; each is an option of the command ``pdsurrogate fit``. None stands for a default.
 
     Attributes
     ----------
@@ -161,9 +161,9 @@ class FitSettings(StrictModel):
         ----------
         law : Law
         members : sequence of Law
-            Laws of the members of a committee.
+            Laws of the members of a committee: further surrogates in the artefact, whose spread estimates the uncertainty of the force.
         hull : dict, optional
-            Hull of the test data from which the law was identified, which becomes part of the surrogate's domain.
+            Hull of the states in the tests from which the law was identified; it becomes part of the surrogate's domain.
         identification : dict, optional
             Report of the identification of the law, for the card.
         progress : callable
@@ -184,7 +184,7 @@ class FitSettings(StrictModel):
         return lambda folder, name, version: store(pipeline, samples, law, folder, name, version, text, fitted)
 
     def committee(self, laws: Sequence[Law], progress: Callable[[int], None] = lambda member: None) -> list[tuple]:
-        """Fit a pipeline to each law, each with its own seed; return the members (model, samples, law) of a committee, for `store`.
+        """Fit a pipeline to each law, each with its own seed; return the tuples (model, samples, law), the ``members`` of `store`.
 
         `progress` is called with the number of each member, from 0, when its fit begins.
         """
@@ -206,5 +206,5 @@ def _numbers(value: str, key: str) -> tuple[int, ...]:
 
 
 def _words(numbers: Sequence[int]) -> str:
-    """Return numbers as text with commas between them."""
+    """Return whole numbers as text with commas between them, for a description or a message."""
     return ",".join(map(str, numbers))

@@ -32,13 +32,14 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     anchor : array-like, shape (n_features,), default=None
         Features at which the function is exactly zero.
     flat : tuple of int, default=()
-        Numbers of the features by which the derivative is exactly zero at the anchor.
+        Column indices of the features by which the derivative is exactly zero at the anchor.
     size : callable, default=None
         ``size(X)``, shape (n_samples,): known size of the function and its derivatives, by which residuals are divided.
     max_iter : int, default=400
         Most iterations, each an accepted step.
     alpha : float, default=1e-12
-        Penalty on the mean square of the output weights; residuals are of order one. Large weights that cancel each other cost digits.
+        Factor of the sum of squared output weights that is added to the mean squared residual (of order one), against large weights of
+        opposite sign, whose sum would lose digits to rounding.
     tol : float, default=1e-3
         Training ends when the loss falls by less than this, relatively, over `n_iter_no_change` iterations.
     n_iter_no_change : int, default=50
@@ -55,7 +56,8 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     hidden_biases_, output_weights_ : ndarray, shape (n_units,)
     intercept_ : float
     slopes_ : ndarray, shape (n_features,)
-        Coefficients of a linear function of ``X - anchor`` that is added, by which the derivatives named in `flat` vanish.
+        Coefficients of a linear function of ``X - anchor`` that is added to the network, so that the derivatives by the features
+        `flat` vanish at the anchor.
     loss_ : float
         Mean squared residual of the values, divided by their variance.
     n_iter_ : int
@@ -209,8 +211,9 @@ def values_and_slopes(X, W, b, v, activation: str, columns: int) -> np.ndarray:
 class _Function:
     """Network of one hidden layer with its gradient and its loss at weighted samples, as functions of the vector theta of its parameters.
 
-    With an anchor the network has no constant term. Its value at the origin is subtracted from its outputs, and so is a linear function of
-    the features in ``flat``, so that the derivatives by these features vanish at the origin.
+    With an anchor the features are measured from the anchor, which is the origin, and the network has no constant term: its value at the
+    origin is subtracted from its outputs, and so is a linear function of the features ``flat``, so that the derivatives by these features
+    vanish at the origin.
     """
 
     def __init__(self, regressor, X, Y, weights):
@@ -241,7 +244,8 @@ class _Function:
     def _at_samples(self, function, theta):
         """Return `function` (outputs or Jacobian) at the samples, shape (n, columns, ...).
 
-        With an anchor the value at the origin, and the linear function with the derivatives ``flat`` there, are subtracted.
+        With an anchor, the value of `function` at the origin is subtracted, and so is a linear function of the features ``flat`` with the
+        derivatives by them at the origin.
         """
         values = function(theta, self.X, self.columns)
         if self.anchored:

@@ -44,7 +44,8 @@ class CardText:
     Raises
     ------
     TypeError, ValueError
-        If a card cannot hold a value; the message names the value.
+        If a value is of the wrong type, or is something else than None, finite numbers, text, lists and dictionaries of them, all that
+        JSON can hold; the message names the value.
 
     Examples
     --------
@@ -96,8 +97,9 @@ def store(
     text : str or CardText
         Purpose of the artefact in a sentence; or a `CardText` with this sentence, tables and the identification of the law.
     members : sequence of tuple, optional
-        Committee in the same artefact: for each member its fitted model, the samples that it was fitted to, and its law. Runs use
-        `model`; ``NAME#3`` is the third member, and ``NAME#all`` reports the deviation of the members as well.
+        Committee in the same artefact: for each member its fitted model, the samples that it was fitted to, and its law. A run
+        with force ``NAME`` uses `model`, one with ``NAME#3`` the third member; one with ``NAME#all`` uses `model` and records the greatest
+        deviation of a member's force or stress from that of `model`, an estimate of uncertainty.
 
     Returns
     -------

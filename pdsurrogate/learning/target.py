@@ -1,4 +1,4 @@
-"""Targets that surrogates learn (bond force, energy of a sheet, isochoric energy), their samples, and the regressor that fits them."""
+"""Targets that surrogates learn (bond force, energy of a sheet, isochoric energy), their samples, and the outer estimator of pipelines."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ def is_search(model) -> bool:
 def weighted_part(estimator) -> tuple[str, object]:
     """Return the name of the argument of an estimator's ``fit`` for sample weights, and the inner regressor that receives the weights.
 
-    In a pipeline the argument's name is prefixed with the name of the last step, however deeply pipelines are nested.
+    For a pipeline the name is that of the last step, "__" and the argument of this step, such as ``regressor__sample_weight``; nested
+    pipelines add one prefix each.
     """
     if isinstance(estimator, Pipeline):
         name, last = estimator.steps[-1]
@@ -123,8 +124,8 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         sample_weight : array-like, shape (n_samples,), optional
             Weights for the regressor, or for the last step of a pipeline at any depth. A whole number stands for as many copies of a
             sample, 0 for none: if the regressor accepts weights, repeated samples are merged into weights, so that both trainings are the
-            same. Scalings are those of the distinct samples. With scikit-learn's metadata routing the weights go to the parts of
-            `regressor` that request them, and to the regressor if none does.
+            same. Scalers in the pipeline then count each distinct sample once, without its weight. With scikit-learn's metadata routing the
+            weights go to the parts of `regressor` that request them, and to the regressor if none does.
 
         Returns
         -------
@@ -133,8 +134,8 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         Raises
         ------
         ValueError
-            If only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or no sample
-            determines the transformed target.
+            If only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or the
+            transformed target is NaN for all samples.
         """
         if (self.func is None) != (self.inverse_func is None):
             raise ValueError("func and inverse_func are given together or not at all")
@@ -240,8 +241,8 @@ class Samples:
 class Target:
     """A quantity that surrogates learn; the instances are `BOND_FORCE`, `SHEET_ENERGY` and `ISOCHORIC_ENERGY`.
 
-    The target of a pipeline is recognised by the names of the columns that the pipeline's transformation of the target reads. Each
-    subclass or instance defines the attributes and methods that are declared here without a value.
+    The target of a pipeline is recognised by the names of the columns that the pipeline's transformation of the target reads. Subclasses
+    and instances define the attributes and methods to which this class assigns no value.
 
     Attributes
     ----------
@@ -260,7 +261,7 @@ class Target:
     has_committees : bool
         Whether an artefact may hold a committee.
     reached : callable
-        ``reached(law, low, high)``: whether a law has all states of samples whose principal stretches have logarithms in a range.
+        ``reached(law, low, high)``: whether a law is finite in all states of samples whose log principal stretches are from low to high.
     draw : callable
         ``draw(law, n_samples, stretch_range, near_rest, random_state)``: samples in the order in which they are drawn; a target may take
         further options of `pdsurrogate.training_samples`.
@@ -269,7 +270,8 @@ class Target:
     errors : callable
         ``errors(predicted, samples)``: relative errors (``rms``, ``max``) of predictions, of the shape of ``samples.y``.
     domain_of_states : callable
-        ``domain_of_states(law, X)``: domain of a surrogate that is fitted to states (columns `columns`) of an unknown design.
+        ``domain_of_states(law, X)``: domain of a surrogate that is fitted to the states X (columns `columns`), without a record of
+        how they were drawn.
     surrogate : callable
         ``surrogate(model, law, domain, name, states=None)``: surrogate of a fitted model, and a report of its resampling, empty for a
         surrogate that equals the model; ``states`` are the inputs of its training.
@@ -278,8 +280,7 @@ class Target:
     _predicted : callable
         ``_predicted(model, law, X)``: outputs of a model.
     _more_errors : callable
-        ``_more_errors(model, law, samples)``: entries of a report that only this target has, such as bounds of the stiffness at samples on
-        the surface.
+        ``_more_errors(model, law, samples)``: entries of a report that only this target has, such as the least stiffness at the samples.
     _reported : dict
         Options with which `draw` makes the samples of a report.
     """
@@ -304,7 +305,7 @@ class Target:
     _reported: ClassVar[dict[str, float]] = {"near_rest": 0.0}
 
     def carried_by(self, model) -> bool:
-        """Return whether a pipeline, fitted or not, was made for this target: its transformation reads the columns of this target."""
+        """Return whether a model, fitted or not, is a pipeline for this target: one whose transformation reads the target's columns."""
         return isinstance(model, InputAwareTargetRegressor) and columns_read(model.func)[0] == self.columns
 
     def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
@@ -355,8 +356,8 @@ class EnergyTarget(Target):
     _flat : tuple of int
         Numbers of the features by which the derivative is made zero in the undeformed state, where all features are zero.
     _functions : tuple of NamedFunction
-        Functions of a pipeline, which pickles store by their names: features of the invariants, names of the features, size of the energy,
-        derivatives by features from those by invariants, and the inverse of the latter.
+        Five functions of a pipeline, which pickles store by their names: features from the invariants, names of the features, size of the
+        energy, derivatives by features from derivatives by invariants, and derivatives by invariants from derivatives by features.
     _states : callable
         ``_states(law, stretches)``: X and y at given principal stretches, shape (n, 2) or (n, 3).
     _draw_logs : callable
@@ -398,7 +399,7 @@ class EnergyTarget(Target):
         return InputAwareTargetRegressor(Pipeline([("features", transformer), ("regressor", inner)]), *targets)
 
     def _network_of(self, model) -> SobolevRegressor:
-        """Return the network of a pipeline for this energy; raise ValueError if the pipeline cannot become a surrogate."""
+        """Return the network of a pipeline; raise ValueError unless the pipeline has the features, `anchor` and `flat` of this target."""
         pipeline: Any = getattr(model, "regressor_", getattr(model, "regressor", None))
         network: Any = pipeline[-1] if self.carried_by(model) and isinstance(pipeline, Pipeline) else None
         right = isinstance(network, SobolevRegressor) and getattr(pipeline[0], "func", None) is self._functions[0]
@@ -436,6 +437,6 @@ def relative_errors(predicted: np.ndarray, exact: np.ndarray) -> dict[str, float
 
 
 def strain_bins(low: float, high: float) -> list[tuple[float, float]]:
-    """Return the bins (least, greatest) of greatest principal strain, up to the greater strain at the stretches `low` and `high`."""
+    """Return bins (least, greatest) of the greatest absolute principal strain, up to the greater of high - 1 and 1 - low."""
     reach = max(high - 1, 1 - low)
     return [(least, min(greatest, reach)) for least, greatest in pairwise(STRAIN_BINS) if least < reach * (1 - 1e-9)]

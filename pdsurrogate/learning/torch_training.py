@@ -27,7 +27,7 @@ class WeightedSquares(torch.nn.Module):
     """Loss function: mean squared error, weighted by the last column of the targets, which holds the weights of the samples."""
 
     def forward(self, outputs, targets):
-        """Return the weighted mean squared error of outputs, shape (n, d).
+        """Return the mean, over all samples and outputs (shape (n, d)), of the squared error times the weight of the sample.
 
         `targets`, shape (n, d + 1), hold the exact outputs and, in the last column, the weights of the samples.
         """

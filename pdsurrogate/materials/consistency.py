@@ -1,6 +1,6 @@
-"""Checks of a law: its derivatives are those of its energy; undeformed, it has the moduli that it states and no stress.
+"""Checks of a law: its coded derivatives are those of its energy; the undeformed material has no stress and the law's stated moduli.
 
-Learnt forces, stresses and tangents use the stated derivatives alone, so a mistake in one of them shows nowhere else.
+Stresses, tangents and the training data of surrogates use the coded derivatives alone, so that no other test reveals a wrong one.
 """
 
 from functools import partial
@@ -86,13 +86,13 @@ def _check_stretches(law, parameters) -> None:
 
 
 def compare_derivatives(owner, expression, values, arguments, derivatives, modulus, relative=RELATIVE) -> np.ndarray:
-    """Compare stated derivatives with central differences, raise ValueError for a wrong one, and return the values at the first state.
+    """Compare coded derivatives with central differences, raise ValueError for a wrong one, and return the values at the first state.
 
     `arguments` is a dictionary of arrays, one value for each state. `values` is a function of these arrays that returns rows (energy and
-    derivatives); messages call it `expression` of the `owner`. Each of `derivatives` is a tuple of its name, its row, the weights of the
-    rows that it differentiates, and the direction in which the arguments change. A deviation of `relative` times the derivative is allowed,
-    or times `modulus`/100 if that is greater, and more where the differences do not converge (see `RELATIVE`). All states are evaluated at
-    once, since a law may be a sum of many terms.
+    derivatives); messages call it `expression` of the `owner`. Each of `derivatives` is a tuple (name, row, weights, direction): this row
+    must be the derivative of the weighted sum of the rows, along this direction in the space of the arguments. The allowed deviation is
+    `relative` times the derivative, or times a hundredth of the typical size `modulus` if that is greater, plus ten times the spread of
+    the differences with several step sizes. All states are evaluated at once, since a law may be a sum of many terms.
     """
     states = np.stack(list(arguments.values()))
     sizes = [STEPS[:, None] * np.maximum(np.abs(np.asarray(way) @ states), 1.0) for *_, way in derivatives]

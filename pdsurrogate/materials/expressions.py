@@ -5,8 +5,8 @@ A sheet with F = R U in the plane has a first Piola-Kirchhoff stress that is coa
     R^T P = p U + q U^-1.
 
 The coefficients (p, q) are functions of the trace of C in the plane, of J = det F in the plane, and of the three-dimensional volume ratio
-J3 = J sqrt(C33). Under plane stress P33 = 0 eliminates the pressure; plane strain has the same expressions at J3 = J, with the stress
-across the plane that holds C33 = 1. A solid has three coefficients of tr C, tr cof C and J = det F,
+J3 = J sqrt(C33). Under plane stress P33 = 0 eliminates the pressure; plane strain has the same expressions at J3 = J, and a
+reaction stress across the plane, which keeps C33 = 1. A solid has three coefficients of tr C, tr cof C and J = det F,
 
     P = p F + q cof F + r F C.
 
@@ -43,8 +43,8 @@ def of_sheet_invariants(state, isochoric, volumetric):
     """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(I1bar, I2bar) + U(J3).
 
     `isochoric` is (W, W1, W2, W11, W12, W22), and `volumetric` is (U, U', U''). p and q are the coefficients of the stress in theory (7).
-    The residual is J3 dPsi/dJ3 at fixed F in the plane, which vanishes in plane stress, and its slope is the derivative by J3 (paper,
-    Eq. (9), with the exponent of its first term corrected to +2/3).
+    The residual is J3 dPsi/dJ3 at fixed F in the plane, which vanishes in plane stress, and its slope is the derivative by J3 (Eq. (9) of
+    the paper, with the exponent of C33 in its first term corrected from -2/3 to +2/3).
     """
     trace, J, J3 = state
     W, W1, W2, W11, W12, W22 = isochoric
@@ -90,9 +90,9 @@ def sheet_stretches(state):
 def of_sheet_stretches(state, stretches, sums, volumetric):
     """Return the plane-stress response (p, q, residual, its slope, energy) of a sheet from the derivatives of W(x1, x2, x3) + U(J3).
 
-    The residual is that of P33 = 0, from which J3 is found, and its slope is the derivative by J3.
-    The principal stresses in the plane are P_a = (g_a - g_3)/lambda_a, with the derivatives g_a of W by the logarithmic stretches and the
-    pressure eliminated by P33 = 0; the coefficients p and q follow from p lambda_a^2 + q = g_a - g_3 for both. `sums` is
+    x1, x2 and x3 are the logarithms of the isochoric principal stretches. The residual is that of P33 = 0, from which J3 is found, and its
+    slope is the derivative by J3. The principal stresses in the plane are P_a = (g_a - g_3)/lambda_a, with the derivatives g_a = dW/dx_a
+    and the pressure eliminated by P33 = 0; the coefficients p and q follow from p lambda_a^2 + q = g_a - g_3 for both. `sums` is
     (W, g1, g2, g3, h), see `PrincipalStretchLaw.term`.
     """
     trace, _, J3 = state
@@ -115,20 +115,20 @@ def _held(state):
 
 @inlined
 def _stress_rows(state, found):
-    """Return the results of `PLANE_STRAIN` from the plane-stress results `found` at C33 = 1: q gains J3 dPsi/dJ3, zero in plane stress."""
+    """Return the results of `PLANE_STRAIN` from the plane-stress results `found` at C33 = 1: q + J3 dPsi/dJ3 takes the place of q."""
     p, q, across, _, energy = found
     return p, q + across, state[2] / state[1] - 1, 1 / state[1], energy
 
 
 @inlined
 def _isochoric_rows(state, found):
-    """Return the results of `ISOCHORIC_PLANE_STRAIN` from the plane-stress results `found` at C33 = 1."""
+    """Return the results of `ISOCHORIC_PLANE_STRAIN` (p, q, stress across, energy) from the plane-stress results `found` at C33 = 1."""
     p, q, across, _, energy = found
     return p, q + across, across, energy
 
 
 def _of_held_sheet(rows: int, result: Callable, isochoric: bool) -> Response:
-    """Return a `Response` for plane strain with the results ``result(state, found)``, with the plane-stress results `found` at C33 = 1."""
+    """Return a `Response` for plane strain, whose results ``result(state, found)`` computes from the plane-stress results at C33 = 1."""
 
     @inlined
     def invariants(state):
@@ -177,12 +177,12 @@ def _solid_stretches(state):
 
     The eigenvalues of C are mean + 2 sqrt(spread) cos(phi + 2 pi k/3) with cos(3 phi) = c. The greatest, for c > 0, or else the least is
     given by the root y = cos(arccos(abs(c))/3) of 4 y^3 - 3 y = abs(c): between sqrt(3)/2 and 1, where Newton's method reaches rounding in
-    three steps. The other two follow from the invariants without cancellation, as the principal stretches of a plane.
+    three steps. The other two follow from the invariants without cancellation, by the formula for a sheet.
 
-    Nearly equal stretches, as roots of a cubic, are only known to some 6e-6 and are separated by as much. But they belong to invariants
-    within 1e-11 of the given ones, of which energy and stress are smooth functions: these are accurate to 2e-11, and to rounding at
-    distinct stretches (``tests/materials/test_responses.py``). The single coefficients are less accurate: at three equal stretches r is off
-    by some 1e-5, and compensating errors in p and q keep the stress accurate.
+    Nearly equal stretches, as roots of a cubic, are only known to some 6e-6; equal ones are moved apart by as much. But they belong to
+    invariants within 1e-11 of the given ones, of which energy and stress are smooth functions: energy and stress are accurate to 2e-11,
+    and to rounding at distinct stretches (``tests/materials/test_responses.py``). The single coefficients are less accurate: at three
+    equal stretches r is off by some 1e-5, and compensating errors in p and q keep the stress accurate.
     """
     trace, cofactor_trace, J = state
     mean = trace / 3
@@ -211,7 +211,7 @@ def _of_solid_stretches(state, stretches, sums, volumetric):
     """Return the stress coefficients p, q, r and the energy of a solid from the derivatives of W(x1, x2, x3) + U(J).
 
     The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U', with the derivatives g_a of W by the logarithmic stretches. The
-    quadratic polynomial that takes these values at the squared stretches has the coefficients q J, p and r, found by divided differences.
+    quadratic polynomial q J + p s + r s^2 of the squared stretches s takes these values; divided differences give the coefficients.
     """
     J = state[2]
     _, _, _, s1, s2, s3 = stretches

@@ -78,7 +78,7 @@ def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousStat
 def _root(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
     """Return the zeros of increasing functions of positive numbers, by Newton's method from `start` with slopes from differences.
 
-    ``function(x)`` evaluates all functions, one for each element of x. A zero is NaN where its function is not finite.
+    ``function(x)`` evaluates all functions, one for each element of x. A zero is NaN if its function is not finite there.
     """
     found = newton(lambda x: (function(x), (function((1 + STEP) * x) - function(x)) / (STEP * x)), start, 1e-8)
     with np.errstate(all="ignore"):

@@ -101,7 +101,7 @@ class Yeoh(InvariantLaw):
         K, same unit.
     second, third : float
         C20/C10 and C30/C10.  The stress rises with the stretch at all strains only if third >= 0 and second > -sqrt(3 third).
-        The defaults are an example that meets this with room, not a fit.
+        The defaults are an example that is well within these bounds, not a fit.
 
     References
     ----------
@@ -149,7 +149,7 @@ class Gent(InvariantLaw):
     shear_modulus : float
         mu, any unit of stress.
     bulk_modulus : float
-        K, same unit; 2/D of the paper, whose D = 0.01 makes 200 mu.
+        K, same unit; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu.
     chain_limit : float
         Jm; 120 in the paper's section 6.7.
 

@@ -78,7 +78,7 @@ class Law(ABC):
 
     @property
     def shape(self) -> dict[str, float]:
-        """Dimensionless parameters, by name, on which the bond force in a given state depends; by default all but the two moduli."""
+        """Dimensionless parameters, by name, on which the bond force / mu in a given state depends; by default all but mu and K."""
         return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
 
     def scaled(self, factor: float) -> Self:
@@ -94,7 +94,7 @@ class Law(ABC):
 
 
 def check_number(value, what: str) -> None:
-    """Raise TypeError if a value is not a number."""
+    """Raise TypeError if a value is not a real number (a bool is none)."""
     if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
         raise TypeError(f"{what} must be a number, not {value!r}")
 

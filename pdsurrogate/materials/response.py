@@ -38,8 +38,8 @@ class Response:
     of_invariants : callable
         ``of_invariants(state, isochoric, volumetric)`` returns the result from (W, W1, W2, W11, W12, W22) and (U, U', U'').
     stretches : callable
-        ``stretches(state)`` returns logarithms and squares (x1, x2, x3, s1, s2, s3) of the isochoric principal stretches, no two of them
-        equal.
+        ``stretches(state)`` returns logarithms and squares (x1, x2, x3, s1, s2, s3) of the isochoric principal stretches; equal
+        stretches are moved slightly apart.
     of_stretches : callable
         ``of_stretches(state, stretches, sums, volumetric)`` returns the result from the sums (W, g1, g2, g3, h) over the terms of a
         `PrincipalStretchLaw`.
@@ -116,7 +116,7 @@ def _residual(J3, volumetric):
 
 
 def _volume_block(volumetric, of_volume, volume, row):
-    """Build the function that writes the two results of `of_volume` for a block of states, from row `row` of the result on.
+    """Build the function that writes the two results of `of_volume` for a block of states into the rows `row` and `row` + 1.
 
     ``of_volume(J3, volumetric)`` is called with the result (U, U', U'') of `volumetric`; J3 is in row `volume` of the states.
     """

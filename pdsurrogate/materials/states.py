@@ -63,7 +63,7 @@ def stretch_squares(trace: float, area_ratio: float) -> np.ndarray:
 
 
 class Solid:
-    """Stresses and energies of a solid in three dimensions by any law; the states of sheets are subclasses.
+    """Stresses and energies of a solid in three dimensions by any law; subclasses do the same for sheets.
 
     `response` and `isochoric_response` are expressions, which kernels use compiled; the methods evaluate these expressions in NumPy.
     """
@@ -99,9 +99,9 @@ class Solid:
     def stress_and_energy(self, law: Law, F, volume_ratio, bulk_stress, isochoric=None):
         """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points, in the same unit as the shear modulus.
 
-        U is evaluated at `volume_ratio` (n,): det F, or the smoothed ratio of a selective energy (W at bonds, U at points).
-        `bulk_stress` (n,) is U' in units of mu at that ratio, or as the bonds use it (theory (51)); it is unused under plane stress, where
-        J3 determines the stress. `isochoric` are results in place of those of the law's own `isochoric_response`.
+        U is evaluated at `volume_ratio` (n,): det F, or a smoothed ratio if the force model evaluates W at bonds and U at points.
+        `bulk_stress` (n,) is U' in units of mu at that ratio, or the value in the bond forces (theory (51)); it is unused under plane
+        stress, where J3 determines the stress. `isochoric`, if given, replaces the results of the law's `isochoric_response`.
         """
         check_consistency(law)
         F = np.asarray(F, dtype=float)
@@ -215,7 +215,7 @@ class PlaneStress(PlaneStrain):
 
         n is the direction of the undeformed bond, m is normal to it in the plane, and F = R U. The bond is given by the components
         U_nn = lambda_b cos(dtheta), `normal_stretch`, and U_nm = lambda_b sin(dtheta), `shear_stretch`, with the stretch lambda_b of the
-        bond and its rotation dtheta relative to R; `area_ratio` is J = det F. The arguments need not satisfy plane stress.
+        bond and its rotation dtheta relative to R; `area_ratio` is J = det F. C33 need not be that of plane stress.
         """
         a, b, J, C33 = (np.asarray(value, dtype=float) for value in (normal_stretch, shear_stretch, area_ratio, C33))
         U_mm = lateral_stretch(a, b, J)
@@ -226,8 +226,8 @@ class PlaneStress(PlaneStrain):
 def newton(function: Callable[[np.ndarray], tuple], start: np.ndarray, tolerance: float) -> np.ndarray:
     """Return the zeros of increasing functions of positive numbers by Newton's method, up to a last relative step of `tolerance`.
 
-    ``function(x)`` returns values and slopes. A number at most halves or doubles in one step, so it stays positive from any start. Beyond
-    a law's limit the value is NaN, and the number grows: a state with a larger volume may lie within the limit.
+    ``function(x)`` returns values and slopes. A number at most halves or doubles in one step, so it stays positive from any start. Where
+    the value is NaN, as beyond a law's limit, the number is increased: a state with a larger volume may lie within the limit.
     """
     found = start
     with np.errstate(all="ignore"):

@@ -138,8 +138,8 @@ class Polyconvex(Ogden):
     """Polyconvex law, Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + sum_k a_k x^k + sum_k b_k y^k + U(J3).
 
     Here l are the isochoric principal stretches, x = I1bar - 3 and y = I2bar^1.5 - 3 sqrt 3.  With a_k and b_k that are not negative,
-    moduli that have the signs of their exponents, and exponents of size 1 or more, every term is polyconvex: those of the
-    invariants among all deformations, those of powers of stretches among deformations that keep the volume.
+    moduli that have the signs of their exponents, and exponents of size 1 or more, every term is polyconvex: terms of the
+    invariants for all deformations, terms of the stretches if only deformations of constant volume are considered.
 
     Parameters
     ----------
@@ -231,8 +231,8 @@ class Polyconvex(Ogden):
 def directions() -> np.ndarray:
     """Return Lebedev's quadrature over directions r of chains in the principal frame: rows (weight, r1^2, r2^2, r3^2), weights sum to 1.
 
-    The stretch of a chain depends on squares only, so directions that differ by signs are merged; the rest is symmetric in the three axes,
-    which makes the law isotropic.
+    The stretch of a chain depends on squares only, so directions that differ by signs are merged. The remaining directions are
+    unchanged by permutations of the three axes, which the symmetry of an isotropic law requires.
     """
     points, weights = lebedev_rule(DEGREE)
     squares, place = np.unique(np.round(points.T**2, 14), axis=0, return_inverse=True)

@@ -38,7 +38,7 @@ thousandth of the body apart yield more."""
 def conditions_of(
     scene: Scene, prescriptions: list[Prescription], regions: BodyRegions, loads: Loads, stages: tuple[Stage, ...], rigid: np.ndarray
 ) -> Loading:
-    """Return the boundary conditions and loads of a body, with the paths of its held parts, and check them.
+    """Return the boundary conditions and loads of a body (`Loading`), checked, with the first guesses of equilibria that follow from them.
 
     Parameters
     ----------
@@ -122,7 +122,8 @@ def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
 def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> Held:
     """Return the points that a prescription holds, as a held part of the body; `names` are the supports whose forces are reported.
 
-    Raise ValueError for a support at a place between points in a programme with dynamics (`moving`).
+    A region that is a place equally near to several points is held at the mean of these points. In a programme with dynamics (`moving`)
+    this raises ValueError.
     """
     body, share = regions.body, regions.body.share
     points = regions.points(one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key)
@@ -143,8 +144,8 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
 def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
     """Raise ValueError if a prescribed displacement is not zero at the start, or two held parts prescribe different motions of a point.
 
-    The later part would otherwise override the earlier one without notice. `ends` are the loading parameter at the start and at the end of
-    every stage; motions are compared at `SAMPLES` values in each stage.
+    The later part would otherwise override the earlier one without notice. `ends` are the values of the loading parameter at the start and
+    at the ends of all stages; motions are compared at `SAMPLES` values in each stage.
     """
     samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
     every, error = Loading(body, "t", 0.0, (), [], held, Loads(body, [])), 1e-9 * body.spacing
@@ -170,7 +171,8 @@ def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
 def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:
     """Raise ValueError if a piece of the body can move or turn as a whole: it would have no equilibrium, or many.
 
-    With `only`, a description as from `_free_motions`, no other rigid motion is checked. `key` and `advice` appear in the message.
+    If `only` is given, one of the descriptions that `_free_motions` returns, no other rigid motion is checked. `key` and `advice` appear in
+    the message.
     """
     body, share = loading.body, loading.body.share
     count, piece = loading.pieces()
@@ -275,7 +277,7 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
 
 
 def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tuple[np.ndarray, np.ndarray]:
-    """Return this rank's own points on which a dead load (traction, force or body force) acts, and its forces on them (theory (43)).
+    """Return this rank's own points on which a dead load (traction, force or body force) acts, and its forces on them.
 
     Raise ValueError, with the `key` of the load's region, for a load on an edge or face that is held by reflection.
     """

@@ -26,8 +26,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
         Energy per unit area of crack in the undeformed state, in units of stress times length.
     horizon : float
     tip_diameter : float
-        Diameter in horizons. The default, 1.15, was measured in sheets with force models that give bond forces (family "bond force"). For
-        the force model `bond-energy` in three dimensions take 1.2 with a horizon of 1.75 spacings, and 0.83 with one of 2.2.
+        Diameter in horizons. The default, 1.15, was measured in sheets with force models whose `family` is "bond force". For the force
+        model `bond-energy` in three dimensions take 1.2 with a horizon of 1.75 spacings, and 0.83 with one of 2.2.
 
     Returns
     -------
@@ -71,8 +71,8 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
 
         T = 2 F lambda / h - w(lambda),   w = 2 b psi(lambda),
 
-    with F = b h P(lambda).  b and h are width and thickness of a leg, psi is the energy density and P the nominal stress of the law in
-    simple tension.  For legs that hardly stretch T = 2 F / h.
+    with F = b h P(lambda).  w is the energy of both legs per undeformed length and thickness, b and h are width and thickness of a leg, psi
+    is the energy density and P the nominal stress of the law in simple tension.  For legs that hardly stretch T = 2 F / h.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def _check_positive(values: dict[str, float]) -> None:
 def _stretch_at(law: Law, quantity: str, wanted: float, what: str) -> float:
     """Return the uniaxial stretch at which a quantity of a law, an attribute of its homogeneous state, has a wanted value.
 
-    Raise ValueError if the law ends before; `what` describes the wanted value in the message.
+    Raise ValueError if the law reaches its greatest stretch before this value; `what` describes the wanted value in the message.
     """
     checked_law(law)
 

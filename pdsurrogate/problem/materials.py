@@ -38,7 +38,7 @@ and with rigid blocks in 970."""
 
 
 def settings_of(scene: Scene) -> ForceSettings:
-    """Return the settings of a scene that force models need: precision, correction, rotation, outside, fracture and plane."""
+    """Return the `ForceSettings` of a scene: precision, correction, rotation, outside, breakable (with fracture) and plane."""
     return ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None, scene.plane)
 
 
@@ -47,7 +47,7 @@ def _warn(scene: Scene, text: str) -> None:
 
 
 def warn_of_bulk_moduli(scene: Scene) -> None:
-    """Warn of a bulk modulus less than two thirds of the shear modulus, as where it is a default and the shear modulus has other units."""
+    """Warn of a bulk modulus below 2/3 of the shear modulus, for example a default bulk modulus beside a shear modulus in other units."""
     laws = {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.material.rigid}
     for key, law in {"material": scene.law(), **laws}.items():
         if law.bulk_modulus < 2 / 3 * law.shear_modulus:
@@ -94,7 +94,8 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
 def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
     """Raise ValueError for rigid regions one cell thick, and warn of thin rigid regions with a traction or pressure in the scene.
 
-    `cells` is the thickness of the regions in cells, and `names` their names in the messages.
+    Part of a traction or pressure on a thin rigid region acts on the material behind it. `cells` is the thickness of the regions in cells,
+    and `names` their names in the messages.
     """
     if cells < 2:
         raise ValueError(f"materials: a rigid region ({names}) is one cell thick, and needs 2; take a smaller spacing")
@@ -119,13 +120,14 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
     """Check the force models of a scene and return them: `model`, then the model of each entry of the scene's `materials`.
 
     `model` is that of the body outside the regions of `materials`. An entry has the model that it names; or else `model`, if this describes
-    the entry's law; or else a surrogate of the entry's law of the same kind.
+    the entry's law; or else a stored surrogate of the entry's law of the same `family` (bond force or bond energy).
 
     Raises
     ------
     SceneError
-        If a model does not describe its material, or cannot honour a setting of the scene, an artefact cannot be read or is of another kind
-        than `model`, a region is rigid and `model` has no energy, or no critical stretch follows from the fracture energy with `model`.
+        If a model does not describe its material, or cannot honour a setting of the scene, an artefact cannot be read or is of another
+        family than `model`, a region is rigid and `model` has no energy, or no critical stretch follows from the fracture energy with
+        `model`.
     """
     with scene_errors(scene):
         settings_of(scene).check(model.name, model.honoured(scene.plane))

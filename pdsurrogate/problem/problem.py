@@ -35,7 +35,8 @@ class Problem:
     scene : Scene
         Scene that the results describe; the solvers do not read it.
     models : sequence of ForceModel
-        Force model of the body outside the regions of the scene's `materials`, then one for each of these; empty where no force is bound.
+        Force model of the body outside the regions of the scene's `materials`, then one for each of these; empty if the problem is compiled
+        without models, so that no force can be bound.
     settings : ForceSettings
         Choices for the evaluation of the force models.
     body : Body

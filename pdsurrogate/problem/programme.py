@@ -30,7 +30,7 @@ class Stage:
     outputs : int
         Number of states to record, evenly spaced, the last one at the end of the stage.
     largest_increment : float or None
-        Greatest increment of the parameter between two equilibria; None where the first guess determines it.
+        Greatest increment of the parameter between two equilibria; None if the scene sets no bound.
     inertia : Dynamics or StepDynamics or None
         Settings of the scene for a stage in dynamics; None for a stage in equilibrium.
     key : str
@@ -76,9 +76,9 @@ class NominalStress:
     edge : str
         Edge of that grip: of the two grips the one that travels farther, or the right or top one if they travel alike.
     area : float
-        Cross-section of the body at the grip.
+        Undeformed cross-section of the body at the grip.
     number : int
-        Number of the grip among the supports whose forces are reported.
+        Index of the grip in the list of supports whose forces are reported.
     """
 
     edge: str
@@ -98,8 +98,8 @@ class Measures:
     Attributes
     ----------
     nominal_stress : NominalStress or None
-        Nominal stress of a body between two grips; None for other bodies, whose results report moments, and have a row of
-        ``summary["levels"]`` for every output in dynamics.
+        Nominal stress of a body between two grips; None for other bodies. The results of other bodies report moments and, in dynamics, have
+        a row of ``summary["levels"]`` for every output.
     lateral : int or None
         Axis across the load, along which the displacements of the edges of a rectangle between grips are reported; None otherwise.
     areas : dict of float
@@ -145,7 +145,7 @@ class Prescription:
     factor : callable
         Factor as a function of the loading parameter.
     words : str
-        Description for figures.
+        Description of the support for drawings of the scene.
     rotation : float or None
         Angle in degrees where the factor is 1.
     about, axis : ndarray, shape (d,), or None
@@ -184,8 +184,9 @@ class Prescription:
     ) -> Held:
         """Return a held part of the body, points or a reflection plane, that makes the prescribed motion.
 
-        `points` are the held points, or those with images in the plane, `places` (k, d) the undeformed places of the part, `names` all
-        supports whose forces are reported, `components` the held ones (by default all prescribed ones), `further` more fields of `Held`.
+        `points` are the held points, or for a reflection plane the points that have mirror images beyond it, and `places`, shape (k, d),
+        the undeformed places of the part. `names` lists the names of all supports whose forces are reported, `components` the held
+        components (by default all prescribed ones); `further` are more fields of `Held`.
         """
         holder = None if self.holder is None else names.index(self.holder)
         angle = None if self.rotation is None else self.angle
@@ -201,7 +202,7 @@ class Prescription:
 def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ...]) -> list[Prescription]:
     """Return the prescribed motions of a scene in the order in which they take effect: of two that hold a point, the later one counts.
 
-    Grips and holds move in proportion to the elongation of the body.
+    Grips (at edges) and holds (of boxes or lists of points) of a scene with stretches move in proportion to the elongation of the body.
 
     Raises
     ------
@@ -254,7 +255,7 @@ def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, fl
 
     Viscous forces need values slightly after the end of the programme, where the amplitude itself may be undefined. The extrapolation, by
     reflection in the point at the end, keeps the velocity of parts that move there. Raise InvalidState, with the `key` of the amplitude in
-    the scene, if the amplitude is undefined at a t within the span that is used.
+    the scene, if the amplitude is undefined at `t`, or at a value within the span that the extrapolation uses.
     """
     try:
         within = min(max(t, span[0]), span[1])

@@ -42,7 +42,8 @@ Such points lie on either side of an axis of symmetry, where a support at one of
 class _Parts:
     """Base class for the points of a body, or the facets of its boundary, each at a place, among which those in a region are searched.
 
-    Every search returns the distances of all points or facets from the region: 0 for those in it, infinite where no distance is defined.
+    Every search returns the distances of all points or facets from the region, with which messages about empty regions name the nearest:
+    0 for those in it, infinite where no distance is defined.
     """
 
     def __init__(self, regions: "BodyRegions", places: np.ndarray, groups: Mapping[str, np.ndarray]) -> None:
@@ -86,7 +87,7 @@ class _Points(_Parts):
         """Return the distances from the points that a region lists by number, or from those nearest to its place `near`.
 
         They are 0 for these points, infinite for others. Several points may be equally near (`ALIKE`). Raise ValueError if a number is too
-        great, or if no point is near the place.
+        great, or if the nearest point is more than `NEAR` cells from the place.
         """
         share = self.body.share
         if region.near is not None:
@@ -135,12 +136,11 @@ def _facets_of(surface: Surface, name: str) -> np.ndarray:
 class BodyRegions:
     """Regions of a scene, resolved into numbers of points of its body and of facets of its boundary.
 
-    Which points belong to a region depends on its kind: for a shape the points inside it; for an edge, the outline or the holes the points
-    within a cell of it; for a group of a mesh the points of its cells, or of the cells with one of its lines as a side. Facets belong to a
-    shape if their middle is inside it, to an edge, the outline or the holes if they are part of it, and to a group if they are of its cells
-    or lines.
+    A point belongs to a shape if it is inside the shape; to an edge, the outline or the holes if it is within a cell of them; to a group of
+    a mesh if its cell is in the group, or has a line of the group as a side. A facet belongs to a shape if its middle is inside the shape;
+    to an edge, the outline or the holes if it is part of them; to a group if it is of the cells or lines of the group.
 
-    Error messages identify a region by its name, or by the `key` of the entry that defines it in place.
+    Error messages identify a region by its name, or a region without a name by the `key` of the scene's entry that defines it.
 
     Parameters
     ----------

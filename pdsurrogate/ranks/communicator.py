@@ -20,7 +20,7 @@ waiting rank takes no processor time from the others."""
 
 
 class NotUnderMPI(RuntimeError):
-    """Error for several processes that were started without MPI in use, so that they cannot exchange messages."""
+    """Error for several processes that an MPI launcher has started while mpi4py is not in use, so that they exchange no messages."""
 
 
 class Communicator:
@@ -90,7 +90,7 @@ class Communicator:
         return float(found.max())  # the MPI standard does not define the maximum of a NaN, NumPy does
 
     def agree(self, error: Exception | None) -> None:
-        """Raise on every rank the first error that any rank has found; `error` is the error found on this rank, or None."""
+        """Raise on every rank the error of the lowest rank that has found one; `error` is the error found on this rank, or None."""
         if not self.total(int(error is not None)):
             return
         # All ranks raise the error of the first rank that has one.

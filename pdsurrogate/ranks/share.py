@@ -54,7 +54,10 @@ class Halo:
             field[self.rows] = 0
 
     def _exchanged(self, field: np.ndarray, send: dict[int, np.ndarray], receive: dict[int, np.ndarray]) -> list[tuple]:
-        """Send rows of a field to other ranks; return the rows for which values arrive, and the values, by rank in rising order."""
+        """Send the rows `send` of a field, by receiving rank, and receive values for the rows `receive`, by sending rank.
+
+        The result is a list of pairs of row numbers and received values, in the order of the sending ranks.
+        """
         if self._ranks.size == 1:
             return []
         incoming = {rank: np.empty((len(rows), *field.shape[1:]), dtype=field.dtype) for rank, rows in sorted(receive.items())}
@@ -107,12 +110,11 @@ class Share:
     """Points of a body that one rank works on: its own points, and a halo of points owned by other ranks.
 
     In a single process all points are its own. Points are numbered in the order of the whole body, with those of the halo in between, so
-    that sums over bonds are taken in the same order on any number of ranks, to the same bits. Values summed over all bonds of a point are
-    correct on owned points, and are copied from their owners to the halo.
+    that sums over bonds are taken in the same order on any number of ranks, with bitwise identical results. Values summed over all bonds of
+    a point are correct on owned points, and are copied from their owners to the halo.
 
-    Reductions over ranks take one of two kinds of argument. `dot` and `sum` take an array with a row for every local point, and count each
-    point of the body once. `total`, `greatest` and `any` take results of the local points and bonds: a number, a tuple of numbers, or a
-    small array.
+    Reductions over ranks are of two kinds. `dot` and `sum` take an array with a row for every local point, and leave out halo points, so
+    that each point of the body counts once. `total`, `greatest` and `any` combine values that each rank has computed, with none left out.
 
     Parameters
     ----------
@@ -182,7 +184,10 @@ class Share:
         return self.ranks.to_all(None if whole is None else float(whole.sum()))
 
     def joined(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return the rows of all ranks as one array, without rows of halo points; `points` are the local points to which `rows` belong."""
+        """Return, on every rank, the rows of all ranks joined in the order of the ranks, without rows of halo points.
+
+        `points` are the local points to which the rows of this rank belong.
+        """
         return np.concatenate(self.everywhere(rows[self.own[points]]))
 
     def pieces(self, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
@@ -232,12 +237,15 @@ class Share:
         return sparse.csr_array((value[here], (row[here], column[here])), shape=rows.shape)
 
     def beside_halo(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """Return the numbers of the pairs, given by their ends, with an end that is a halo point or an image; none in a single process."""
+        """Return the numbers of the bonds, given by their ends, with an end that is a halo point or an image (mirrored point).
+
+        In a single process the result is empty.
+        """
         n = len(self.own)
         return np.flatnonzero(~self.own[first] | (second >= n) | ~self.own[np.minimum(second, n - 1)]) if self.divided else first[:0]
 
     def local(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the local numbers, rising, of the points with the given numbers in the whole body, as far as this rank has them."""
+        """Return the local numbers, rising, of points given by their numbers in the whole body; points not on this rank are left out."""
         places = np.searchsorted(self.numbers, numbers)
         places[places == len(self.numbers)] = 0
         return np.unique(places[self.numbers[places] == numbers])

@@ -1,4 +1,4 @@
-"""Speed and error of every force model, timed in alternation, with a table and a figure of the comparison."""
+"""Speed and error of every force model, timed in turns of milliseconds, with a table and a figure of the comparison."""
 
 import itertools
 from collections.abc import Callable, Iterator
@@ -117,8 +117,8 @@ def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Ti
 def measure_error(entry: TimedModel, law: Law, n_samples: int) -> dict:
     """Return the errors of a learnt model against the exact law at `n_samples` states; empty for other models.
 
-    They are relative errors (RMS and greatest) of the compiled kernel in its own precision. A model of bond forces is tested at states of
-    plane stress (``on_surface``) and at other states (``off_surface``), an energy by its stresses at states of plane stress only. For bond
+    They are relative errors (RMS and greatest) of the compiled kernel in its own precision. A model of bond forces is tested at states that
+    satisfy plane stress (``on_surface``) and at others (``off_surface``), an energy by its stresses at the former only. For bond
     forces ``least_slope`` is added: the least derivative of the force along the bond by the bond stretch, in double precision.
     """
     if isinstance(entry.model, EnergySurrogate):
@@ -249,7 +249,7 @@ def caution(rows: list[dict]) -> str:
 
 
 def pareto_figure(report: dict) -> Figure:
-    """Return a figure of the models' RMS force errors at states off the plane-stress surface against their cost.
+    """Return a figure of the models' RMS force errors at states that do not satisfy plane stress, against their cost.
 
     `report` is a result of `compare`. A model without a measured error is drawn as a vertical line at its cost.
     """

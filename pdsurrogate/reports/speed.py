@@ -80,7 +80,7 @@ def measure_speed(
 
     A directed bond is one end of a bond: each bond counts twice. The bond pass is the part of the evaluation that runs over bonds, from
     known states of the points. All cases are timed in turns of some milliseconds. A core may be shared with other work, which comes and
-    goes; a processor that runs two threads on a core then needs half as much time again. Therefore reference arithmetic that needs no
+    goes; on a core that runs two threads at once, each then takes about 1.5 times as long. Therefore reference arithmetic that needs no
     memory is timed just before and after every timing, on as many threads. Only timings are used around which the arithmetic ran at full
     speed, and their medians are returned; the models' own times play no part in the selection.
 

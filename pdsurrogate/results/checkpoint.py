@@ -108,9 +108,10 @@ def identity_in(folder: Path) -> dict | None:
 
 
 def _parts_of(path: Path, names: Collection[str] | None = None) -> tuple[dict, dict[str, np.ndarray]]:
-    """Return the description (a dictionary) and the arrays of a checkpoint's file: all arrays, or only those listed in `names`.
+    """Return the description (a dictionary) and the arrays of a checkpoint's file: all arrays, or only the arrays listed in `names`.
 
-    `names` must list the description too. Raise one of `_DAMAGE` if the file cannot be read.
+    The description is stored as JSON in the array named `_DESCRIPTION`, which `names` must contain. Raise one of the exception types in
+    `_DAMAGE` if the file cannot be read.
     """
     with path.open("rb") as file:
         arrays = read_arrays(file, names)

@@ -31,9 +31,9 @@ def contents_of(scene: Scene, models: Sequence[ForceModel]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``scene_as_run``: the scene with all defaults, as plain values; ``force``: name of the force model, in a body of several materials
-        the model outside the regions of ``materials``; ``digests``: digest of every force model by its name, and of the mesh file under
-        `MESH`.
+        ``scene_as_run``: the scene with all defaults, as plain values; ``force``: name of the force model (in a body of several materials,
+        of the model for the points outside all regions of ``materials``); ``digests``: digest of every force model by its name, and of the
+        mesh file under `MESH`.
     """
     digests = {model.name: digest_of_model(model) for model in models}
     if isinstance(scene.body, Mesh):
@@ -78,7 +78,7 @@ def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
 
 
 def told(differences: list[str]) -> str:
-    """Return one text with the first few of a list of differences and the count of the rest; empty for an empty list."""
+    """Return a message that joins the first `MOST_TOLD` of a list of differences and counts the rest; an empty text for an empty list."""
     more = f", and {len(differences) - MOST_TOLD} more" if len(differences) > MOST_TOLD else ""
     return "; ".join(differences[:MOST_TOLD]) + more
 

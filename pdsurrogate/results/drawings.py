@@ -48,7 +48,10 @@ USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
 
 
 def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:
-    """Return a figure of the deformed body in the states of given numbers, coloured by a field, by default each to a scale of its own."""
+    """Return a figure of the deformed body, coloured by a field, in the states whose indices in ``result.states`` are `numbers`.
+
+    All states have the colour scale `limits`; by default each state has a scale from its own least to its own greatest value.
+    """
     # A state may have to be read from its file.
     states = [result.states[number][1] for number in numbers]
     values, titles = [scalars_of(fields, field) for fields in states], [result.title(number) for number in numbers]
@@ -98,7 +101,10 @@ def save_drawings(result: Result, folder: Path) -> None:
 
 
 def _save_animation(result: Result, path: Path) -> None:
-    """Write a GIF of the dynamics of a body in the plane, coloured by damage or else by the greatest stretch."""
+    """Write a GIF of the states of a sheet in dynamics, coloured by damage if the run has this field, else by the greatest stretch.
+
+    Write nothing for a solid or for a run without dynamics.
+    """
     numbers = result.in_dynamics()
     if not numbers or result.scene.dimension == 3:  # ParaView shows a series of solids
         return
@@ -127,7 +133,8 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
     ----------
     result : Result
     fields : sequence of str
-        Fields as for `Result.plot`; by default those of `USUAL`.
+        Fields as for `Result.plot`; by default displacement, von Mises stress, greatest principal stretch and damage, as far as the
+        result has these fields.
     progress : callable
         Function of the number of finished pictures and of their total number.
 
@@ -163,9 +170,9 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
 
 
 def _pictures(result: Result, field: str, shown: list[int]) -> Iterator[str]:
-    """Yield, for each state number in `shown`, a picture coloured by a field, as a data URI; all pictures have one scale of colours.
+    """Yield, for each state number in `shown`, a picture coloured by a field, as a data URI; all pictures have the same colour scale.
 
-    A state without the field gives empty text; raise ValueError if it is the last one.
+    For a state without the field yield an empty text; raise ValueError if the last state in `shown` lacks the field.
     """
     values = {}
     for number in shown:

@@ -54,7 +54,7 @@ EYE = np.array([np.cos(_UP) * np.cos(_ROUND), np.cos(_UP) * np.sin(_ROUND), np.s
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG file, whole or not at all, marked as a picture of this package."""
+    """Write a figure as a PNG file, whole or not at all; `MARK` in the PNG metadata identifies the file as written by this package."""
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png", metadata={"Software": MARK})
 
@@ -66,7 +66,10 @@ def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
 
 
 def limits_of(values: np.ndarray) -> Limits:
-    """Return the ends of a scale of colours for values, at least so far apart that a solver's residuals have one colour."""
+    """Return the ends of a colour scale: the least and the greatest value, or a wider range (`ONE_COLOUR`) if the values hardly differ.
+
+    A field that varies only by a solver's residuals thus has a uniform colour.
+    """
     low, high = float(values.min()), float(values.max())
     return low, low + max(high - low, ONE_COLOUR * max(abs(low), abs(high), 1e-300))
 
@@ -74,7 +77,7 @@ def limits_of(values: np.ndarray) -> Limits:
 def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
     """Draw deformed cells, shape (n, 4, 2), in colours of their values; fit the axis to the cells and return the drawn collection.
 
-    `limits` are options of Matplotlib's PolyCollection for the scale of colours, such as ``clim``.
+    The keyword arguments `limits` set the colour scale and are passed to Matplotlib's PolyCollection, for example ``clim``.
     """
     drawn = PolyCollection(cells, array=values, cmap="turbo", edgecolors="none", linewidths=0, antialiased=False, rasterized=True, **limits)
     axis.add_collection(drawn)
@@ -106,7 +109,7 @@ def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: l
     """Return a figure of a deformed body in one or more states, coloured by values of the cells, all to one scale of length.
 
     Bodies in the plane are side by side or one below the other, whichever fits a page. A solid has a row for each state: a view from
-    outside, and a cut through the middle across the thinnest direction.
+    outside, and a section through the middle, whose plane is normal to the direction in which the solid is thinnest.
 
     Parameters
     ----------

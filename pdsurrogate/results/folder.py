@@ -1,13 +1,14 @@
 """Folder of results: which files in it belong to a run, and when a new run may replace them.
 
-A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces, which several ranks write, ``NAME-000.pvtu`` and
-``NAME-000.piece0.vtu``), ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``,
-``history.csv``, ``convergence.csv`` and ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.
+A run of a scene called NAME owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (if every rank writes a piece, ``NAME-000.pvtu`` and
+``NAME-000.piece0.vtu``), ``NAME.png``, ``NAME-loading.png``, ``NAME.gif``, ``summary.json``, ``history.csv``, ``convergence.csv`` and
+``checkpoint.npz``, and, while it writes, the lock file ``.pdsurrogate-run``, see `occupied`.
 
-A file with such a name belongs to a run if its first bytes show it, for example by `MARK`; any other file is never replaced, but raises
-`FolderTaken`.  A folder holds a run of a scene if its summary or, without one, its checkpoint names the scene, or if a PVD index of that
-name carries the mark.  Summary and checkpoint also hold the scene of the run and the digests of its force models and mesh, see
-`contents_of`.
+A file with such a name belongs to a run if its first bytes contain `MARK` (state files, PVD index, pictures) or match a pattern of
+`_HEADS` (tables, checkpoint), or if it is a valid summary; any other file is never replaced, but raises `FolderTaken`.
+
+A folder holds a run of a scene if its summary or, without one, its checkpoint names the scene, or if a PVD index of that name contains
+`MARK`.  Summary and checkpoint also hold the scene of the run and the digests of its force models and mesh, see `contents_of`.
 """
 
 import json
@@ -178,7 +179,7 @@ def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
 
 
 def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
-    """Check that a report may be written to a path: to a new file, or in place of a report with equal settings ``asked``.
+    """Check that a report may be written to a path: no file is there, or a report whose entry ``asked`` equals the settings `asked`.
 
     Parameters
     ----------
@@ -232,7 +233,7 @@ def _is_ours(path: Path) -> bool:
 
 
 def is_marked(path: Path) -> bool:
-    """Return whether a file of a state, an index of states or a picture carries the mark of this package."""
+    """Return whether a state file (VTU or PVTU), a PVD index or a picture contains `MARK`, which identifies files of this package."""
     return MARK.encode() in head_of(path)
 
 

@@ -18,7 +18,8 @@ from ..scenes import Probe
 def strain_energy(force: InternalForce) -> float:
     """Return this rank's share of the stored energy of a body in the state that its force evaluated last; for a sheet per unit thickness.
 
-    For a force without an energy, the law's energy at the deformation gradients of the rank's own points is used instead.
+    If the force model has no energy (``force.has_energy`` is False), sum the law's energy at the deformation gradients of the rank's own
+    points instead.
     """
     if force.has_energy:
         return force.energy()
@@ -49,11 +50,11 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
 
 
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
-    """Return the roughness of the lateral displacement along the loaded axis, which reveals zero-energy modes.
+    """Return the roughness of a sheet's lateral displacement (normal to the loaded axis `axis`), which reveals zero-energy modes.
 
-    The roughness is the root mean square of the second differences of this displacement between neighbouring points on a line, divided by
-    its greatest absolute value.  For a smooth field of wavelength L it is about (2 pi cell/L)^2 / sqrt(2); for a mode that alternates from
-    point to point it is 4.
+    The roughness is the root mean square of the second differences of this displacement between neighbouring points on lines along `axis`,
+    divided by the greatest absolute value of the displacement.  For a smooth field of wavelength L the roughness is about
+    (2 pi cell/L)^2 / sqrt(2); for a mode that alternates from point to point it is 4.
     """
     order, line = _lines_along(body, axis)
     u, x = displacements[order, 1 - axis], body.points[order, axis]
@@ -97,7 +98,8 @@ class PointState:
     F : ndarray, shape (n, d, d)
         Deformation gradients.
     volume_ratio : ndarray, shape (n,)
-        Volume ratio of the volumetric energy: J3 under plane stress, otherwise det F or its smoothed value in a selective energy.
+        Volume ratio at which the volumetric energy is evaluated: under plane stress J3, which is det F times the stretch of the thickness;
+        otherwise det F, or a mean over neighbouring points if the force is a bond energy with a separate volumetric part (selective).
     stress : ndarray, shape (n, 3, 3)
         First Piola-Kirchhoff stress, see `InternalForce.stress_and_energy`.
     energy_density : ndarray, shape (n,)
@@ -105,9 +107,10 @@ class PointState:
     deviation : ndarray, shape (n,), or None
         How far the points are beyond the training domain of a surrogate, see `InternalForce.learnt`; None without a domain.
     member_deviation : ndarray, shape (n,), or None
-        Greatest deviation of the members of a committee from the surrogate, see `InternalForce.learnt`; None without a committee.
+        Greatest deviation of the committee members' stresses from those of the surrogate at each point; a committee is a set of further
+        fits stored with a surrogate, whose spread estimates its error. None without a committee.
     kept : dict of ndarray
-        Internal states of the force that results show, by name, see `pdsurrogate.forces.term.Kept`.
+        Internal variables that the force model marks for output (`pdsurrogate.forces.term.Kept` with ``shown``), by name.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
@@ -202,7 +205,7 @@ POINT_FIELDS = {
 
 
 def point_fields(state: PointState) -> dict[str, np.ndarray]:
-    """Return, by name, the fields of `POINT_FIELDS` that have a meaning in a state, and the internal states that the force model shows.
+    """Return, by name, the fields of `POINT_FIELDS` that are defined in a state, and the internal variables in ``state.kept``.
 
     Every field has shape (n,) or (n, components).
     """
@@ -273,7 +276,7 @@ class Probes:
     Raises
     ------
     ValueError
-        If a place lies outside the body, or has too few points around it; the message names the key.
+        If a probe lies outside the body, or has too few points around it; the message names the probe's key in the scene, ``probes.0.at``.
     """
 
     def __init__(self, body: Body, probes: tuple[Probe, ...], portion_of: np.ndarray | None = None, share: Share | None = None) -> None:
@@ -291,7 +294,7 @@ class Probes:
     def read(self, state: PointState) -> dict[str, dict[str, list]]:
         """Return displacement, stress and deformation gradient at every probe in a state.
 
-        A fit to the surrounding points extrapolates displacements, stresses and gradients to the place of the probe.
+        A local fit to the values at the surrounding points is evaluated at the position of the probe.
 
         Returns
         -------
@@ -319,5 +322,8 @@ class Probes:
 
 
 def _read(rows: Sequence[sparse.csr_array], values: np.ndarray) -> np.ndarray:
-    """Return the values at a place, shape (m,), from values at the points, shape (n, m), and rows of weights (1, n), one per component."""
+    """Return the m components of a field at a probe, from the values at the points, shape (n, m).
+
+    `rows` has a sparse row of weights, shape (1, n), for each component; weights differ by component at planes of symmetry.
+    """
     return np.array([(row @ values[:, component])[0] for component, row in enumerate(rows)])

@@ -38,9 +38,9 @@ class Result:
         Rows of ``history.csv``, whose headers add units to these names: a row for every output in equilibrium, and for every few steps of
         dynamics.
     states : States
-        Fields on the points at every output of the run, in equilibrium or in dynamics: pairs of a moment and fields, see
-        `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`. Every output also has an entry in
-        `levels`, except those in dynamics of a body between grips.
+        A pair for every output of the run, in equilibrium or in dynamics: its `pdsurrogate.results.states.Moment` (stretch or loading
+        parameter, and time) and a dictionary of its fields on the points, see `pdsurrogate.results.measures.POINT_FIELDS`. Each output
+        also has an entry in `levels`; only outputs in the dynamics of a body between grips have none.
     convergence : list of dict
         Rows of ``convergence.csv``: residual and energy through the search for equilibrium, and increments that failed.
 
@@ -63,7 +63,7 @@ class Result:
 
     @property
     def levels(self) -> list[dict]:
-        """Measured quantities, such as stress or forces, at every level: a stretch between grips, or an output of the steps."""
+        """Measured quantities, such as stress or forces, at every level: a stretch between grips, or an output of the loading steps."""
         return self.summary["levels"]
 
     @property
@@ -81,10 +81,10 @@ class Result:
         return self._fields(level)["displacement"][:, : self.scene.dimension]
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
-        """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index and a figure of the deformed body.
+        """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index, and pictures.
 
         Every file is written whole, and the summary last; its ``status`` states how the run ended.  Earlier results of the same scene and
-        force in the folder are removed first.  A run that was given the folder has already written everything but the figures there.
+        force in the folder are removed first.  If the simulation itself was run with this folder, its states are there already.
 
         Parameters
         ----------
@@ -117,8 +117,8 @@ class Result:
     def figure(self) -> Figure:
         """Return a figure of the deformed body at every level, coloured by the displacement across the loaded direction.
 
-        A programme of steps is shown at a few outputs, coloured by the magnitude of the displacement; a run with fracture is coloured by
-        damage.  A solid is shown from outside and cut through the middle.
+        Runs with loading steps or dynamics are shown at a few outputs, see `chosen_states`; steps are coloured by the magnitude of the
+        displacement, and dynamics with fracture by damage.  A solid is shown from outside and in a section through its middle.
         """
         chosen = self.chosen_states()
         if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
@@ -130,7 +130,10 @@ class Result:
         return _drawings().states_figure(self, field, chosen)
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
-        """Return the cells of the body in state number `level`, separated along open cracks, and the displacements of its nodes (k, d)."""
+        """Return the cells of the body in state number `level`, and the displacements of its nodes, shape (k, d).
+
+        Along open cracks the nodes are duplicated, so that the cells on the two sides are separate.
+        """
         return self.states.cells(level) if self.body is None else deformed_cells(self.body, self._fields(level))
 
     def field(self, name: str, level: int = -1) -> np.ndarray:
@@ -232,7 +235,7 @@ class Result:
         return self.facts() + html_history(self.history[-5:], self.scene.units, without="moment_")
 
     def facts(self) -> str:
-        """Return an HTML table of the run's force, material, size, cost and ending, for notebooks and the page of a result."""
+        """Return an HTML table of the run's force, material, size, cost and ending, for notebooks and the HTML page of `html_page`."""
         summary = self.summary
         facts = {
             "force": summary["force"],
@@ -254,7 +257,8 @@ class Result:
     def chosen_states(self, most: int = 4) -> list[int]:
         """Return the numbers of the states that `figure` shows: all if grips load the body without dynamics, otherwise at most `most`.
 
-        The latter are spread evenly over the outputs (with grips those in dynamics), or with fracture over the growth of cracks.
+        These are spread evenly over all outputs, or, with grips or fracture, over the outputs from the first one in dynamics on. If bonds
+        break in dynamics, the states are spread evenly over the number of broken bonds.
         """
         moving, count, stretched = self.in_dynamics(), len(self.states), self.scene.stretched
         if not count or (stretched and self.scene.dynamics is None):

@@ -21,7 +21,7 @@ class Moment:
     Attributes
     ----------
     run_time : float
-        Number that orders all states of the run: the count of outputs in equilibrium so far, plus `time`.
+        Pseudo-time that orders all states of the run in the PVD index: the number of outputs in equilibrium so far, plus `time`.
     stretch : float or None
         Distance of the grips divided by its undeformed value, in a scene with grips.
     time : float
@@ -50,7 +50,10 @@ class States:
         self._kept: list[Fields | Path] = [{} for _ in self.moments]
 
     def append(self, moment: Moment, fields: Fields | Path) -> None:
-        """Record a state: its moment, and its fields on the points (each None on a rank that keeps none) or the path of their file."""
+        """Record a state: its moment, and its fields on the points, or the path of the file that holds them.
+
+        On a rank that stores no fields, every value in `fields` is None.
+        """
         self.moments.append(moment)
         self._kept.append(fields)
 
@@ -75,7 +78,7 @@ class States:
 class StatesInFiles(States):
     """Sequence of the states of a run in VTU files with a PVD index, written when a state is recorded, and read when it is accessed.
 
-    Every rank of a divided body writes a piece of each state, for its own points.
+    If a body is divided among ranks, every rank writes a piece of each state, for its own points.
 
     Parameters
     ----------
@@ -83,7 +86,7 @@ class StatesInFiles(States):
     name : str
         Stem of the file names.
     body : Body, optional
-        Body with the cells to write; in a divided run the share of this rank. States without a body are only read.
+        Body with the cells to write; if it is divided among ranks, the share of this rank. States without a body are only read.
     moments : list of Moment, optional
         Moments of the states that a resumed run has already recorded; files of later states are removed.
     """
@@ -159,7 +162,9 @@ def _piece(path: Path, rank: int) -> Path:
 
 
 def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
-    """Return the cells of a body in a state, separated along open cracks, and the displacements of their nodes, shape (k, d).
+    """Return the cells of a body in a state, and the displacements of their nodes, shape (k, d).
+
+    Along open cracks the nodes are duplicated, so that the cells on the two sides are separate.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def column_title(column: str, units: Units) -> str:
 
 
 def column_unit(column: str, units: Units) -> str | None:
-    """Return the name of the unit of a column of the history; None if it has none."""
+    """Return the unit of a column of the history as text, such as "mm"; None if it has no unit or the scene names none."""
     return next((getattr(units, kind) for pattern, kind in UNITS_OF_COLUMNS.items() if re.fullmatch(pattern, column)), None)
 
 

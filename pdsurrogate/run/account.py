@@ -43,7 +43,7 @@ If the elastic forces were approximated instead, the work of supports that visco
 
 @dataclass
 class Account:
-    """Running totals of the energy balance of a dynamic stage, saved in checkpoints; energies are per unit thickness.
+    """Running totals of the energy balance of a dynamic stage, saved in checkpoints; in two dimensions energies are per unit thickness.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ class Account:
     work, damped_energy, released_energy : float
         Work of all supports and loads, energy dissipated by damping, and energy released by breaking bonds, since the start.
     power, damped_power : Power
-        Power of supports and loads, and of damping, as last computed; lists in a checkpoint.
+        Power of supports and loads, and of damping, as last computed; after the account is read from a checkpoint they are lists.
     rate_time : float
-        Time at which `power` and `damped_power` were computed: at the last row of the history or in a step since.
+        Time at which `power` and `damped_power` were computed: the time of the last row of the history, or of a later step.
     row_time : float
         Time of the last row of the history.
     most_put_in : float
@@ -65,8 +65,9 @@ class Account:
         Energy at the last row, including dissipated and released energy, minus the supplied energy; and, of the values at all rows, the
         one of greatest magnitude.
     on_planes, levers : list or None
-        Forces f that each reflection plane exerts on the body, and sums of f (x) y over the places y at which they act, both due to the
-        elastic forces alone (see `ExplicitDynamics.elastic`); None until they are computed.
+        Part of the reactions that is due to the elastic forces alone (see `ExplicitDynamics.elastic`): the force of each reflection plane
+        on the body, and the sum of the outer products f (x) y of the forces f that the plane exerts at the places y, which gives the power
+        of a plane that turns. None until they are computed; `levers` stays None if no plane turns.
     last_break : int
         Step in which a bond last broke.
     outputs : int
@@ -103,7 +104,7 @@ class Bookkeeping:
     viscosity : float
         Retardation time of the stage.
     timed : bool
-        Whether the scene gives the duration of the stage, not a rate.
+        Whether the scene gives the duration of the stage (`StepDynamics.duration`), not a stretch rate (`Dynamics.stretch_rate`).
 
     Attributes
     ----------
@@ -136,7 +137,7 @@ class Bookkeeping:
     def count_release(self) -> None:
         """Add the kinetic energy lost by the breaking of bonds in the last step to the released energy, if `every_step`.
 
-        The lost energy is the difference of the two energies that `ExplicitDynamics.kept_energy` returns.
+        `ExplicitDynamics.kept_energy` returns the kinetic energy with and without the forces of these bonds; the difference is lost.
         """
         if self.every_step:
             arriving, leaving = self._integrator.kept_energy()
@@ -149,13 +150,13 @@ class Bookkeeping:
             self.advance(self._run.loading.reactions(self._run.force, self._integrator.forces), evaluate=breaking or self._uneven())
 
     def _uneven(self) -> bool:
-        """Return whether supports change velocity too fast for the approximation of elastic forces in `ExplicitDynamics.elastic`."""
+        """Return whether supports change velocity within the retardation time by more than `LEAST_UNEVENNESS`, relatively."""
         viscosity, motion, now = self._viscosity, self._motion, self._run.state.parameter
         last = motion.at(self.account.time - self._integrator.last_step)
         return viscosity > 0 and self._run.loading.unevenness(last, now, now + viscosity * motion.rate) > LEAST_UNEVENNESS
 
     def _power_of_holders(self, reactions: Reactions) -> Power:
-        """Return the power of all supports at given reactions: with their velocities in the last step, in the next, and the mean."""
+        """Return the power of all supports (holders) at given reactions, with their velocities in the last step, the next, and the mean."""
         course, time, step = self._run.loading.course, self.account.time, self._integrator.last_step
         before = course.power(reactions, self._motion, time, step)
         after = course.power(reactions, self._motion, time + step, step) if self.every_step else before
@@ -170,9 +171,9 @@ class Bookkeeping:
     def advance(self, reactions: Reactions, evaluate: bool) -> None:
         """Add to the account the work of supports and loads, and the energy dissipated by damping, since the last call.
 
-        `reactions` are those of the supports in the last evaluation of the force, the one for the motion. The energy dissipated by
-        viscosity follows from the elastic forces at the positions: with `evaluate` the force is evaluated there, otherwise
-        `ExplicitDynamics.elastic` approximates it.
+        `reactions` are those of the supports to the forces that move the points, which include viscosity. The energy dissipated by
+        viscosity follows from the difference between these forces and the elastic forces: with `evaluate` the elastic forces are evaluated
+        at the present positions, otherwise `ExplicitDynamics.elastic` approximates them.
         """
         run, account, integrator = self._run, self.account, self._integrator
         elapsed, held = account.time - account.rate_time, self._power_of_holders(reactions)
@@ -201,7 +202,8 @@ class Bookkeeping:
     def _elastic_reactions(self, held: Reactions, evaluated: bool) -> Reactions:
         """Return the reactions of the supports to the elastic forces alone.
 
-        They are exact if the elastic forces were just `evaluated`, else approximated from `held`, the reactions to all forces.
+        They are exact if the elastic forces were just `evaluated`, else approximated from `held`, the reactions to all forces,
+        viscous ones included.
         """
         account, loading, on_points = self.account, self._run.loading, self._integrator.elastic_with_loads()
         if evaluated:
@@ -215,7 +217,9 @@ class Bookkeeping:
         return found
 
     def columns(self, kinetic: float, strain: float, first: bool) -> dict[str, float]:
-        """Return the energies of a row of the history; raise Diverging if kinetic and damped energy exceed the bound `MOST_ENERGY`.
+        """Return the energies of a row of the history; raise Diverging if kinetic plus damped energy is too great.
+
+        The bound is about `MOST_ENERGY` times the energy supplied by the initial state, supports and loads.
 
         `kinetic` and `strain` are the kinetic and strain energy at the row; `first` marks the first row of the stage, at which they are the
         initial energies.
@@ -238,8 +242,8 @@ class Bookkeeping:
     def entries(self) -> dict:
         """Return the entries of the run's summary about the energy account.
 
-        They are the energy supplied, the last and the greatest gap in per cent of it, and a `remark`: text if the account does not close
-        or cannot, else None.
+        They are the energy supplied, the last and the greatest gap in per cent of it, and a `remark`: a warning if the gap exceeds
+        `GAP_WARNED`, a note if the force has no energy, so that no gap can be computed, else None.
         """
         account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
         if not self.closes:

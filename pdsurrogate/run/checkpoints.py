@@ -51,9 +51,9 @@ class State:
     steps : int
         Steps in dynamics.
     wasted : int
-        Number of force evaluations in increments that failed.
+        Number of force evaluations spent on increments of the loading that failed and were undone.
     greatest_drive : float
-        Greatest driving force (`Equilibrium.drive`) of the outputs so far.
+        Greatest sum of the magnitudes of loads or reactions (`Equilibrium.drive`) of the outputs so far.
     crack : dict or None
         Entry of the summary about cracks; None without fracture or before dynamics.
     dynamics : list of dict
@@ -103,7 +103,7 @@ class Checkpoints:
 
     @property
     def late(self) -> bool:
-        """Return whether the next checkpoint of the run is due."""
+        """Return whether the run has a folder and the time for its next checkpoint has come."""
         return self.run.folder is not None and time.monotonic() >= self._due
 
     @property
@@ -168,7 +168,10 @@ class Checkpoints:
         return {**run.arrays(), **damage}
 
     def _rows_of(self, key: str) -> Rows:
-        """Return the correspondence of local and whole-body rows for an array of a checkpoint, by its name: rows of points, pairs, ..."""
+        """Return the correspondence of local and whole-body rows for an array of a checkpoint, by its name.
+
+        Rows of damage are pairs, rows of a state array are of the kind that `InternalForce.state_rows` names, other rows are points.
+        """
         kind = "pairs" if key in ("broken", "recent") else self.run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
         return self._rows(kind)
 
@@ -189,7 +192,10 @@ class Record:
         self._summary, self._began = summary, time.monotonic()
 
     def keep_if_due(self, rest: float = SECONDS_BETWEEN_TABLES) -> None:
-        """Write the tables if they are due: `rest` seconds after the pause (`PAUSE_SHARE`) that followed their last writing."""
+        """Write the tables if they are due.
+
+        They are due after a pause of `PAUSE_SHARE` times the time that their last writing took, and `rest` seconds more.
+        """
         run, state, began = self._run, self._run.state, time.monotonic()
         if self._summary is None or began < self._earliest + rest:
             return

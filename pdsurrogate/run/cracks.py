@@ -90,7 +90,10 @@ class Cracks:
         return pairs
 
     def _break(self, pairs: np.ndarray) -> None:
-        """Break pairs, given by number, in one event: update damage, force, energy account, velocities and the summary about cracks."""
+        """Break pairs, given by number, in one event: update damage, force, energy account and the summary about cracks.
+
+        If the force has an energy, `ExplicitDynamics.kick` adds to the velocities the impulse of the broken bonds in their last half step.
+        """
         run, crack, share = self._run, self._run.state.crack, self._run.body.share
         crack["broken_bonds"] += share.total(int(np.count_nonzero(share.own[run.body.bonds.first[pairs]])))
         self._damage.break_bonds(pairs)
@@ -132,7 +135,8 @@ class Cracks:
 def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
     """Return the places of the crack tips, that of the largest crack first.
 
-    A crack is a group of broken pairs joined by distances of up to a horizon; its tip is the mean place of the last tenth to break.
+    A crack is a group of broken pairs linked by distances of up to a horizon; its tip is the mean place of the tenth of its pairs that
+    broke last.
 
     Parameters
     ----------
@@ -145,7 +149,7 @@ def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
 
 
 def starts_of_cracks(places: np.ndarray, events: np.ndarray, horizon: float) -> list[list[float]]:
-    """Return the places where cracks began: one for each group of broken pairs that are joined by distances of up to a horizon.
+    """Return the places where cracks began: one for each group of broken pairs linked by distances of up to a horizon.
 
     Parameters
     ----------
@@ -170,7 +174,7 @@ def starts_of_cracks(places: np.ndarray, events: np.ndarray, horizon: float) -> 
 
 
 def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:
-    """Group places (k, d) that are joined by distances of up to a horizon: return the numbers in each group, the largest group first."""
+    """Return groups of places (k, d), linked by chains of distances of up to a horizon: the numbers of each, the largest group first."""
     if not len(places):
         return []
     near = cKDTree(places).query_pairs(horizon, output_type="ndarray")

@@ -60,7 +60,7 @@ class Damage:
         Parameters
         ----------
         positions : ndarray, shape (n + m, d)
-            Positions of the points and their images.
+            Positions of the points and of their images in reflection planes (ghosts).
         """
         self._find.give("positions", positions)
         if not any(self._search()):
@@ -86,7 +86,10 @@ class Damage:
         return rows_of(self.body, "pairs")
 
     def take_recent(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the middles (k, d) of all pairs that broke since the last call, and the numbers (k,) of their events, in rising order."""
+        """Return the middles (k, d) of all pairs that broke since the last call, and the numbers (k,) of their events, and clear `recent`.
+
+        Both arrays are in the order in which the pairs broke.
+        """
         found = self.in_order(np.flatnonzero(self.recent))
         self.recent[:] = 0
         return found

@@ -20,15 +20,15 @@ class Interrupted(RuntimeError):
 class Interruption:
     """Context in which Ctrl-C requests the end of a run, and enforces it if the run does not react; a second Ctrl-C ends it at once.
 
-    Only the main thread is interrupted, and only where no other handler of the signal is installed.
+    Outside the main thread, and where another handler of the signal is installed, the context leaves Ctrl-C as it is.
 
     Parameters
     ----------
     until : float
         Time by `time.perf_counter` at which the run should end.
     insists : bool
-        Whether to end a run that does not react in time, since setting up a preconditioner, or compilation, may last minutes. False with
-        several ranks, since the others would wait for the one that ended.
+        Whether to end a run that does not react within `SECONDS_TO_HEAR`, since setting up a preconditioner, or compilation, may last
+        minutes. False with several ranks, since the others would wait for the one that ended.
     """
 
     def __init__(self, until: float = math.inf, insists: bool = True) -> None:
@@ -73,7 +73,7 @@ class Interruption:
 
 
 def _insist() -> None:
-    """Send the signal of Ctrl-C to the main thread, to end it even while it waits; on Windows it ends at its next instruction."""
+    """Send the signal of Ctrl-C to the main thread, to end it even while it waits; on Windows only after a waiting call has returned."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
     else:

@@ -174,7 +174,11 @@ class Equilibria:
         return equilibrium
 
     def _follow(self, increments: Increments, patience: float) -> Equilibrium:
-        """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations, and check it."""
+        """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations.
+
+        Raise an error if the equilibrium is unstable or does not continue the last one (`check_branch`), or if, at an output, its strains
+        are too small for the precision.
+        """
         run, state, target = self.run, self.run.state, increments.target
         guess = self._best(self._course.guesses(run.positions, state.parameter, target, run.earlier), target)
         tolerance = run.problem.scene.solver.tolerance
@@ -210,8 +214,8 @@ class Equilibria:
         """Undo an increment that failed with an error, and shorten it for another attempt.
 
         `spent` is True if failed attempts have used up the force evaluations allowed for them; the increment is not shortened then.
-
-        `cause` is the error to report: `error`, or the RanAway with which an earlier, longer increment failed.
+        `cause` is the error to report: `error`, or the RanAway with which an earlier, longer increment failed, since after it short
+        increments just below a limit load fail in less telling ways.
 
         Raises
         ------
@@ -234,7 +238,7 @@ class Equilibria:
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
 
     def _record_reached(self) -> None:
-        """Record the last equilibrium, which a failed run has reached, if it converges to the tolerance of an output."""
+        """Solve further for the last equilibrium of a failed run, to the tolerance of an output, and record it if the solver converges."""
         run = self.run
         target, run.target = run.target, run.state.parameter
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
@@ -247,7 +251,8 @@ class Equilibria:
     ) -> Equilibrium:
         """Solve for equilibrium at the parameter `target` from the present positions, within `patience` force evaluations.
 
-        Raise RanAway if loads carry a point too far from `guess`; write checkpoints and stop on request on the way.
+        Raise RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess of the increment. On the way write
+        checkpoints and stop on request.
         """
         run, began = self.run, self.run.force.evaluations
 
@@ -271,8 +276,8 @@ class Equilibria:
     def _keep_or_stop(self, increments: Increments | None) -> None:
         """Write a checkpoint if one is due, and raise Interrupted in a run that should stop.
 
-        A signal alone makes no checkpoint due unless none exists yet: the run resumes from the existing one, to the same bits. A time
-        limit that has passed makes one due, so that the run resumes from its present state.
+        Ctrl-C makes a checkpoint due only if none exists yet: a run that resumes from an older one repeats some work and has bitwise the
+        same results. A time limit that has passed makes one due, so that the run resumes from its present state.
         """
         run = self.run
         asked = run.interruption.asked

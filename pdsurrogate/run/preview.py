@@ -181,9 +181,10 @@ def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tupl
 
 
 def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
-    """Return whether the body hides a place from the eye: whether points lie along the line of sight, up to the distance `reach`.
+    """Return whether the body hides a place from the eye: whether points lie near the line of sight.
 
-    `cell` is the side of a cell, the unit of `SIGHT` and `WITHIN`.
+    The line of sight goes from the place towards the eye and is searched up to the distance `reach`. `cell` is the side of a cell, in
+    which `SIGHT`, the distance of the line's start from the place, and `WITHIN`, the greatest distance of points from it, are measured.
     """
     way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * figures.EYE
     return bool((points.query(place + way)[0] < WITHIN * cell).any())

@@ -1,4 +1,4 @@
-"""Measurements at an output: the rows of ``summary["levels"]``, and the columns of the history."""
+"""Measurements at an output: its row in the summary's list ``levels``, and the columns of the history table."""
 
 import numpy as np
 
@@ -81,7 +81,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
     time : float, optional
         Time since the dynamics began; None in equilibrium.
     drive : float, optional
-        Magnitude of the forces that drive the body (`Equilibrium.drive`), which makes the force balance relative.
+        Sum of the magnitudes of the loads or of the reactions (`Equilibrium.drive`), by which the force balance is divided.
     """
     reactions, declared = run.loading.reactions(run.loaded), run.problem.measures
     row: dict = {run.loading.parameter: run.state.parameter}
@@ -126,7 +126,10 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
 
 
 def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float | None:
-    """Return the magnitude of the sum of all loads and reactions, divided by `drive`, the driving forces; None if `drive` is 0 or None."""
+    """Return the magnitude of the sum of all loads and reactions, divided by `drive`; None if `drive` is 0 or None.
+
+    `drive` is the sum of the magnitudes of the loads or of the reactions, see `Equilibrium.drive`.
+    """
     if not drive:
         return None
     total = reactions.on_planes.sum(axis=0)
@@ -137,10 +140,10 @@ def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float 
 
 
 def _lateral(body: Body, displacements: np.ndarray, axis: int) -> dict[str, float]:
-    """Return measurements of the displacements along an axis across the load, at the two edges of a rectangle that are normal to it.
+    """Return measurements of the lateral contraction of a rectangle along `axis`, which is perpendicular to the load.
 
-    They are half the mean approach of the two edges, the greatest displacement of a place on them, and the roughness of the displacements
-    of all points (`measures.roughness`).
+    They are, for the two edges normal to `axis`, half the mean decrease of their distance and the greatest displacement along `axis` on
+    them; and the roughness (`measures.roughness`) of the displacements of all points along `axis`.
     """
     _, low, high = measures.edge_displacements(body, displacements, axis)
     return {

@@ -1,4 +1,4 @@
-"""Simulation in progress: the problem, its forces, and the state that the stages of the programme advance."""
+"""Simulation in progress: the problem, its forces, and the state that the sequence of stages advances."""
 
 import os
 import warnings
@@ -32,7 +32,7 @@ Gathering the state of so many points costs the first rank 0.16 GB and 10 s of p
 
 @runtime_checkable
 class Progress(Protocol):
-    """Receiver of reports on the progress of a simulation, as a terminal that shows them; every method may do nothing."""
+    """Receiver of reports on the progress of a simulation, such as a terminal that shows them; a method may ignore its report."""
 
     def compiling(self) -> None:
         """Report that kernels are being compiled, which happens once on a machine."""
@@ -60,7 +60,7 @@ class Silent:
 
 
 class Oversubscribed(RuntimeWarning):
-    """Warning that ranks have more threads than there are cores: a rank waits in a loop, and occupies a core that another rank needs."""
+    """Warning that the ranks have more threads in total than there are cores: a waiting rank loops, on a core that another rank needs."""
 
 
 class Run:
@@ -84,20 +84,20 @@ class Run:
     problem : Problem
     force : InternalForce
     loaded : InternalForce or LoadedForce
-        The force with loads, supports and rigid regions, with which solvers work.
+        Force that the solvers for equilibrium evaluate: `force` plus loads, supports at places between points, and rigid regions, if any.
     body, loading, loads, stages
         Attributes of the problem.
     whole : Body or None
         The whole body; None on ranks other than the first.
     positions : ndarray, shape (n, d)
     state : State
-        Position in the programme and recorded numbers, as stored in checkpoints.
+        Number of the present stage, loading parameter and recorded numbers, as stored in checkpoints.
     target : float
         Loading parameter of the next output.
     velocities : ndarray, shape (n, d), or None
         Velocities with which a stage in dynamics ended; None after equilibrium.
     earlier : tuple of float and ndarray, or None
-        Parameter and positions of the equilibrium before the last.
+        Parameter and positions of the equilibrium before the last, from which the next first guess may be extrapolated.
     damage : Damage or None
         None without fracture.
     residual : float or None
@@ -152,7 +152,7 @@ class Run:
         return {"positions": self.positions, **self.force.state_arrays()}
 
     def takes_double(self) -> bool:
-        """Return whether the run may change from single to double precision: the scene leaves it open, and all force models have it."""
+        """Return whether the run may change to double precision: the scene sets no precision, and all force models support it."""
         settings = self.problem.settings
         if settings.precision is not None or self.force.precision == "float64":
             return False
@@ -169,12 +169,12 @@ class Run:
             setattr(self.force, counter, getattr(old, counter))
 
     def break_again(self) -> None:
-        """Remove all broken bonds of the run from its force again, after the force was bound anew or a checkpoint was read."""
+        """Remove all broken bonds of the run from its force again, after the force was bound to the body anew or a checkpoint was read."""
         if self.damage is not None and self.body.share.any(bool(self.damage.broken.any())):
             self.force.break_bonds(np.flatnonzero(self.damage.broken))
 
     def states_of(self, moments: list[Moment] | None = None) -> States:
-        """Return the storage for states of the run, in memory or in its folder; `moments` are those of states recorded already."""
+        """Return the storage for states of the run, in memory or in its folder; `moments` are the times of states already recorded."""
         writer = self.body if self._in_pieces else self.whole
         if writer is None or self.folder is None:
             return States(moments)
@@ -212,7 +212,10 @@ class Run:
         self.tables.keep_if_due(0.0 if len(self.states) > 1 else -np.inf)
 
     def _count_beyond_data(self, moment: Moment) -> None:
-        """Add a row to ``state.beyond_data``: the fraction of bonds (for an energy, points) beyond the test data, and the farthest one."""
+        """Add a row to ``state.beyond_data``: the fraction of bonds beyond the test data, and the greatest distance from these data.
+
+        For an energy learnt from test data the fraction is that of points. For a force that is not learnt from test data no row is added.
+        """
         beyond = self.force.learnt.beyond_data()
         if beyond is None:
             return
@@ -222,7 +225,7 @@ class Run:
         self.state.beyond_data.append(row | {"share": outside / max(total, 1), "log_stretch": farthest})
 
     def strain_energy(self) -> float:
-        """Return the stored energy per unit thickness in the state last evaluated, see `measures.strain_energy`."""
+        """Return the body's strain energy in the state last evaluated, in two dimensions per unit thickness (`measures.strain_energy`)."""
         return self.body.share.total(measures.strain_energy(self.force))
 
     def unsupported_points(self) -> int:
@@ -241,7 +244,10 @@ class Run:
 
 
 def _threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
-    """Return this rank's threads: `asked`, or else `paying`, the most that speed up the run, but at most its share of the cores."""
+    """Return this rank's number of threads, and warn if the ranks on this machine have more threads in total than there are cores.
+
+    The number is `asked`, or without it `paying`, the most that speed up the run, limited to the rank's share of the cores.
+    """
     here = ranks.here()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = asked or max(1, min(paying, cores // here))

@@ -122,10 +122,10 @@ def simulate(
         A scene, or the name or file of one, see `pdsurrogate.load_scene`.
     force : str, path, ForceModel, fitted pipeline or object, optional
         A force model, the name of one ("analytic", "nosb"), an artefact: NAME, NAME@VERSION or a path; or a fitted
-        `pdsurrogate.surrogate_pipeline`, or a search over one; or an object with a ``bond_force`` or an ``energy``
-        (`pdsurrogate.forces.OwnBondForce`), which is assumed to describe the scene's material.
-        A built-in scene adopts the material of an artefact's card, see `pdsurrogate.artifacts.with_material`.  By default
-        `pdsurrogate.artifacts.default_force` chooses the model for the scene.
+        `pdsurrogate.surrogate_pipeline`, or a scikit-learn search (such as GridSearchCV) over one; or an object with a ``bond_force`` or
+        an ``energy`` (`pdsurrogate.forces.OwnBondForce`), which is assumed to describe the scene's material.
+        A built-in scene adopts the material of an artefact's card (stored description), see `pdsurrogate.artifacts.with_material`.
+        By default `pdsurrogate.artifacts.default_force` chooses the model for the scene.
     threads : int, optional
         Number of threads of the kernels, at most the number that numba was started with; by default chosen by the size of the body.
         The result does not depend on it.
@@ -153,7 +153,7 @@ def simulate(
     ArtifactError
         If the force cannot be found or read.
     ValueError
-        If a pipeline is not fitted, or the kernels do not evaluate its function.
+        If a pipeline is not fitted, was read from a file, or is too far from the scene's law; or for a wrong value of an argument.
     SceneError
         If the scene and the force model do not fit, or the body cannot be built.
     CheckpointError
@@ -241,7 +241,7 @@ def simulate(
 
 
 def _peak(history: list[dict]) -> dict | None:
-    """Return time, stretch and value of the greatest nominal stress in the history, the load that a cracked body bears; None if empty."""
+    """Return the history's greatest nominal stress, which a cracked body bears at most, with its time and stretch; None without history."""
     highest = max(history, key=lambda row: row["nominal_stress"], default=None)
     return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
 
@@ -309,7 +309,7 @@ def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, fold
     Raises
     ------
     SceneError
-        If the inputs differ; the message names which.
+        If the inputs differ; the message names the inputs that differ: scene, force, folder or resume.
     """
     given = {"scene": scene.model_dump_json(), "force": model.name, "folder": str(folder), "resume": resume}
     others = ranks.everywhere(given)

@@ -68,8 +68,8 @@ class Transient:
     def begin(self) -> None:
         """Set the initial velocities, forces and time step of the stage, and add the first row to the history.
 
-        After equilibrium the velocities are those of a body that follows its held parts quasi-statically, so that no shock is sent; after
-        dynamics they are the last velocities, and held parts that change their velocity do send a shock.
+        After equilibrium the velocities are those of a body that follows its held points and planes quasi-statically, so that no shock is
+        sent; after dynamics they are the last velocities, and held points and planes that change their velocity do send a shock.
         """
         run, integrator, motion = self.run, self.integrator, self.motion
         velocities = run.loading.course.velocities(run.positions, motion) if run.velocities is None else run.velocities
@@ -99,7 +99,10 @@ class Transient:
         self._apply()
 
     def go(self) -> bool:
-        """Advance to the end of the stage, or until the body has separated between its supports; always return True."""
+        """Advance to the end of the stage, or until the body has separated between its supports.
+
+        Return True, as `Equilibria.go` does at the end of its stage: no other stage has to replace this one.
+        """
         run, account, integrator, through = self.run, self.account, self.integrator, False
         while account.outputs < self.most_outputs and not through:
             try:
@@ -175,9 +178,10 @@ class Transient:
             self._books.count_release()
 
     def _limit_step(self) -> None:
-        """Set the greatest length of the next time step, so that steps end at outputs or at least do not pass two outputs.
+        """Set the greatest length of the next time step.
 
-        If work is summed in every step, the last step ends with the stage, so that supports move during the whole of that step.
+        In a stage with a duration a step ends at every output. In a stage at a rate a step is at most as long as the time between outputs;
+        if work is summed in every step, the last step ends exactly with the stage, since supports stop there.
         """
         account, integrator = self.account, self.integrator
         if self._timed:
@@ -224,7 +228,7 @@ class Transient:
     def output(self) -> bool:
         """Record the present state as an output, with a row of the history; return whether the body has separated between its supports.
 
-        Except for bodies between grips, the output also becomes a row of ``summary["levels"]``.
+        Except for bodies between grips, whose nominal stress is in the history, the output also becomes a row of ``summary["levels"]``.
         """
         run, account = self.run, self.account
         self._last_row()

@@ -32,7 +32,7 @@ and Python's parser is kept from endless text."""
 
 
 def _checked(value: Any) -> Any:
-    """Return a valid amplitude, without spaces around text; raise ValueError unless it is an expression of t or a table of [t, value]."""
+    """Return a valid amplitude, without spaces around text; raise ValueError unless it is ramp, sine, an expression of t, or a table."""
     if isinstance(value, str):
         value = value.strip()
         for t in (0.0, 1.0):

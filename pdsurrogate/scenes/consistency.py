@@ -36,7 +36,7 @@ def _entries(scene: Scene, *keys: str) -> Iterator[tuple[str, Any]]:
 
 
 def _references(scene: Scene) -> Iterator[tuple[str, str | Region]]:
-    """Yield each region, or name of a region, that a scene refers to, preceded by its dotted key, such as ``loads.0.region``."""
+    """Yield pairs of a dotted key, such as ``loads.0.region``, and the region, or name of a region, that a scene refers to there."""
     for name, region in scene.regions.items():
         yield from references_in(f"regions.{name}", region)
     for key, entry in _entries(scene, "prescribed", "loads", "materials"):
@@ -164,7 +164,7 @@ def _probes(scene: Scene) -> None:
 
 
 def _regions(scene: Scene) -> None:
-    """Raise ValueError if a scene refers to a region that does not exist, or defines a region by itself."""
+    """Raise ValueError if a scene refers to a region that does not exist, or a region refers to itself, directly or through others."""
     reserved = reserved_names(scene.dimension)
     for key, reference in _references(scene):
         if not isinstance(reference, str):

@@ -14,7 +14,8 @@ LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 class Prescribed(StrictModel):
     """Prescribed displacements of a region: for each component a value times an amplitude; components without a value are free.
 
-    If the region is the point ``near`` a place, and several points are equally near, their mean displacement is prescribed.
+    If the region is given by ``near`` (see `pdsurrogate.Region`) and several points are equally near, their mean displacement is
+    prescribed.
     A rotation prescribes all components; the displacements x1, x2 and x3 are added to it.
 
     Attributes
@@ -121,7 +122,7 @@ class Load(StrictModel):
 
 
 class DynamicsSettings(StrictModel):
-    """Settings of explicit dynamics, during a step or after the last equilibrium.
+    """Settings of explicit dynamics, common to `StepDynamics` (during a step) and `Dynamics` (after the last stretch in equilibrium).
 
     Attributes
     ----------
@@ -130,10 +131,10 @@ class DynamicsSettings(StrictModel):
     damping : float
         Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v, forces f), per unit time.
     viscosity : float, optional
-        Retardation time of a Kelvin-Voigt solid: damps waves as short as bonds, where a crack lets material snap back.  With fracture by
-        default 0.7 spacings divided by the speed of shear waves, else none.
+        Retardation time of a Kelvin-Voigt solid: it damps waves as short as bonds, which material sends when it recoils behind a crack.
+        By default 0.7 spacings divided by the speed of shear waves with fracture, else 0.
     safety : float
-        Ratio of the time step to the critical time step. The default leaves room for a tangent that becomes twice as stiff between two
+        Ratio of the time step to the critical time step. The default, 0.7, stays stable if the tangent becomes twice as stiff between two
         estimates of the highest frequency (0.7^2 = 1/2).
     """
 

@@ -1,4 +1,4 @@
-"""Scene: a body, its material, its supports and loads, and reference values."""
+"""Scene: a body, its material, its supports and loads, and the reference solution with which results are compared."""
 
 import dataclasses
 import json
@@ -110,8 +110,8 @@ class Part(StrictModel):
     material : MaterialSpec
         ``"rigid"`` for a region that moves as one body.
     force : str, optional
-        Artefact of this material; by default the force model of the rest of the body, or, if that model is a surrogate, the surrogate of
-        this material's law.
+        Stored force model (artefact) of this material; by default the force model of the rest of the body, or, if that model is a
+        surrogate, the surrogate of this material's law.
 
     Examples
     --------
@@ -145,8 +145,8 @@ class Grip(StrictModel):
 class Hold(StrictModel):
     """Points held by a plain Dirichlet condition, component by component.
 
-    Either a box or a list gives the points. All components are held unless some are named.  The points move by ``travel`` times the
-    elongation of the body, or stay in place without ``travel``.
+    Either ``box`` or ``points``, a list of point numbers, gives the points. All components are held unless ``components`` names some. The
+    points move by the vector ``travel`` times the elongation of the body, or stay in place without ``travel``.
     """
 
     box: tuple[Vector, Vector] | None = None
@@ -172,7 +172,8 @@ class SolverSpec(StrictModel):
 class Fracture(StrictModel):
     """Fracture of bonds beyond a critical stretch, set directly or through a fracture energy (`pdsurrogate.critical_stretch_of`).
 
-    A fracture energy is refused if no diameter of a crack tip was measured for the force model, the plane and the horizon.
+    A fracture energy is converted with the effective diameter of a crack tip. It is refused if the package has no measured diameter for the
+    force model, the plane and the ratio of horizon to spacing.
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
@@ -239,7 +240,7 @@ class Units(StrictModel):
         return f"{what} ({unit})" if unit else what
 
     def amount(self, number: float | str, kind: str, form: str = "", power: str = "") -> str:
-        """Return a number, or a text of numbers, followed by the unit of its `kind` ("length", say) and a power such as "^2".
+        """Return a number, or text such as "0 to 2", followed by the unit of its `kind` ("length", say) and a power such as "^2".
 
         `form` is the format specification of the number, such as ".4g".
         """
@@ -254,10 +255,10 @@ class Scene(StrictModel):
     `grips` and `stretches`, which are reached in order, each the distance of the grips divided by its undeformed value; or with
     `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins at 0.
 
-    If `spacing` does not divide the body, its cells have the nearest sides that fill it. The horizon is `horizon_ratio` times the smaller
-    side of a cell, by default 3.15 in the plane and 1.75 in three dimensions. A mesh has its own spacing, the side of a square or cube as
-    large as its cells. By default `plane` is "stress" for a body in the plane, and "space" for a body in three dimensions. Places,
-    directions and forces have as many components as the body has dimensions.
+    If `spacing` does not divide the sides of the body, the sides of the cells are the nearest lengths that do. The horizon is
+    `horizon_ratio` times the smaller side of a cell, by default 3.15 in the plane and 1.75 in three dimensions. A mesh has its own spacing,
+    the side of a square or cube as large as its mean cell. By default `plane` is "stress" for a body in the plane, and "space" for a body
+    in three dimensions. Places, directions and forces have as many components as the body has dimensions.
 
     Examples
     --------

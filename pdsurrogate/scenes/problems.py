@@ -1,4 +1,4 @@
-"""Error messages for invalid scenes."""
+"""Error messages for invalid scenes: `SceneError`, and the conversion of Pydantic's validation errors."""
 
 import difflib
 from collections.abc import Iterable

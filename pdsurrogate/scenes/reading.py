@@ -75,7 +75,7 @@ def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
     Raises
     ------
     SceneError
-        If the file cannot be read, is not valid TOML, or is too long, as an endless device is.
+        If the file cannot be read, is not valid TOML, or has more than `MOST_BYTES`.
     """
     try:
         with path.open("rb") as file:

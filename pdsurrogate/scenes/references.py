@@ -1,4 +1,4 @@
-"""Reference values with which runs of scenes are compared: exact homogeneous tension, and stored finite element solutions."""
+"""Reference solutions with which results of scenes are compared: exact homogeneous tension, and stored finite element solutions."""
 
 import json
 from functools import cache
@@ -29,8 +29,8 @@ def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
     Returns
     -------
     dict
-        nominal_stress, lateral_displacement and greatest_lateral_displacement, in the scene's units; empty if the scene's problem is not
-        homogeneous, or its law has no such state.
+        nominal_stress, lateral_displacement and greatest_lateral_displacement, in the scene's units; the two displacements are
+        equal. Empty if the scene's problem is not homogeneous, or its law has no such state.
     """
     others = scene.holes or scene.precuts or scene.holds or scene.fracture or scene.materials
     if others or not isinstance(scene.body, Rectangle) or any(grip.holds != "normal" for grip in scene.grips):

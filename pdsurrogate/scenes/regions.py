@@ -82,9 +82,9 @@ class Region(StrictModel):
     group : str
         Physical group of a mesh, by its name.
     both, either : list of regions
-        Intersection or union of regions, written ``and``, ``or``.
+        Intersection or union of regions; the keys in scene files are ``and``, ``or``.
     other : region
-        Complement of a region, written ``not``.
+        Complement of a region; the key in scene files is ``not``.
 
     Examples
     --------

@@ -173,8 +173,8 @@ def _crossing(corners: np.ndarray) -> str | None:
     """Return, in words, where the outline of a polygon with given corners crosses itself or runs around twice; None if it is valid.
 
     Sides may touch, and may run back along each other, as the two sides do that connect an inner opening with the outer outline. The sides
-    are divided where they meet: the outline is valid if it winds, around places on both sides of every piece, once or not at all, and
-    everywhere in one sense.
+    are divided into pieces where they meet. The outline is valid if its winding numbers just beside every piece, on both sides, are 0 or 1
+    (0 or -1 for a clockwise outline).
     """
     extent = float(np.ptp(corners, axis=0).max())
     starts = corners[np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1) > 1e-9 * extent]
@@ -248,7 +248,7 @@ AnyOutline = Annotated[Rectangle | Circle | Ellipse | Polygon, Field(discriminat
 class Mesh(StrictModel):
     """Body from a mesh file that meshio reads: every cell becomes a point at its centroid, with the volume of the cell.
 
-    The spacing of the points is the side of a square or cube as large as a cell, as a mean over the body.
+    The spacing of the points is the side of a square or cube as large as the mean cell.
 
     Attributes
     ----------
@@ -290,8 +290,8 @@ class Precut(StrictModel):
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return whether each of the segments from `starts` to `ends`, both of shape (k, 2), crosses the cut.
 
-        A point on the cut's line counts as lying on its left, to rounding, so that a cut through a row of points separates
-        them from one side.
+        A point on the cut's line, to rounding, counts as lying to the left of the cut: a cut through a row of points separates these points
+        from those on the right, and not from those on the left.
         """
         a, b = np.array(self.start), np.array(self.end)
         along = b - a

@@ -216,8 +216,8 @@ class FlatCut(StrictModel):
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return whether each of the segments from `starts` to `ends`, both of shape (k, 3), crosses the cut.
 
-        A point on the cut's plane counts as lying on the side of the normal, to rounding, so that a cut through a layer of points
-        separates them from one side.
+        A point on the cut's plane, to rounding, counts as lying on the side of the normal: a cut through a layer of points separates these
+        points from those on the other side, and not from those on the side of the normal.
         """
         place, normal, extent = self.plane()
         heights = [(points - place) @ normal for points in (starts, ends)]

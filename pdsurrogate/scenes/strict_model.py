@@ -54,7 +54,7 @@ class _PartType(type(BaseModel)):
 
 
 class StrictModel(BaseModel, metaclass=_PartType):
-    """Base class of all parts of a scene: unknown keys are errors, and fields cannot be changed after reading.
+    """Base class of all parts of a scene: unknown keys are errors, and fields of an object cannot be changed.
 
     Invalid parts raise SceneError with the same message, whether they are composed in Python or read from a file. Subclasses check fields
     against each other in `model_post_init`: Pydantic reports a ValueError from there with the key of the part.

@@ -1,4 +1,4 @@
-"""Measured effective diameters of a crack tip, in horizons, by family of force model, plane and ratio of horizon to spacing."""
+"""Effective crack-tip diameters in horizons, measured in simulated tears, by family of force model, plane and horizon/spacing."""
 
 TIP_DIAMETER = 1.15
 """Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no energy.
@@ -21,7 +21,9 @@ it is not in the table.  See `pdsurrogate.critical_stretch_of`."""
 
 
 def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) -> float:
-    """Return the measured effective diameter of a crack tip, in horizons.
+    """Return the effective diameter of a crack tip, in horizons, as measured in simulated tears.
+
+    The diameter is the energy release rate at which a crack runs, divided by the uniaxial energy density at the critical stretch.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Solvers for equilibrium and dynamics, which use forces only through their protocol."""
+"""Solvers for equilibrium and dynamics, which use the internal force only through the protocol `InternalForce`."""

@@ -23,7 +23,7 @@ coordinates in single precision, and far below a spacing."""
 
 
 class FoldedOver(InvalidState):
-    """Error for a free side of the body that has bulged over the held plane next to it: the contact there is not computed."""
+    """Error for a free side of the body that has bulged beyond a held reflection plane next to it: contact there is not computed."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,14 @@ class Reactions:
     Attributes
     ----------
     forces : ndarray, shape (holders, d)
-        Total force of each holder, a support that results report by name.
+        Total force of each holder; a holder is a named support in the results, which may consist of several held parts.
     on_planes : ndarray, shape (planes, d)
         Force of each reflection plane.
     at_points : ndarray, shape (n, d), or None
         Forces on held points, 0 in free components; None where no points are held.
     levers : ndarray, shape (planes, d, d), or None
-        Sum of the outer products f (x) y over the forces f that each plane exerts at the places y; None if no plane turns.
+        First moments of the forces: the sum of the outer products f (x) y over the forces f that each plane exerts at the places y;
+        None if no plane turns.
     """
 
     forces: np.ndarray
@@ -59,11 +60,12 @@ class Loading:
     rest : float
         Value of the loading parameter for the undeformed body.
     names : sequence of str
-        Names of the holders, the supports whose forces results report.
+        Names of the holders: the supports under whose names results report forces. A holder may consist of several held parts.
     planes : sequence of str
         Names of the reflection planes in messages, in the order of `Body.planes`.
     held : sequence of Held
-        Held parts. The force on a point that two parts hold counts for the later part; no two parts hold the same component of a plane.
+        Parts of the body with prescribed motion. The force on a point that two parts hold counts for the later part; no two parts hold the
+        same component of a plane.
     loads : Loads
 
     Attributes
@@ -84,7 +86,7 @@ class Loading:
     supports : list of Support
         Supports at places between points.
     course : Pull or Paths
-        First guesses, velocities and power along the loading; set once the conditions are known.
+        Object that computes first guesses, initial velocities and the power of supports; set by the caller after construction.
     parameter, rest, names, planes, held, loads
     """
 
@@ -113,7 +115,7 @@ class Loading:
         self.free[self.there] = 0
 
     def pieces(self, intact: np.ndarray | None = None) -> tuple[int, np.ndarray]:
-        """Return the number of pieces into which bonds within the body join its points, and the piece of every point.
+        """Return the number of connected pieces of the body, and the number of the piece of every point; bonds to images do not connect.
 
         Parameters
         ----------
@@ -168,10 +170,10 @@ class Loading:
             force.move_plane(number, motion[:, -1], motion[:, :-1] if number in self.turning else None)
 
     def unevenness(self, last: float, now: float, ahead: float) -> float:
-        """Return how far held parts deviate from constant velocity while the loading parameter goes from `now` to `ahead`; 0 if not at all.
+        """Return how much the rate of the prescribed motions changes between two increments, `last` to `now` and `now` to `ahead`.
 
-        The deviation is the greatest difference between the prescribed motions to `ahead` and motions that continue at the mean velocity
-        between the values `last` and `now`. It is divided by the greatest displacement in either of these motions.
+        The change is the greatest difference between the prescribed displacements from `now` to `ahead` and those extrapolated linearly
+        from the increment before, divided by the greatest of all these displacements; it is 0 at a constant rate.
         """
         if now == last:
             return 0.0
@@ -183,14 +185,14 @@ class Loading:
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point has crossed a reflection plane to the side of its own image.
 
-        Points at which the force has no deformation gradient (False in `force.supported`) are not checked.
+        Points whose bonds do not determine a deformation gradient (False in `force.supported`) are not checked.
 
         Raises
         ------
         InvalidState
             If a point has crossed; the message names the point that is farthest beyond, and the plane.
         FoldedOver
-            If that point lies next to a free side, and more than one component of the plane is held.
+            If that point lies next to a free side, and the plane is held along itself too, so that the side can bulge over it.
         """
         supported, motions = force.supported, self.plane_motions(parameter)
         for name, plane, motion, held in zip(self.planes, self.body.planes, motions, self.plane_components, strict=True):
@@ -208,7 +210,10 @@ class Loading:
             self.body.share.agree(error)
 
     def _beside_free_side(self, point: int, axis: int) -> bool:
-        """Return whether a point lies next to a free side: in the plane normal to an axis, its neighbours lie to one side of it."""
+        """Return whether a point lies next to a side of the body parallel to `axis`.
+
+        The mean position of its neighbours is then shifted, normal to `axis`, by more than `ONE_SIDED` horizons from the point.
+        """
         bonds = self.body.bonds
         neighbours = bonds.neighbours[bonds.pointers[point] : bonds.pointers[point + 1]]
         arms = self.body.all_points[neighbours] - self.body.points[point]
@@ -220,8 +225,8 @@ class Loading:
 
         The reaction at a held point balances the internal force and the loads there.  The reaction of a reflection plane is the force that
         does work on the displacement of the plane: the sum over bonds to images (mirrored points) of half the bond force, times the
-        displacement of the image per displacement of the plane.  The factor is a half since an image on the other side has an equal bond.
-        For a single plane the reaction is the sum of the forces of all bonds that cross it.
+        displacement of the image per displacement of the plane.  The factor is a half since half the energy of such a bond belongs to the
+        mirrored body.  For a single plane the reaction is the sum of the forces of all bonds that cross it.
 
         Parameters
         ----------
@@ -275,7 +280,7 @@ class Loading:
             of_holders[part.holder, part.components] += of_planes[part.plane, part.components]
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
-        """Return the sum of outer products f (x) y over the forces f that each plane exerts at the places y, shape (planes, d, d).
+        """Return the first moments of the forces of planes (`Reactions.levers`), sums of outer products f (x) y, shape (planes, d, d).
 
         If `force` has an energy, it provides these sums. Otherwise f are the forces of the k bonds that cross planes, `crossing` (k, d),
         and y the middles of these bonds.
@@ -291,7 +296,10 @@ class Loading:
         return levers
 
     def _on_points(self, force: InternalForce) -> np.ndarray:
-        """Return internal force plus loads on every point in the state last evaluated, shape (n, d), redistributed in rigid regions."""
+        """Return internal force plus loads on every point in the state last evaluated, shape (n, d).
+
+        In each rigid region forces of equal resultant replace them, see `RigidRegion.carry`.
+        """
         total = self.internal_forces(force)
         if self.loads:
             self.loads.forces(force.positions[: len(self.body)], force.thickness(), total)
@@ -308,7 +316,7 @@ class Loading:
 
     @cached_property
     def counted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Held components whose reactions this rank adds to those of holders: arrays of the holder's number, the point, the component."""
+        """Components of held points whose reactions this rank adds to their holders' forces: arrays of holders, points and components."""
         holder = np.full(self.free.shape, -1)
         for part in self._of_points:
             holder[part.every[:, None], part.components] = -1 if part.holder is None else part.holder
@@ -318,10 +326,10 @@ class Loading:
 
     @cached_property
     def crossing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Bonds to images (mirrored points) of each plane, for the reactions of planes, as three arrays with k rows.
+        """Bonds to images (mirrored points) of each plane, for the reactions of planes, as three arrays with a row for each such bond.
 
         The arrays are the number of the bond, the number of the plane, and half the displacement of the image per displacement of the
-        plane, component by component, shape (k, d).
+        plane, component by component.
         """
         n, ghosts = len(self.body), self.body.ghosts
         outer = np.flatnonzero(self.body.bonds.second >= n)
@@ -331,7 +339,7 @@ class Loading:
         return outer[rows], planes, levers[rows, planes] / 2
 
     def ends(self) -> list[np.ndarray]:
-        """Return, for each holder, the local points that it holds; for a reflection plane the points that have images in it."""
+        """Return, for each holder, the points on this rank, halo included, that it holds; for a plane the points with images in it."""
         return self._by_holder([part.points for part in self.held])
 
     def _by_holder(self, points: list[np.ndarray]) -> list[np.ndarray]:
@@ -341,9 +349,10 @@ class Loading:
         return [np.unique(every[holders == number]) for number in range(len(self.names))]
 
     def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
-        """Return the mean displacement of each holder, shape (holders, d): over its points, or at the middle of its reflection plane.
+        """Return the mean displacement of each holder, shape (holders, d), over the points that it holds.
 
-        In components in which a reflection plane is free to move, the mean is over the points less than a grid cell away from it.
+        For a reflection plane the points are those less than a grid cell away from it. In components in which the plane is held, the
+        displacement is that of the plane, at the mean undeformed position of these points projected onto it.
         """
         # Displacement, place and number of the points of each holder.
         sums = np.zeros((len(self.names), 2 * self.body.dimension + 1))

@@ -1,4 +1,4 @@
-"""First guesses of equilibria, initial velocities of dynamics, and the power of supports, from the prescribed motions of held parts."""
+"""First guesses of equilibria, initial velocities of dynamics, and the rate of work of supports, from the motions of held parts."""
 
 import math
 from collections.abc import Callable
@@ -68,7 +68,7 @@ class Pull:
         self._lower_travel = travels[:, axis].min()  # the grip at the lower end moves down
 
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float | None:
-        """Return `asked`, the bound that the scene sets on increments of the stretch, unchanged."""
+        """Return `asked`, the bound that the scene (the input of a run) sets on increments of the stretch, unchanged."""
         return asked
 
     def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
@@ -82,7 +82,7 @@ class Pull:
         return [guess]
 
     def velocities(self, positions: np.ndarray, motion: Motion) -> np.ndarray:
-        """Return the velocities of a homogeneous extension at the speed of the grips, shape (n, d), so that their motion sends no shock."""
+        """Return the velocities (n, d) of a homogeneous extension at the speed of the grips, so that the grips start no shock wave."""
         (ahead,) = self.guesses(positions, motion.begin, motion.begin + AHEAD, None)
         return (ahead - positions) / AHEAD * motion.rate
 
@@ -95,7 +95,7 @@ class Pull:
         return self.pull(reactions) * (motion.rate * self._length)
 
     def growth(self, before: float, after: float) -> float:
-        """Return the change of the body's extent in a homogeneous extension between two stretches."""
+        """Return the magnitude of the change of the body's extent (`Body.extent`) in a homogeneous extension between two stretches."""
         return abs(after - before) * self._loading.body.extent
 
     def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
@@ -110,7 +110,7 @@ class Paths:
     ----------
     loading : Loading
     springs : float or ndarray, shape (n,)
-        Shear modulus of the network of springs through which held displacements spread into the body in a first guess.
+        Shear modulus to which the stiffness of the springs is proportional that spread held displacements into the body in a first guess.
     shear_modulus : float
         Unit of the stresses that `pushes` compares.
     largest_strain : float
@@ -210,8 +210,8 @@ class Paths:
     def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
         """Return whether some point is compressed in the state last evaluated, according to the virial stress of its bonds.
 
-        The compression must exceed both `COMPRESSED` times the greatest tension and `NO_STRESS` times the shear modulus; `least` is
-        ignored.
+        The compression must exceed both `COMPRESSED` times the greatest tension and `NO_STRESS` times the shear modulus; the argument
+        `least`, which `Pull.pushes` compares, is ignored.
         """
         n, bonds, positions = len(self.body), self.body.bonds, force.positions
         arms, pulls = positions[bonds.second] - positions[bonds.first], force.pair_forces()
@@ -225,7 +225,7 @@ class Paths:
         return bool(least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus))
 
     def response(self, displacements: np.ndarray) -> np.ndarray:
-        """Return the displacements of the whole body, shape (n, d), that displacements (n, d) of held components cause."""
+        """Return the displacements (n, d) of the body, modelled as a network of springs, for displacements (n, d) of held components."""
         return self._extend(displacements, np.zeros((len(self._loading.planes), self.body.dimension)))
 
     @cached_property
@@ -245,10 +245,11 @@ class Paths:
         return guess, self._share.greatest(greatest_bond_strain(self.body, positions, guess))
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:
-        """Return positions (n, d) with all held parts in their places at `t`, extended from positions `start` with plane motions `planes`.
+        """Return the positions (n, d) to which `start` changes when all held parts move to their places at `t`.
 
-        An affine map fitted to the motion of the held parts is applied first: it captures homogeneous deformations and rotations of the
-        whole body. The remaining held displacements are then interpolated as by a network of springs.
+        In the state `start` the reflection planes have the motions `planes`. An affine map fitted to the motion of the held parts is
+        applied first: it captures homogeneous deformations and rotations of the whole body. The remaining held displacements are then
+        interpolated as by a network of springs.
         """
         loading, goal_planes = self._loading, self._loading.plane_motions(t)
         self._share.fill(start)
@@ -287,10 +288,11 @@ class Paths:
         return guess
 
     def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the present places (k, d) of the held components, and the coordinate (k,) that each must reach at `t`.
+        """Return the present places (k, d) of the held components in the table of `Loading`, and the coordinate (k,) of each at `t`.
 
-        For a reflection plane the places are projections onto the plane of the points that have images in it. `planes` and `goal_planes`
-        are the motions of the planes at the positions `start` and at `t` (see `Loading.plane_motions`).
+        A held component of a plane has one row for each point with an image in the plane: the place is the projection of the point onto it,
+        but the point's own coordinate in components in which the plane is free. `planes` and `goal_planes` are the motions of the planes at
+        the positions `start` and at `t` (see `Loading.plane_motions`).
         """
         loading, displacements = self._loading, start - self.body.points
         there = loading.point, loading.component
@@ -325,7 +327,8 @@ def affine_extension(
     goals : ndarray, shape (k,)
         Value that this component must reach.
     spread_along : callable
-        Standard deviation of the positions of the body along a direction (d,).
+        Function that returns the standard deviation of the body's points along a direction (d,). Places that spread less than
+        `LEAST_SPREAD` times as much do not determine the gradient along it.
 
     Returns
     -------
@@ -361,5 +364,5 @@ def affine_extension(
 
 
 def _normal(directions: np.ndarray) -> np.ndarray:
-    """Return the vector normal to one direction in the plane, shape (1, 2), or to two directions in three dimensions, shape (2, 3)."""
+    """Return a normal (not a unit vector) to one direction in the plane, shape (1, 2), or two in three dimensions, shape (2, 3)."""
     return np.array([-directions[0, 1], directions[0, 0]]) if directions.shape[1] == 2 else np.cross(*directions)

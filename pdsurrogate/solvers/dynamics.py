@@ -1,4 +1,4 @@
-"""Explicit dynamics: central differences with damping proportional to mass and to stiffness, and a step below the critical one."""
+"""Explicit dynamics: central differences with damping proportional to mass and to stiffness, and a stable time step."""
 
 import math
 from collections.abc import Callable
@@ -47,12 +47,12 @@ class ExplicitDynamics:
     """Integrator of M (a + c v) = f(y + tau v) by central differences, with velocities at half steps.
 
     M is the mass, y the position, v the velocity, a the acceleration and f the internal force; c is the damping and tau the viscosity.
-    With tau = 0 the scheme is the paper's.
+    With tau = 0 the scheme is that of the paper that `pdsurrogate.paper` reproduces.
 
     Forces at positions a retardation time tau ahead are those of a Kelvin-Voigt solid, f + tau df/dt, to first order in tau, without
     further evaluations. They damp waves as short as the bonds, such as those of material that unloads behind a crack, on which damping
-    proportional to mass has little effect. Loads are evaluated at y with their present size; only a pressure on the deformed thickness
-    uses the thickness ahead.
+    proportional to mass has little effect. Loads are evaluated at y with their present size; only a pressure that is multiplied by the
+    stretch of a sheet's thickness uses the stretch at y + tau v.
 
     Parameters
     ----------
@@ -78,9 +78,9 @@ class ExplicitDynamics:
     forces : ndarray, shape (n, d)
         Forces that move the body, including loads.
     elastic : ndarray, shape (n, d)
-        Internal forces at the positions without viscous part and without loads, if there is viscosity. In every step they follow the
-        forces f ahead of the positions by f_e + tau df_e/dt = f, which is exact for linear forces; the error of a nonlinear step decays
-        within tau, and `find_elastic` evaluates them exactly.
+        Estimate f_e of the internal forces at y, without viscous part and without loads, if there is viscosity; otherwise 0. It is
+        integrated from the forces f at y + tau v by f_e + tau df_e/dt = f, which is exact for linear forces; the error of a nonlinear
+        step decays within tau, and `find_elastic` evaluates f_e exactly.
     time_step : float
         Stable time step, which decreases where the body stiffens and never increases.
     last_step : float
@@ -156,7 +156,7 @@ class ExplicitDynamics:
         return self.last_step / (self.last_step + self._viscosity)
 
     def evaluate_at_rest(self) -> None:
-        """Evaluate the forces, including loads, at the present positions without viscous part."""
+        """Evaluate the forces, including loads, at the present positions without viscous part, as if the velocities were zero."""
         self.force(self.positions, self.forces)
         self._add_loads()
 
@@ -189,7 +189,7 @@ class ExplicitDynamics:
         self._kicks = None
 
     def _step(self, positions: np.ndarray, velocities: np.ndarray, step: float) -> None:
-        """Advance given velocities and positions by one step with the present forces, in place."""
+        """Advance arrays of velocities and positions, the body's own or copies, by one step with the present forces, in place."""
         scheme = self.forces, self._free, self._mass, self._damping, step, self.last_step
         central_difference_step(positions, velocities, *scheme)
 
@@ -200,10 +200,10 @@ class ExplicitDynamics:
         return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
 
     def kick(self, forces: np.ndarray) -> None:
-        """Add to the velocities the impulse, over half a step, of `forces` (n, d), those of bonds that break at the present positions.
+        """Add to the velocities the impulse over half a step of `forces` (n, d) of the bonds that break at the present positions.
 
         Velocities are half a step behind the positions. Breaking bonds act until the present time, but the forces of the next full step
-        exclude them; without the impulse of their last half step the body would gain energy.
+        exclude them; without their impulse over the last half step the motion would lose less energy than the bonds have taken up.
         """
         kick = self._half_step_of(forces)
         self.velocities += kick
@@ -236,11 +236,11 @@ class ExplicitDynamics:
 
         The first is the kinetic energy half a step before, plus the work over this half step of the forces, including those of bonds that
         break at the present time. The second is the kinetic energy half a step after, minus the work over this half step of the forces
-        without such bonds. For linear forces the change from the second energy of one step to the first of the next is the work of the
-        forces by the trapezoidal rule, as for an elastic energy. Both energies equal v M v'/2, with mass M and the velocities v and v' half
-        a step before and after, except where bonds break or the step h changes: the scheme then dissipates their difference. The kinetic
-        energy from the velocity at the present time exceeds both by h^2 f M^-1 f/8 for forces f, which is large where bonds have just
-        broken.
+        without those of broken bonds. From the second energy of one step to the first of the next the kinetic energy changes by the work of
+        the forces by the trapezoidal rule: for linear forces minus the change of strain energy. Both energies equal v M v'/2, with mass M
+        and the velocities v and v' half a step before and after, except where bonds break or the step h changes: the scheme then dissipates
+        their difference. The kinetic energy from the velocity at the present time exceeds both by h^2 f M^-1 f/8 for forces f, which is
+        large where bonds have just broken.
         """
         before, now, after = self.velocities_around()
         arriving, leaving = (self._share.dot(side, now - 0.5 * side, self._mass) for side in (before, after))
@@ -256,7 +256,7 @@ class ExplicitDynamics:
         return self.elastic + self._applied if self._loads else self.elastic
 
     def damped_power(self) -> Power:
-        """Return the power that damping and viscosity dissipate at the present time; the viscous part is that beyond `elastic`."""
+        """Return the power that damping and viscosity dissipate now; viscous forces are `forces` minus the elastic forces and loads."""
         before, now, after = self.velocities_around()
         taking = self._damping * self._mass[:, None] * now
         power = self._damping * self._share.dot(now, now, self._mass)

@@ -38,7 +38,7 @@ fallen by a third. Chosen: a converging search gains a third in one or two evalu
 
 
 def no_report(evaluations: int, residual: float) -> None:
-    """Ignore a progress report of a solver, as the default `Report`."""
+    """Do nothing: default function of type `Report`, which a solver calls to report its progress."""
 
 
 class NoEquilibrium(RuntimeError):
@@ -58,7 +58,7 @@ class Diverging(NoEquilibrium):
 
 
 class TooSmall(RuntimeError):
-    """Error for strains or driving forces too small for the precision of the force or of the positions."""
+    """Error for strains, loads and reactions so small that rounding errors of the forces or of the positions exceed the tolerance."""
 
 
 class Unstable(NoEquilibrium):
@@ -70,7 +70,7 @@ class TooFar(NoEquilibrium):
 
 
 class RanAway(NoEquilibrium):
-    """Error for a body that loads carry far away within one increment, as happens beyond its limit load."""
+    """Error for a body that its loads displace very far within one increment, as happens beyond its limit load."""
 
 
 def note_of_modes(force: InternalForce, consequence: str) -> str:
@@ -107,7 +107,7 @@ class EquilibriumSolver(ABC):
     """Base class of the solvers for equilibrium.
 
     The search ends when two conditions hold: the residual is below the tolerance, and the residual forces on the free points are small
-    compared with the driving forces, or no greater than rounding errors.
+    compared with the driving forces (the loads or reactions, see `Equilibrium.drive`), or no greater than rounding errors.
 
     Parameters
     ----------
@@ -119,6 +119,7 @@ class EquilibriumSolver(ABC):
     most_evaluations : int
         Maximum number of force evaluations in a call of `solve`.
     share : Share, optional
+        Part of the body that this rank works on; by default the whole body.
     """
 
     name: str
@@ -159,7 +160,8 @@ class EquilibriumSolver(ABC):
         report : callable
             Called every few evaluations.
         least_drive : float
-            Lower bound of the driving forces: for a body that returns to its undeformed state, the forces that drove it before.
+            Lower bound of the driving forces in the convergence criterion. For a body that returns to its undeformed state, where loads and
+            reactions vanish, it is the greatest driving force of earlier equilibria.
 
         Raises
         ------
@@ -176,7 +178,7 @@ class EquilibriumSolver(ABC):
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
-        """Return the largest magnitude of `forces` (n, d) per volume over the free components, in units of shear modulus / spacing.
+        """Return the largest absolute value of a free component of `forces` (n, d) per volume, in units of shear modulus / spacing.
 
         The shear modulus is that of each point, see `InternalForce.force_scale`.
         """
@@ -224,7 +226,7 @@ class EquilibriumSolver(ABC):
         return residual, self._idle >= IDLE
 
     def _holding(self, force: InternalForce) -> float:
-        """Return the sum of the magnitudes of all forces on held components and across planes of reflection."""
+        """Return the sum of the magnitudes of all reactions: of the forces in held components, and of bonds across reflection planes."""
         body = force.body
         outer = np.flatnonzero(body.bonds.second >= len(body))
         crossing = outer[self.share.own[body.bonds.first[outer]]]

@@ -1,4 +1,4 @@
-"""Held parts of a body, and supports at places between points, whose nearest points move in the mean as prescribed."""
+"""Held parts of a body, and supports at places between points, which prescribe the mean displacement of the nearest points."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -96,7 +96,7 @@ class Support:
             positions[self._point, part.components] = placed[:, part.components]
 
     def fold(self, forces: np.ndarray) -> None:
-        """Subtract the force on the held point from those on the other points around the place; `forces` (n, d) is changed in place."""
+        """Subtract the force on the held point from the force on each other point around the place, in `forces` (n, d), in place."""
         self._body.share.fill(forces)
         if len(self._point):
             forces[self._others, self._part.components] -= forces[self._point, self._part.components]
@@ -110,7 +110,8 @@ class Support:
     def fields(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return, for each held component, the weights (n, d) of the mean displacement, and a displacement field (n, d) with the mean 1.
 
-        The field is a multiple of the response of the body to a displacement of the held point.
+        The field is a multiple of the response of the body to a displacement of the held point. With weights w and field v, the map
+        u - v (w . u) removes the mean displacement from displacements u, as the preconditioner `supported` needs.
         """
         found = []
         for component in self._part.components:

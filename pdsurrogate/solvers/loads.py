@@ -73,7 +73,7 @@ class Pressure:
     value : float
         Pressure where the amplitude is 1.
     deformed : bool
-        Whether the pressure acts on the thickness of the deformed sheet.
+        Whether the pressure acts on the edge of a sheet with its deformed thickness; otherwise with its undeformed thickness.
 
     Attributes
     ----------
@@ -107,7 +107,9 @@ class Pressure:
         self._enclosed_at_rest = _enclosed(start.mean(axis=1), [start[:, end] - start[:, 0] for end in range(1, start.shape[1])])
 
     def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
-        """Return the force on every facet, shape (f, d) (theory (44), (45)); `thickness` is the stretch of the thickness at the points.
+        """Return the force on every facet, shape (f, d) (theory (44), (45)).
+
+        `thickness` is the stretch of the thickness at the points, used only if the pressure acts on the deformed thickness.
 
         Raises
         ------
@@ -142,7 +144,10 @@ class Pressure:
         return [self._share.total(rows @ places) for rows in self._sides]
 
     def potential(self, positions: np.ndarray) -> float:
-        """Return the pressure times the area or volume that the facets have swept (theory (46)); 0 on ranks other than the first."""
+        """Return the potential (theory (46)): the pressure times the growth of the area or volume of the body within the facets.
+
+        On ranks other than the first the value is 0.
+        """
         enclosed = _enclosed(self.at_sites(positions) - self._origin, self._sides_at(positions))
         return self._value * self.factor * float((enclosed - self._enclosed_at_rest).sum()) * self._share.leads
 
@@ -166,7 +171,10 @@ def _enclosed(middles: np.ndarray, sides: list[np.ndarray]) -> np.ndarray:
 
 
 def _closed(facets: np.ndarray) -> bool:
-    """Return whether facets, given by their nodes (f, d), form closed boundaries: two facets share every side, in opposite directions."""
+    """Return whether facets, given by their nodes (f, d), form closed boundaries.
+
+    In the plane every node then ends one facet and starts another; in three dimensions two facets share every edge, in opposite directions.
+    """
     if facets.shape[1] == 2:
         return np.array_equal(*np.sort(facets, axis=0).T)
     sides = np.concatenate([facets[:, [0, 1]], facets[:, [1, 2]], facets[:, [2, 0]]])
@@ -188,7 +196,7 @@ class Loads:
     ----------
     needs_thickness : bool
         Whether a pressure acts on the deformed thickness.  Methods with a `thickness` argument then need the stretch of the thickness at
-        the points, J3 / det F, shape (n,).
+        the points, J3 / det F, shape (n,): the volume ratio J3 divided by the area ratio det F in the plane.
     no_potential_because : str or None
         Why the loads are not minus the derivative of a potential; None if they are.
     """
@@ -227,7 +235,7 @@ class Loads:
                 raise InvalidState(f"loads: a force is not finite at t = {t:g}")
 
     def vanish(self, t: float) -> bool:
-        """Return whether all loads are zero at a value of the loading parameter."""
+        """Return True if all loads are zero at a value of the loading parameter."""
         return all(abs(load.amplitude(t)) <= AT_REST for load in self._loads)
 
     def forces(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
@@ -243,7 +251,7 @@ class Loads:
         Raises
         ------
         InvalidState
-            Where a pressure has no force.
+            If the force of a pressure is not finite, or the thickness on which the pressure acts is not positive.
         """
         if self._present is not None:
             out += self._present
@@ -302,8 +310,8 @@ class LoadedForce:
     """Internal force plus loads, supports at places between points, and rigid regions, used by solvers for a body that has any of these.
 
     All other attributes are those of the internal force. A call moves the positions, in place, to the nearest positions in which regions
-    are rigid. Forces on the points of a region are replaced by forces of equal resultant that move the region as one body, so that any
-    solver that divides forces by volumes, or applies `inverse_with_regions`, steps in the rigid motions of the region.
+    are rigid. Forces on the points of a region are replaced by forces of equal resultant whose accelerations, force divided by volume, are
+    those of a rigid body: steps of explicit solvers, and of those that apply `inverse_with_regions`, then are rigid motions of the region.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Methods for equilibrium: quasi-Newton on the residual or on the energy, dynamic relaxation, damped explicit stepping.
 
-`Automatic` chooses among the first three; the paper's method is the explicit one.
+`Automatic` chooses among the first three. The explicit stepping is the method of the paper that `pdsurrogate.paper` reproduces.
 """
 
 import math
@@ -24,8 +24,8 @@ class QuasiNewton(EquilibriumSolver):
     """Quasi-Newton method for equilibrium: preconditioned L-BFGS on the residual force, which needs no energy.
 
     The force map is not the gradient of an energy, so that no line search on an energy is possible: steps are bounded by the stretch that
-    they cause and shortened if the residual grows. If the tangent is far from symmetric, or has modes that the stiffness of the nearest
-    bonds lacks (`NOSBForce`), the method fails with an error within a bounded number of evaluations.
+    they cause and shortened if the residual grows. If the tangent is far from symmetric, or has zero-energy modes that the preconditioner,
+    a network of springs, resists (`NOSBForce`), the method fails with an error within a bounded number of evaluations.
 
     References
     ----------
@@ -114,7 +114,7 @@ class QuasiNewton(EquilibriumSolver):
         """Return a function ``accepts(following, share)`` that decides whether to accept the fraction `share` of a step.
 
         `forces` (n, d) are those before the step and `following` those after this fraction. The function returns whether to accept it, and
-        the factor by which to shorten it otherwise.
+        the factor by which to shorten it otherwise. Here it accepts if the norm of the forces grows at most `MOST_GROWTH` times.
         """
         square = self.share.dot(forces, forces)
         return lambda following, share: (self.share.dot(following, following) <= self.MOST_GROWTH**2 * square, 0.5)
@@ -207,7 +207,7 @@ class SteppingSolver(EquilibriumSolver):
     def prepare(self, force: InternalForce, positions: np.ndarray, caution: float) -> Callable[[np.ndarray], None]:
         """Prepare a search, and return a function ``step(forces)`` that moves `positions`, in place, by one time step.
 
-        `caution` multiplies the squared frequency for which the step must be stable.
+        `caution`, at least 1, is a safety factor: the step must be stable even if the squared highest frequency is so many times greater.
         """
 
     def _iterate(self, force, positions, tolerance, began, report, least_drive, caution) -> Equilibrium:
@@ -267,7 +267,7 @@ class DynamicRelaxation(SteppingSolver):
 
 
 class DampedExplicit(SteppingSolver):
-    """Solver for equilibrium by the paper's damped explicit stepping, with one fixed time step and one fixed damping rate.
+    """Solver for equilibrium by damped explicit stepping with a fixed time step and damping rate, the method of the reproduced paper.
 
     Time is in units in which the density is one, which does not affect the equilibrium.
     """
@@ -290,9 +290,9 @@ class DampedExplicit(SteppingSolver):
 class Automatic(EquilibriumSolver):
     """Solver that chooses energy minimisation for nearly incompressible bodies, else quasi-Newton, and dynamic relaxation if that fails.
 
-    The preconditioner of nearly incompressible bodies contains the bulk modulus, and steps with it are long compared with the shear that
-    corrects a change of volume: the energy, if the force has one, limits these steps. Bodies whose factorisation would exceed memory are
-    relaxed from the outset. A faster method that has failed on a body is not tried there again (see `gave_up`).
+    In nearly incompressible bodies a little shear corrects a change of volume. Steps of the quasi-Newton method, whose preconditioner then
+    contains the bulk modulus, are long compared with it, and the energy, if the force has one, limits them. Bodies whose factorisation
+    would exceed memory are relaxed from the outset. A faster method that has failed on a body is not tried there again (see `gave_up`).
     """
 
     name = "automatic"

@@ -33,8 +33,8 @@ class Multigrid:
     """Multigrid preconditioner for a Laplacian of points: smoothed aggregation over boxes of points, with a W cycle.
 
     One cycle is a fixed, symmetric positive definite operator near the inverse of the matrix, as a preconditioner must be. It uses single
-    precision. Boxes divide the points evenly, since near a last layer of boxes one point thick errors would remain that are small in the
-    energy and large in the strain.
+    precision. All boxes have equal sizes: a last layer of boxes only one point thick would leave errors there that are small in energy
+    but large in strain.
 
     Parameters
     ----------
@@ -114,12 +114,12 @@ class _Level:
     count : int
         Number n of unknowns for each right-hand side.
     held : int
-        Number of columns of the arrays: that of the right-hand sides, or 4 for three of them.
+        Number of columns of the arrays, one for each right-hand side; three right-hand sides are stored in 4 columns.
 
     Attributes
     ----------
     right, found, rest, first : ndarray of float32, shape (n, held)
-        Right-hand side, solution, residual or intermediate solution, and the solution of a first visit.
+        Right-hand side; solution; residual or intermediate solution; and the solution after the first of the two visits of a W cycle.
     down, up : Chain or None
         Passes from `right` to the right-hand side of the next coarser level, and from the solution there to `found`; None on the coarsest.
     take_rest : Chain or None

@@ -80,9 +80,10 @@ class Preconditioner:
 
 
 class NearestBonds:
-    """Network of springs along the nearest bonds of a body and across them, scaled to replace springs at all bonds.
+    """Network of springs at the nearest bonds of a body, which resist displacements along the bonds and across them.
 
-    The scale makes the sum of stiffness times squared length over the nearest bonds equal to the sum that all bonds would have.
+    Stiffnesses are scaled so that these springs replace springs at all bonds: the scale makes the sum of stiffness times squared length
+    over the nearest bonds equal to the sum that all bonds would have.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ class NearestBonds:
     shear_moduli : float or ndarray, shape (n,)
         Shear modulus: one for all points, or one for each.
     along, across : float
-        Stiffness of a spring along its bond and across it, in the units of `ELONGATION`, before scaling.
+        Stiffness of a spring against displacements along its bond and across it, in the units stated at `ELONGATION`, before scaling.
 
     Attributes
     ----------
@@ -124,7 +125,7 @@ class NearestBonds:
         self.body, self._sources = body, np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])[self.second]
 
     def forces(self, moved: np.ndarray, of_images: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the forces (n, d) of the springs on the points under displacements `moved` (n, d).
+        """Return the restoring forces (n, d) of the springs on the points, minus stiffness times displacement, for displacements `moved`.
 
         Displacements of the halo (points of other ranks) are filled in place. The displacements of images follow from those of their
         points, plus `of_images`, shape (m, d).
@@ -157,8 +158,8 @@ class NearestBonds:
         """Return the stiffness matrix in parts that are not coupled, as pairs of component numbers and the matrix of these components.
 
         A network with `coupled` components has one part, with all components in one `matrix`. Otherwise a part consists of the components
-        that ghosts continue with equal signs and that are held at the same points, where `free` (n, d) is 0; its matrix, shape (n, n), is
-        that of each of these components.
+        whose displacements all images repeat with the same sign, and that are held at the same points (where `free` (n, d) is 0); its
+        matrix, shape (n, n), is that of each of these components.
         """
         found = []
         if self.coupled:
@@ -192,7 +193,7 @@ def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
 
 
 def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
-    """Return the network of springs with the same stiffness `RAISED` along and across bonds: a Laplacian for each component.
+    """Return the network of springs with the same stiffness, the constant `RAISED`, along and across bonds: a Laplacian per component.
 
     The tangent of an incompressible neo-Hookean body in any state is such a Laplacian plus a contribution of the pressures.
     """
@@ -219,7 +220,8 @@ def by_systems(systems: list[tuple[list[int], int, Operator]], values: np.ndarra
 def drift_remover(body: Body, free: np.ndarray) -> Operator:
     """Return a function that subtracts from values (n, d), in place, their means along the axes in which a body is not held.
 
-    No equilibrium exists under a uniform force along such an axis, so that the mean is removed, rather than divided by `SHIFT`.
+    No equilibrium exists under a uniform force along such an axis; the stiffness against it is only `SHIFT`, which stands for none, so
+    that the mean is removed before the system is solved.
     """
     share = body.share
     drifting = ~share.any((body.ghosts.parity < 0).any(axis=0) | (free == 0).any(axis=0))
@@ -235,8 +237,8 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
 def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
     """Return the inverse of the stiffness of a network in one process: a factorisation or, for a large Laplacian, a multigrid cycle.
 
-    The low modes of the network agree with those of the true tangent up to a ratio that does not grow with the number of points. The
-    factorisation takes seconds for 10^5 points.
+    In smooth, long-wave displacements the ratio of the network's stiffness to that of the true tangent does not grow with the number of
+    points. The factorisation takes seconds for 10^5 points.
     """
     body, inverses = network.body, []
     balanced = drift_remover(body, free)
@@ -285,9 +287,10 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
 
 
 def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the k affine motions of this rank's own points, shape (d n, k), and the inverse of the stiffness against those of all ranks.
+    """Return the k affine motions of this rank's own points, shape (d n, k), and the coarse inverse for the affine motions of all ranks.
 
-    Only components that are free move, where `around` (n, d) is 1.
+    The coarse inverse is the pseudo-inverse of the network's stiffness projected onto the k motions of every rank, k times the number of
+    ranks in all. Only free components move, where `around` (n, d), which includes the halo, is 1.
     """
     body, share, (n, d) = network.body, network.body.share, around.shape
     middle = np.stack(share.everywhere(body.points[share.own].mean(axis=0)))[share.owners]
@@ -325,7 +328,8 @@ def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
 def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:
     """Return a function that solves for the displacements of a network under forces (n, d).
 
-    Where `inverse_of` is approximate, conjugate gradients correct it until the residual is `left` times the forces, in the energy norm.
+    Where `inverse_of` is approximate, conjugate gradients correct it until the norm of the residual, in the energy norm, is at most `left`
+    times that of the forces.
     """
     inverse, share = inverse_of(network, free), network.body.share
     if network.coupled and not share.divided:
@@ -376,6 +380,6 @@ def is_rigid(force: InternalForce) -> bool:
 
 
 def strain_of(force: InternalForce) -> float:
-    """Return the greatest strain of a bond in the state last evaluated: change of length divided by undeformed length."""
+    """Return the greatest strain of a bond in the state last evaluated: absolute change of length divided by undeformed length."""
     n = len(force.body)
     return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))

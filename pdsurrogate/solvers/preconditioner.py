@@ -1,4 +1,4 @@
-"""Preconditioners of quasi-Newton methods, chosen by the force, and extension of the displacements of held parts into the body."""
+"""Preconditioners of quasi-Newton methods for each kind of force, and extension of the displacements of held parts into the body."""
 
 from collections.abc import Callable, Sequence
 
@@ -60,9 +60,9 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
     Returns
     -------
     callable
-        ``response(held, planes, turns)`` returns the displacements, shape (n, d), where held components and planes of reflection are
-        displaced: by `held` (n, d), 0 in free components, by `planes` (planes, d), and by `turns` (planes, d, d), rotations as in
-        `pdsurrogate.body.Ghosts.shifts`, or None.
+        ``response(held, planes, turns)`` returns the displacements, shape (n, d), where held components are displaced by `held` (n, d),
+        0 in free components, and each reflection plane by u(X) = displacement + turn X, with rows of `planes` (planes, d) as
+        displacements and of `turns` (planes, d, d), Q - I for a rotation Q, as turns; None for no turns.
     """
     network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
     solve = spring_solver_of(network, free, EXTENDED)
@@ -96,7 +96,10 @@ def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Precond
     inverse = dilatation.polynomial(_inverse_polynomial(compliance))
 
     def precondition(left: np.ndarray) -> np.ndarray:
-        """Return about V mu (mu/K + W^4)^-1 times a residual, with the smoothing W of D, which the means over bonds about double."""
+        """Return about V mu (mu/K + W^4)^-1 times a residual, with the points' volumes V and the smoothing W of the dilatation.
+
+        D A^-1 D^T acts about as W^4/(V mu): D contains W, and the means over bonds in D smooth about as much again.
+        """
         return unit * inverse(left)
 
     def dot(one: np.ndarray, other: np.ndarray) -> float:
@@ -121,7 +124,7 @@ def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Precond
 def _inverse_polynomial(compliance: float) -> np.ndarray:
     """Return Chebyshev coefficients of a polynomial in s on [0, 1] near 1/(`compliance` + s^2), with relative error `POLYNOMIAL_ERROR`.
 
-    The degree is the least that achieves this error, if one below 64 does.
+    The degree is the least that achieves this error, at most 63; with 63 the error may be greater.
     """
     s = (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400)) / 2
     for degree in range(2, 64):
@@ -133,7 +136,7 @@ def _inverse_polynomial(compliance: float) -> np.ndarray:
 
 
 def supported(inner: Preconditioner, supports: Sequence[Support], share: Share) -> Preconditioner:
-    """Return the preconditioner R M R^T of a body with supports at places between points, from the preconditioner M without them.
+    """Return the preconditioner R M R^T of a body that has supports at places between points; M is the one without these supports.
 
     The projection R removes from displacements the mean motion of these places.
     """

@@ -37,7 +37,7 @@ def displaced(motions: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def rigid_motions(arms: np.ndarray) -> np.ndarray:
-    """Return the displacements, shape (k, d, motions), in each linear rigid motion, at places with vectors `arms` (k, d) from the centre.
+    """Return the displacements, shape (k, d, motions), in each infinitesimal rigid motion, of places at `arms` (k, d) from the centre.
 
     The motions are d translations along the axes, and then the rotations `TURNS` by a unit angle.
     """
@@ -147,7 +147,7 @@ class RigidRegion:
         return middle, nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
 
     def free_motions(self, motions: np.ndarray) -> np.ndarray:
-        """Return, as columns, orthonormal combinations of `motions` (k, d, motions) that do not move held components."""
+        """Return, as columns, orthonormal vectors of amplitudes of the `motions` (k, d, motions) that do not move held components."""
         held = motions[self._held]
         return null_space(np.linalg.qr(held, mode="r"), rcond=INDEPENDENT) if len(held) else np.eye(motions.shape[-1])
 
@@ -176,8 +176,8 @@ class RigidRegion:
     def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
         """Replace the forces on the region's points, in place, by forces of equal resultant that accelerate it as a rigid body.
 
-        The part of the resultant that held components bear is put on these components, as the least forces equivalent to it. Later calls of
-        `resultant` and `expand` refer to the positions given here. Both arguments have the shape (n, d).
+        The part of the resultant that held components bear is put on these components, as the forces of least sum of squares with this
+        resultant. Later calls of `resultant` and `expand` use the rigid motions at these positions. Both arguments have the shape (n, d).
         """
         self._motions = self.motions(positions[self.points])
         free = self.free_motions(self._motions)
@@ -193,7 +193,7 @@ class RigidRegion:
 
 
 def inverse_with_regions(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, regions: Sequence[RigidRegion]) -> Preconditioner:
-    """Return the preconditioner that inverts the stiffness of `springs_of` a body with rigid regions, which only move rigidly.
+    """Return the preconditioner of a body with rigid regions: the inverse of the network `springs_of`, with regions that move rigidly.
 
     Parameters
     ----------

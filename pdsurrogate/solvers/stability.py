@@ -92,8 +92,8 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
     """Return an upper bound of the least curvature of the energy, divided by that of the preconditioner along the same displacement.
 
     The latter is about the curvature of the undeformed body. A negative value proves that the state is not stable. Lanczos' method is
-    applied to P^-1 K, with products of the tangent K from force differences and the approximation P of K. Its Ritz values are such
-    quotients along certain displacements: the method ends when the least one is below `NEGATIVE`, or positive and known to within `KNOWN`.
+    applied to P^-1 K, with products of the tangent K from force differences and the approximation P of K. Its Ritz values are quotients
+    x K x / x P x: the method ends when the least one is below `NEGATIVE`, or positive and known to within `KNOWN`.
 
     Parameters
     ----------
@@ -167,8 +167,8 @@ def check_branch(
     InvalidState
         If a point lies beyond a plane of reflection.
     Unstable
-        If a compressed body has jumped away from the extrapolation, in a homogeneous pull by grips, or if its energy is not a local
-        minimum.
+        If a body under compression is far from `guess` (checked only where two grips pull, with a stretch as loading parameter), or if
+        its energy is not a local minimum.
     """
     loading.check_inside(after, force, positions)
     growth, jumped = loading.course.growth(before, after), False

@@ -22,7 +22,7 @@ def lattice(*sides: float) -> np.ndarray:
 
 
 def of_points(points: np.ndarray, ratio: float | None = None, **options) -> Body:
-    """Return a body of given points 0.1 apart, shape (n, d); the horizon is `ratio` spacings, by default that of `HORIZONS`.
+    """Return a body of given points 0.1 apart, shape (n, d); the horizon is `ratio` spacings, by default `HORIZONS[d]`.
 
     `options` are further arguments of `Body`.
     """
@@ -31,7 +31,7 @@ def of_points(points: np.ndarray, ratio: float | None = None, **options) -> Body
 
 
 def regular(dimension: int, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
-    """Return a square or cube with `cells` points a side, or, for a tuple, a rectangle or box with these numbers of points along the axes.
+    """Return a square (`dimension` 2) or cube (3) with `cells` points a side; a tuple `cells` gives the number of points along each axis.
 
     The horizon is `ratio` spacings, and `options` are further arguments of `Body`, as in `of_points`.
     """
@@ -45,7 +45,7 @@ def sheet(spacing=SPACING, width=1.2, height=1.0, **options) -> Body:
 
 
 def plain(dimension: int, width=1.2, **options) -> Body:
-    """Return a body of regular points: a rectangle of height 1 in the plane, or a block of height 1 and thickness 0.4 in three dimensions.
+    """Return a rectangle of sides `width` and 1, or in three dimensions a block of sides `width`, 1 and 0.4, with regular points.
 
     `options` are further arguments of `Body`.
     """
@@ -55,7 +55,8 @@ def plain(dimension: int, width=1.2, **options) -> Body:
 def gripped(dimension=2, parity=(-1, 1, 1)) -> Body:
     """Return a `plain` body with reflection planes at its left and right edges or faces, beyond which mirror images of points continue it.
 
-    `parity` is the sign of each displacement component in the images; the default makes the planes symmetry planes or rollers.
+    `parity` is the sign of each displacement component in the images; by default the normal component changes its sign, which makes both
+    planes symmetry planes (frictionless rollers).
     """
     ends = ((0.0, -1), (1.2, 1))
     return plain(dimension, planes=tuple(ReflectionPlane(0, place, side, parity[:dimension]) for place, side in ends))
@@ -64,9 +65,9 @@ def gripped(dimension=2, parity=(-1, 1, 1)) -> Body:
 def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount=0.2) -> Body:
     """Return a square or cube meshed with triangles or tetrahedra, with a point at the centroid of each, as from a mesh file.
 
-    The body consists of `cells` squares or cubes a side, each cut into two triangles or six tetrahedra: one for each path along its edges
-    from one corner to the opposite corner. Interior corners are moved at random by up to `amount` sides of a square, so that no two
-    triangles or tetrahedra are alike.
+    The body is a regular grid with `cells` squares or cubes along each side. Every square is cut into two triangles, every cube into six
+    tetrahedra around its diagonal. Interior corners of the grid are moved at random by up to `amount` sides of a square along each axis, so
+    that no two triangles or tetrahedra are alike.
     """
     axes = np.meshgrid(*[np.arange(cells + 1)] * dimension, indexing="ij")
     corners = np.stack(axes, axis=-1).reshape(-1, dimension)
@@ -128,7 +129,7 @@ def crack(height: float, length: float) -> Callable[[np.ndarray, np.ndarray], np
 
 
 def inner_points(body: Body) -> np.ndarray:
-    """Return a mask of the points that are not among the outermost points along any axis, shape (n,)."""
+    """Return a mask, shape (n,), of the points that lie more than half a spacing inside the bounding box of all points."""
     margin = np.minimum(body.points - body.points.min(axis=0), body.points.max(axis=0) - body.points).min(axis=1)
     return margin > 0.5 * body.spacing
 

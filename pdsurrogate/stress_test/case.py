@@ -53,7 +53,7 @@ class Outcome:
     Attributes
     ----------
     verdict : str
-        `PASS`, `WEAK`, `STOPS` or `INAPPLICABLE`.
+        `PASS`, `WEAK`, `STOPS` (the model stops with a clear error where no solution exists) or `INAPPLICABLE`.
     figure : str
         Text of the result for a table, with its numbers.
     value, limit : float, optional
@@ -80,8 +80,8 @@ class Outcome:
     def below(cls, value: float | Mapping, limit: float, weakness: str, figure="{:.1e}", worst=max, holds=operator.le) -> Outcome:
         """Return the outcome "pass" if `value` is at most `limit`, otherwise a weakness; the greatest of a mapping of named values decides.
 
-        `weakness` is its name in `WEAKNESSES`, and `figure` the format of the value in the table. The function `worst` chooses the deciding
-        name of a mapping, and `holds` compares value and limit.
+        `weakness` is its name in `WEAKNESSES`, and `figure` the format of the value in the table. `above` uses this method with other
+        functions: `worst`, which chooses the deciding name of a mapping, and `holds`, which compares the value with the limit.
         """
         if isinstance(value, Mapping):
             name = worst(value, key=value.get)
@@ -120,7 +120,8 @@ class Case:
     failing : str, optional
         Weakness reported if the function raises InvalidState, NotConverged or Diverging; by default these errors go to the caller.
     drawn : bool
-        Whether the function takes deformations of a `notched` body as a second argument, so that tests can draw them at random.
+        Whether the function takes an optional second argument, an iterable of `Deformation` of a `notched` body, so that tests can pass
+        random ones.
     """
 
     title: str
@@ -132,7 +133,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Name of the case in reports as JSON."""
+        """Name of the case in reports as JSON: the name of its function."""
         return self.function.__name__
 
     def __call__(self, subject: Subject, *given) -> Outcome:
@@ -167,7 +168,7 @@ def cases_of(module: Mapping[str, Any]) -> tuple[Case, ...]:
 class Subject:
     """Force model under test, with methods that make the bodies, forces and runs that hard cases need.
 
-    Every subject is equal to itself only, so that functions with `functools.cache` compute results that several cases share once for each.
+    No two subjects are equal, so that a function with `functools.cache` computes a result that several cases share once for each subject.
 
     Parameters
     ----------
@@ -195,11 +196,11 @@ class Subject:
 
     @cached_property
     def law(self) -> Law:
-        """Material in which the model is tested: that of an artefact's card, or for built-in models Neo-Hookean rubber with K = 100 mu."""
+        """Material in which the model is tested: the law on an artefact's card, or Neo-Hookean with K = 100 mu for built-in models."""
         return NeoHookean() if self.reference in FORCES else law_of(load_card(self.reference))
 
     def sized(self, plane: Any, space: Any) -> Any:
-        """Return `plane` if the model is tested on bodies in the plane, `space` if it is tested on solids."""
+        """Return the first argument if the model is tested on bodies in the plane (stress or strain), the second if on solids."""
         return plane if self.dimension == 2 else space
 
     def body(self, plane: int | tuple[int, ...], space: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
@@ -210,7 +211,7 @@ class Subject:
         return regular(self.dimension, self.sized(plane, space), ratio, **options)
 
     def gradient(self, F: np.ndarray) -> np.ndarray:
-        """Return an in-plane deformation gradient F, shape (2, 2); for solids with the stretch along x3 that leaves no stress there."""
+        """Return an in-plane deformation gradient F, shape (2, 2), completed for solids by the stretch along x3 without stress there."""
         if self.dimension == 2:
             return F
         trace, J = plane_stress.invariants(F)
@@ -245,7 +246,7 @@ class Subject:
         return True
 
     def scene(self, sides: tuple[float, ...], **described) -> Scene:
-        """Return a scene with a rectangle or box of given sides, of the subject's material; `described` sets other keys of the scene."""
+        """Return a scene with a rectangle or box of given sides, of the subject's material; `described` adds or replaces keys of it."""
         body = {"shape": self.sized("rectangle", "box"), "size": sides[: self.dimension]}
         return Scene(**{"name": "hard-case", "plane": self.plane, "material": self.law.describe(), "body": body} | described)
 
@@ -254,10 +255,11 @@ class Subject:
         return {"region": region, **{f"x{axis + 1}": 0.0 for axis in range(self.dimension)}}
 
     def run(self, scene: Scene, force: str | None = None, where="", weakness="does not converge", unstable=WEAK, **options) -> Result:
-        """Simulate a scene with the model under test, or with `force`, and return the result; raise `Ended` if the simulation fails.
+        """Simulate a scene with the model under test, or with the force model named `force`, and return the result.
 
-        The outcome of `Ended` has the weakness `weakness`, and its text begins with `where`; if an equilibrium is unstable, its verdict is
-        `unstable`. `options` are further arguments of `simulate`. KeyboardInterrupt is raised after Ctrl-C.
+        If the simulation fails, raise `Ended` with an outcome whose text begins with `where`. The verdict is WEAK, with the weakness
+        `weakness`; the argument `unstable` gives another verdict for an unstable equilibrium. `options` are further arguments of
+        `simulate`. Raise KeyboardInterrupt after Ctrl-C.
         """
         try:
             with warnings.catch_warnings(action="ignore"):  # warnings of a run are ignored, since the measured values show their cause

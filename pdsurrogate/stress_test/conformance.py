@@ -5,8 +5,8 @@ in `pdsurrogate.forces.FORCES` or stored as an artefact, is added by one line of
 
     Row("yeoh", MOMENTS),
 
-The second argument states the properties that the model lacks, with the bounds that it keeps instead; a model with every property is
-``Row("yeoh")``. A new property is a `case`.
+The second argument maps the properties that the model lacks (here `MOMENTS`: angular momentum) to the bounds that it keeps instead; a model
+with every property is ``Row("yeoh")``. A new property is a function with the decorator `case`.
 """
 
 import re
@@ -82,10 +82,11 @@ class Row(NamedTuple):
 
 
 class Deformation(NamedTuple):
-    """Deformation for tests: waves of random direction, stretches along rotated axes, and a rotation of the body.
+    """Deformation for tests: first waves of random direction, then stretches along rotated axes, then a rotation of the body.
 
     `first` and `second` are the stretches (in three dimensions the third keeps the volume); `axes` is the angle of their axes and
-    `rotation` that of the body, in degrees; `amplitude` is that of the waves, in the unit of the points, and `seed` draws the waves.
+    `rotation` that of the body, in degrees; `amplitude` is that of the waves, a length in the unit of the coordinates, and `seed` that of
+    the random generator for the waves.
     """
 
     first: float
@@ -118,7 +119,7 @@ def _energy(force: InternalForce) -> float:
 
 
 def _scale(force: InternalForce, forces: np.ndarray) -> float:
-    """Return the divisor of the errors of `forces`: their greatest magnitude, or the shear modulus times the spacing if that is greater."""
+    """Return the divisor of the errors of `forces`: their greatest component, but at least the number mu dx (in solids, too)."""
     return max(float(np.abs(forces).max()), force.law.shear_modulus * force.body.spacing)
 
 
@@ -154,8 +155,9 @@ def _other_order(n: int) -> np.ndarray:
 def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Callable], Case]:
     """Return a decorator that makes a `Case` of a function that measures one or more errors of a force on a `notched` body.
 
-    The function takes a `Subject`, its force and deformed positions. The case compares the greatest error over several deformations with
-    `limit` and reports `weakness` if it is exceeded; `title` and `asked` are those of `case`.
+    The function takes a `Subject`, its force and deformed positions. The case, with `Case.drawn` set, compares the greatest error over
+    several deformations (by default `DEFORMATIONS`) with `limit` and reports `weakness` if it is exceeded; `title` and `asked` are those of
+    `case`.
     """
 
     def declare(function: Callable[[Subject, InternalForce, np.ndarray], float | list[float]]) -> Case:
@@ -174,8 +176,8 @@ def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Call
 def rigid_rotation(subject: Subject) -> Outcome:
     """Test that an undeformed body rotated by 0 to 360 degrees has no forces and no energy.
 
-    Forces per volume are measured in mu/dx (shear modulus/spacing), the energy in mu times the volume. Rounding of positions leaves K/mu
-    times 1e-15 times the number of spacings; the limit is 1e-9.
+    Forces per volume are measured in mu/dx (shear modulus/spacing), the energy in mu times the volume. Rounding of positions leaves 1e-15
+    K/mu, times the number of spacings along the body; the limit is 1e-9.
     """
     body = subject.body(10, (12, 10, 4))
     force, found = subject.bind(body), []
@@ -203,8 +205,8 @@ def objectivity(subject, force, positions):
 def another_start(subject, force, positions):
     """Return the relative change of the forces if the iteration for J3 starts from the undeformed instead of the converged state.
 
-    The last step of the iteration is below 1e-8 and the volume ratio J3 has an error of its square: forces change by K/mu times 1e-16; the
-    limit is 1e-9.
+    The iteration converges quadratically: if its last step is below 1e-8, the error of the volume ratio J3 is the square, 1e-16, and the
+    forces change by K/mu times 1e-16; the limit is 1e-9.
     """
     forces_at(force, force.body.points)
     found, expected = forces_at(force, positions), forces_at(force, positions)
@@ -223,7 +225,7 @@ def mirror(subject, force, positions):
 def linear_momentum(subject, force, positions):
     """Return the sum of all forces on a body divided by the sum of their magnitudes.
 
-    Rounding of some 2,000 bond forces leaves less than 1e-12.
+    Rounding of some 2,000 bond forces, by 1e-16 each, leaves less than the limit, 1e-12.
     """
     forces = _settled(force, positions)
     return np.abs(forces.sum(axis=0)).max() / max(float(np.abs(forces).sum()), _scale(force, forces))
@@ -246,7 +248,7 @@ def angular_momentum(subject, force, positions):
 def order_of_points(subject, force, positions):
     """Return the relative change of the forces if the points are renumbered, which sums bonds in another order; the limit is 1e-11.
 
-    Rounding is 1e-16 for each of some thirty bonds, multiplied by K/mu where the volumetric part cancels.
+    Rounding is 1e-16 for each of some thirty bonds, multiplied by K/mu where the large volumetric parts of the bond forces cancel.
     """
     order, expected = _other_order(len(force.body)), _settled(force, positions)
     return np.abs(_settled(_bound(subject, "renumbered"), positions[order]) - expected[order]).max() / _scale(force, expected)
@@ -254,9 +256,9 @@ def order_of_points(subject, force, positions):
 
 @drawn("units of length and stress", "the same forces, 1e-9", 1e-9, "accuracy")
 def units(subject, force, positions):
-    """Return the relative changes of the forces if units of length and stress change by 1e9 and 1e-9; the limit is 1e-9.
+    """Return the relative changes of the forces if lengths are divided and stresses multiplied by 1e9, and the reverse; the limit is 1e-9.
 
-    A force per unit thickness has the unit of stress times length; a force in three dimensions stress times length^2.
+    The forces are compared in the changed units: stress times length (per unit thickness) in the plane, stress times length^2 in solids.
     """
     d, expected, errors = subject.dimension, _settled(force, positions), []
     for length, stress in ((1e-9, 1e9), (1e9, 1e-9)):
@@ -280,11 +282,11 @@ shipped artefact."""
 def homogeneous_stress(subject: Subject) -> Outcome:
     """Test the mean stress against the law's exact stress in four homogeneous states of three bodies with different weight functions.
 
-    An exact force gives the stress of the law, up to the boundary, except for rounding: 1e-13 multiplied by K/mu. For an artefact its card
+    An exact force gives the stress of the law, at the boundary too, except for rounding: 1e-13 multiplied by K/mu. For an artefact its card
     bounds the error: the stress P is twice the mean of (bond force t) (x) (bond direction n) over all directions, so its error is at most
-    twice the greatest error of a bond force, which the card states for the strain of the state. A model without the transverse stress T_mm
-    also has errors at edges because of the scalar correction: it is compared with the exact force under this correction. The state with
-    the greatest ratio of error and limit decides.
+    twice the greatest error of a bond force, which the card states for the strain of the state. A model without T_mm, the stress across a
+    bond, also has errors at edges, where forces are corrected by a scalar: it is compared with the exact force under this correction. The
+    state with the greatest ratio of error and limit decides.
     """
     random = np.random.default_rng(20240109)
     rounding = 1e-13 * subject.law.bulk_modulus / subject.law.shear_modulus
@@ -333,9 +335,10 @@ def single_precision(subject: Subject) -> Outcome:
 
 @case("kernel against NumPy", "the same values, 1e-10")
 def kernel_and_numpy(subject: Subject) -> Outcome:
-    """Test that a surrogate's compiled kernel and its NumPy implementation differ on 1,000 states by at most 1e-10 of the greatest value.
+    """Test that a surrogate's compiled kernel and its NumPy implementation differ by at most 1e-10 of the greatest value.
 
-    Some 40 roundings of terms that are up to ten thousand times their sum leave 1e-10 in float64. `single_precision` tests float32.
+    The inputs are 1,000 random ones: features of a bond for a bond force, invariants of the deformation gradient for an energy. Some 40
+    roundings of terms that are up to ten thousand times their sum leave 1e-10 in float64. `single_precision` tests float32.
     """
     model, law = subject.model, subject.law
     required(subject.plane == "stress", "its face in NumPy is that of a sheet")
@@ -411,8 +414,8 @@ def pair_forces(subject: Subject) -> Outcome:
 def broken_bonds(subject: Subject) -> Outcome:
     """Test that a body whose bonds break in two steps has the forces and energy of a body built without these bonds.
 
-    Horizons, gradients and corrections are recomputed from the same numbers in another order, and the iteration for the volume ratio J3
-    starts from other values, which leaves 1e-9 (`another_start`). The pair forces of the broken bonds must vanish, too.
+    Sums over the bonds of a point are formed in another order, and the iteration for the volume ratio J3 starts from other values
+    (`another_start`); the limit is 1e-9. The pair forces of the broken bonds must vanish, too.
     """
     required(True in subject.takes("breakable"), "its bonds do not break")
     crosses = crack(0.5, 0.6)
@@ -453,7 +456,7 @@ class _Killing(Silent):
 
 @case("killed between levels and resumed", "bitwise the same")
 def checkpoint(subject: Subject) -> Outcome:
-    """Test that a run killed between two equilibria and resumed from its checkpoint ends at the same positions as a run without a break."""
+    """Test that a run killed between two equilibria and resumed ends at bitwise the same positions as a run without a break."""
     required(subject.plane != "space", "its run is that of a sheet")
     # The exact solution is not computed, since it costs more than the run for some laws.
     changes = {"spacing": 0.1, "body.size": [0.8, 0.8], "stretches": [1.05, 1.15], "solver.tolerance": 1e-4, "reference": None}
@@ -469,7 +472,7 @@ def checkpoint(subject: Subject) -> Outcome:
 
 @case("turned inside out, not a number", "refused with the place")
 def impossible_states(subject: Subject) -> Outcome:
-    """Test that positions turned inside out, or with NaN, are refused with an error that names the number and place of a point."""
+    """Test that a mirrored body (det F < 0) and positions with NaN are refused by an error with the number and place of a point."""
     body = plain(subject.dimension)
     inverted, lost = body.points * MIRROR[: subject.dimension], body.points.copy()
     lost[7] = np.nan
@@ -521,7 +524,7 @@ def _bind_with(subject: Subject, key: str, value: Any) -> InternalForce:
 def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:
     """Return the forces as bytes and the number of warnings under a setting, or "stops" if the evaluation raises OutsideDomain.
 
-    The setting `key` has the given value, None for the default; with the value True some bonds are broken first.
+    The setting `key` has the given value, None for the default; if the value is True (of ``breakable``), five bonds are broken first.
     """
     force = _bind_with(subject, key, value)
     # The stretch is along axes off the grid, where the paper's rotation differs, and far beyond the domain of any surrogate.

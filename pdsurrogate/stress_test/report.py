@@ -44,11 +44,11 @@ def stress_test(
     references : iterable of str, optional
         Force models as on the command line; each is tested in those `planes` that it supports. By default all models are tested.
     quick : bool
-        Whether to take a fiftieth of the explicit steps.
+        Whether to take a fiftieth, or in one case a tenth, of the explicit time steps.
     progress : callable
         Called with the number of finished cases, the total, and a description.
     planes : iterable of {"stress", "space"}
-        Sheets, three-dimensional bodies, or both.
+        Sheets in plane stress, three-dimensional bodies, or both; there is no report of plane strain.
     threads : int, optional
         Greatest number of threads of the kernels; by default all.
 

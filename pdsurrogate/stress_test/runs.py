@@ -93,10 +93,10 @@ def _why_no_equilibrium(subject: Subject) -> str:
 
 
 def _loaded(subject: Subject, load: float, stress: float = 1.0, length: float = 1.0, amplitude: str | list = "ramp", **changes) -> Scene:
-    """Return the scene of a body held at its left face, with a traction of `load` shear moduli on its right face.
+    """Return the scene of a body held at its left face, with a traction on its right face of `load` shear moduli times `DIRECTION`.
 
-    `stress` and `length` are the units of the scene in units of the subject's material and bodies, `amplitude` is the course of the load in
-    time, and `changes` are other keys of the scene.
+    All moduli and the traction are multiplied by `stress`, all lengths by `length`, as by a change of units. `amplitude` is the course of
+    the load in time, and `changes` are other keys of the scene.
     """
     law, size = subject.law.scaled(stress), load * stress * subject.law.shear_modulus
     loads = [{"region": "right", "traction": [size * part for part in DIRECTION[: subject.dimension]], "amplitude": amplitude}]
@@ -106,7 +106,7 @@ def _loaded(subject: Subject, load: float, stress: float = 1.0, length: float = 
 
 @cache
 def _level(subject: Subject, load: float, stress: float = 1.0, length: float = 1.0) -> dict:
-    """Return the equilibrium of the scene of `_loaded` (the last of the run's ``levels``), computed only once for each subject."""
+    """Return the last entry of ``levels`` of a run of the `_loaded` scene, computed only once for each subject, load and units."""
     scene = _loaded(subject, load, stress, length)
     return subject.run(scene, where=f"{load:g} mu: ", weakness=_why_no_equilibrium(subject)).levels[-1]
 
@@ -119,8 +119,8 @@ def _moved(level: dict) -> np.ndarray:
 def small_loads(subject: Subject) -> Outcome:
     """Test that displacements are proportional to small loads, of 1e-9 to 1e-5 shear moduli.
 
-    The value is the greatest difference between the ratio of displacement to load and this ratio under the greatest of these loads,
-    divided by the latter.
+    The compliance, displacement divided by load, is compared with the compliance under the greatest of these loads: the value is the
+    greatest difference, divided by that compliance.
     """
     over = np.array([_moved(_level(subject, load)) / load for load in LOADS if load <= LINEAR])
     return Outcome.below(off(over, over[-1]), OFF_PROPORTION, _why_inaccurate_at_rest(subject))
@@ -137,8 +137,8 @@ def force_balance(subject: Subject) -> Outcome:
     """Test the balance of load and reaction under loads of 1e-9 to 1 shear moduli, and the momentum of a free body that moves.
 
     The value is the greater of the sum of load and reaction divided by the load, and twice the relative unbalanced force that the run
-    itself reports (``force_balance``). Without damping the momentum of a free body may change in 100 steps by rounding alone: 1e-12 of the
-    sum of the magnitudes of the momenta of all points.
+    itself reports (``force_balance``), whose own limit is half as large. Without damping the momentum of a free body may change in 100
+    steps by rounding alone: 1e-12 of the sum of the magnitudes of the momenta of all points.
     """
     errors = {}
     for load in LOADS:
@@ -172,8 +172,8 @@ def scale_of_units(subject: Subject) -> Outcome:
 def energy_account(subject: Subject) -> Outcome:
     """Test the balance of energy under a sudden load of 0.1 mu, without damping, and with damping and viscosity.
 
-    Shear waves have a speed of 1, and go along the body and back nearly twice in the plane, twice in a solid. The value is the greatest gap
-    in the run's own account of energy, of whose gaps above 1 % a run warns.
+    Shear waves have a speed of 1 in the units of the scene; in the duration of 4 they go along the body and back nearly twice in the plane,
+    twice in a solid. The value is the greatest gap in the account of energy of the run's summary; a run warns of gaps above 1 %.
     """
     required(subject.bind(subject.body(6, 4)).has_energy, "has no energy")
     gaps, sudden = {}, [[0.0, 0.0], [1e-9, 1.0]]
@@ -207,9 +207,10 @@ def _stiff(subject: Subject, contrast: float) -> Law:
 def _judged_contrasts(subject: Subject, direction: int, held: tuple[str, ...], contrasts: tuple[float, ...]) -> Outcome:
     """Return the outcome for a layered body whose top moves along an axis (`direction`): the force on the top must be within 5 %.
 
-    `contrasts` are the tested ratios of stiff to soft shear moduli; the worst counts. Bottom and top are held in the components `held`,
-    back and front in x3, left and right in x2 if the top moves along x1, and in x1 if it moves along x2. Every layer is then homogeneous:
-    the exact force is that of springs in series with the stiffnesses of the laws, since the strains are some thousandths at the most.
+    `contrasts` are the tested ratios of stiff to soft shear moduli; the worst counts. Bottom and top are held in the components `held`;
+    back and front are held in x3; left and right are held in x2 under shear (`direction` 0), in x1 under tension (`direction` 1). Every
+    layer is then homogeneous: the exact force is that of springs in series with the stiffnesses of the laws, since the strains are some
+    thousandths at the most.
     """
     required(subject.plane in subject.model.several_materials, f"takes bodies of one material only{WHERE[subject.plane]}")
     d, width, across, still = subject.dimension, 0.4, f"x{2 - direction}", dict.fromkeys(held, 0.0)
@@ -244,9 +245,9 @@ def sheared_layer(subject: Subject) -> Outcome:
 
 @case("confined layer between parts 10 and 10^5 times as stiff", "force within 5 %, four points across")
 def confined_layer(subject: Subject) -> Outcome:
-    """Test the force on a body in tension with a soft layer, four points thick, between parts 10 and 10^5 times as stiff.
+    """Test the force on a body in tension with a soft layer, four points thick, between parts 10 times, then 10^5 times as stiff.
 
-    Rollers hold the width of the body.
+    Rollers on the sides keep the width of the body constant.
     """
     return _judged_contrasts(subject, 1, ("x2",), (CONTRASTS[0], CONTRASTS[-1]))
 

@@ -32,7 +32,7 @@ class Tangent(NamedTuple):
     matrix : ndarray, shape (d m, d m)
         Derivatives for the free points; component i of free point k has row and column d k + i.
     free : ndarray, shape (m,)
-        Numbers of the free points.
+        Numbers (indices) of the free points in the body.
     force : InternalForce
         Force on the body, whose derivatives these are.
     """
@@ -97,9 +97,10 @@ def tangents(subject: Subject) -> dict[str, Tangent]:
 def share_of_rest(subject: Subject, F: np.ndarray) -> float:
     """Return the least stiffness of the material against plane waves at a deformation gradient F, divided by mu; at most 1.
 
-    It is the least eigenvalue of the symmetric part of the acoustic tensor Q, Q a = dP(F + h a n^T)/dh n at h = 0, over the directions n
-    to the neighbours in a lattice, with the first Piola-Kirchhoff stress P. No discretisation is stiffer than its material: Neo-Hookean
-    rubber has at least mu in every state, softening rubber has less.
+    The undeformed material has the stiffness mu. The least stiffness is the least eigenvalue of the symmetric part of the acoustic tensor
+    Q, Q a = dP(F + h a n^T)/dh n at h = 0, with the first Piola-Kirchhoff stress P, over the directions n from a point of a square or cubic
+    lattice to the adjacent points, along diagonals too. No discretisation is stiffer than its material: Neo-Hookean rubber has at least mu
+    in every state, softening rubber has less.
     """
     d, probe, least = len(F), 1e-5, 1.0
     for direction in list(product((-1.0, 0.0, 1.0), repeat=d))[: (3**d - 1) // 2]:
@@ -139,8 +140,8 @@ def single_point(subject: Subject) -> Outcome:
 def checkerboard(subject: Subject) -> Outcome:
     """Test the stiffness against displacements whose sign alternates from point to point along one or more axes, the least over all states.
 
-    It is divided by the stiffness of springs and compared with `HELD` as in `single_point`, although such modes stretch the bonds even
-    more.
+    As in `single_point`, the stiffness is divided by the stiffness of springs against moving a single point, and compared with `HELD`:
+    a mild requirement, since alternating displacements stretch the bonds even more.
     """
 
     def resisted(formed: Tangent) -> float:
@@ -157,9 +158,10 @@ def checkerboard(subject: Subject) -> Outcome:
 def least_eigenvalue(subject: Subject) -> Outcome:
     """Test that in all states the least eigenvalue of the tangent's symmetric part is at least a quarter of a continuum's.
 
-    Neo-Hookean rubber resists every wave of amplitude a and wave vector k with at least mu |a|^2 |k|^2 in every state (its energy is
-    mu/2 |F|^2 plus a convex function of J), so the lowest mode of an undeformed continuum is a lower bound. A horizon of three spacings
-    reduces a mode of eleven spacings by up to half, and a horizon of 1.75 spacings a mode of six; hence a quarter.
+    Neo-Hookean rubber resists every wave of amplitude a and wave vector k with at least mu |a|^2 |k|^2 in every state (its energy is mu/2
+    |F|^2 plus a convex function of J), so the lowest mode of an undeformed continuum is a lower bound. A horizon of three spacings lowers
+    the stiffness of a mode on a body eleven spacings long by up to half, and so does a horizon of 1.75 spacings on one six spacings long;
+    hence a quarter.
     """
     least = {name: formed.resistance for name, formed in tangents(subject).items()}
     return Outcome.above(least, 0.25, why_not_resisted(min(least.values()), 0.25))

@@ -138,8 +138,8 @@ class Study(StrictModel):
         Values for the runs, by dotted key of the scene or fit: a list, or a `Distribution`. For a scene, ``force`` can be a key, too.
     design : {"grid", "zip", "random", "latin-hypercube"}
         "grid" combines every value of a parameter with every value of the others; "zip" combines the first values of all parameters, then
-        the second values and so on; "random" and "latin-hypercube" draw `samples` runs, independently or spread evenly over each parameter,
-        with equal probability for the entries of a list.
+        the second values and so on; "random" and "latin-hypercube" draw the values of `samples` runs: "random" draws them independently,
+        "latin-hypercube" spreads them evenly over the distribution of each parameter. The entries of a list are equally probable.
     samples : int, optional
         Number of runs to draw.
     seed : int
@@ -209,7 +209,7 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
 
 
 def scene_of(study: Study, folder: Path) -> str:
-    """Return the argument of `load_scene` for a study's scene: the name of a built-in scene, or the path of its file below `folder`."""
+    """Return the argument of `load_scene` for a study's scene: the name of a built-in scene, or the path of its file in `folder`."""
     scene = study.scene or ""
     place = folder / scene
     known = scene in scene_names() or (place.suffix != ".toml" and not place.exists())
@@ -240,7 +240,7 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
 
 
 def _shares(study: Study, dimension: int) -> np.ndarray:
-    """Return quantiles from 0 to 1 of each parameter in each run, shape (samples, dimension), drawn at random or as a Latin hypercube."""
+    """Return the drawn probability (0 to 1) of the quantile that each run takes of each parameter, shape (samples, dimension)."""
     random, samples = np.random.default_rng(study.seed), study.samples or 0
     if study.design == "random":
         return random.random((samples, dimension))

@@ -56,7 +56,8 @@ class SceneTask:
     ----------
     scene : Scene
     force : str or None
-        Reference of the force model, valid on other machines as well, or None for the default force.
+        Name of the force model, for an artefact with its version (or its absolute path if it cannot be found by name); None for the default
+        force.
     digest : str
         Digest of everything that the result depends on: the scene, the force models and the mesh.
     """
@@ -142,7 +143,8 @@ def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]], memory: flo
     """Return the tasks (runs of scenes, or fits) of a study, checked as far as possible without building a body.
 
     `folder` is the folder of relative scene files, `runs` lists the parameters of each run, and `memory` is the number of bytes that a run
-    may use. Raise SceneError if a run is invalid or a force model cannot be found or read; the message names the run and the key.
+    may use. Raise SceneError if a run is invalid or needs more memory, or if a force model cannot be found or read; the message names the
+    run and the key.
     """
     tasks: list[SceneTask | FitTask] = []
     for number, parameters in enumerate(runs, 1):
@@ -320,8 +322,8 @@ class Workers:
 def carry_out(task: SceneTask | FitTask, folder: Path, threads: int, study: int | None, max_time: float | None = None) -> Outcome:
     """Carry out one run of a study in this process; write its outcome to the run's folder and return it.
 
-    The kernels use `threads` threads, or as many as numba was started with if these are fewer. If the process with the id `study` ends,
-    this process ends as well.
+    The kernels use `threads` threads, but at most as many as numba was started with. If the process with the id `study`, which started this
+    one, ends, this process ends as well.
     """
     if study is not None and os.getpid() != study:
         _end_without(study)

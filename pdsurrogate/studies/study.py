@@ -78,7 +78,7 @@ class StudyResult:
 
     @property
     def failures(self) -> list[dict[str, Any]]:
-        """Rows of the runs that failed."""
+        """Rows of the runs that failed; unfinished runs (`not_done`) are not among them."""
         return [row for row in self.rows if row[FAILURE] not in (None, NOT_DONE)]
 
     @property
@@ -138,8 +138,8 @@ def study(
 ) -> StudyResult:
     """Carry out the missing runs of a study and return all results in one table.
 
-    Every run has its own folder, named after a digest of its scene and force (or of its fit), so that existing runs are not repeated, also
-    by a study with more runs; an interrupted run resumes from its checkpoint. If a run fails, its row gives the reason and the other runs
+    Every run has its own folder, named after a digest of its scene and force (or of its fit), so that no existing run is repeated, even if
+    runs are added to the study; an interrupted run resumes from its checkpoint. If a run fails, its row gives the reason and the other runs
     continue.
 
     Parameters

@@ -81,8 +81,8 @@ def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str
     """Return the values that the study's table shows for a run, by the names of their columns.
 
     Each of the `names` is a dotted key of the run's `summary`, or else of the last of its ``levels`` (outputs); an asterisk stands for
-    every key of a table. A value becomes one column; a table or list becomes one column for each entry at any depth. By default the names
-    are `OF_GRIPS`, `OF_STEPS` or `OF_FITS`, according to the kind of run.
+    every key of a dictionary. A value becomes one column; a dictionary or list becomes one column for each entry at any depth. By default
+    the names are `OF_GRIPS` for scenes with grips, `OF_STEPS` for scenes with steps, and `OF_FITS` for fits.
     """
     last = summary["levels"][-1] if summary.get("levels") else {}
     if names is None:
@@ -121,7 +121,7 @@ def _cell(value: Any) -> str:
 def label_of(key: str, units: Mapping[str, str]) -> str:
     """Return the axis label of a quantity: its dotted key, followed by its unit in brackets if it has one.
 
-    `units` gives the names of the units by kind, such as "length" or "stress".
+    `units` gives the names of the units by kind, such as "length" or "stress"; the expressions in `UNITS` give the kind of a key.
     """
     parts = [part.removesuffix("_reference") for part in key.split(".")]
     kind = next((kind for kind, pattern in UNITS.items() if any(re.fullmatch(pattern, part) for part in parts)), None)
