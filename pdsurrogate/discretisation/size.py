@@ -24,7 +24,7 @@ suffices for a bound on memory."""
 
 
 def memory_here() -> float:
-    """Return the memory of this machine in bytes, or the limit of the process's control group if lower; infinite if unknown."""
+    """Return the physical memory of this machine in bytes, or the limit of the process's control group if lower; infinite if unknown."""
     found = [math.inf]
     with suppress(AttributeError, OSError, ValueError):
         found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))

@@ -339,7 +339,10 @@ def _warn_of_few_modes(X: np.ndarray) -> None:
 
 
 def half_planes(X: np.ndarray) -> np.ndarray:
-    """Return the half-planes (`EnergyRegressor.hull_`) of the convex hull of states X, a line segment if all are of one mode of loading."""
+    """Return the half-planes (`EnergyRegressor.hull_`) of the convex hull of states X and the undeformed state.
+
+    The hull is a line segment if all states are of one mode of loading.
+    """
     logs = ordered_logs(X)
     off, along = line_through_rest(logs)
     if np.abs(logs @ off).max() < SAME_MODE:

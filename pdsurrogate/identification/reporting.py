@@ -62,7 +62,10 @@ def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
 
 
 def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray | None = None) -> Figure:
-    """Return a figure with a panel for each mode: points of the tests, a line for each fitted law, and crosses for simulated stresses."""
+    """Return a figure with a panel for each mode: points of the tests, a line for each fitted law, and crosses for simulated stresses.
+
+    Biaxial tests follow no single curve: their panel shows the stress of each law over the measured stress, and the line of equality.
+    """
     modes = data.modes
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(2.6 * max(len(modes), 2), 2.9), layout="constrained")

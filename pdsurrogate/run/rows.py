@@ -24,7 +24,10 @@ def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
 
 
 def displacements_by_name(run: Run) -> dict[str, np.ndarray]:
-    """Return, by name, the mean displacement (d,) of the points that every support or load acts on, at the present positions."""
+    """Return, by name, the mean displacement (d,) of each support and load, at the present positions.
+
+    It is that of `Loading.displacements` for supports, and of `Loads.displacements`, weighted such that force times displacement is work.
+    """
     found = dict(zip(run.loading.names, run.loading.displacements(run.state.parameter, run.positions), strict=True))
     return run.loads.displacements(run.positions) | found
 

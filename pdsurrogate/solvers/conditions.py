@@ -23,7 +23,10 @@ coordinates in single precision, and far below a spacing."""
 
 
 class FoldedOver(InvalidState):
-    """Error for a free side of the body that has bulged beyond a held reflection plane next to it: contact there is not computed."""
+    """Error for a free side of the body that has bulged beyond the plane of a grip next to it: contact there is not computed.
+
+    A grip is a reflection plane of which more than one component is held, unlike a plane of symmetry.
+    """
 
 
 @dataclass(frozen=True)
