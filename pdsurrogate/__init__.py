@@ -1,4 +1,4 @@
-"""pdsurrogate: learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
+"""pdsurrogate: learned bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
 
 import logging
 from importlib import import_module

@@ -3,7 +3,7 @@
     python pipelines/bring_your_own.py           print the tables
     python pipelines/bring_your_own.py --docs    put them into docs/validation/bring-your-own.md as well
 
-Every regressor is fitted to the bond force of Ogden's rubber, behind the two isochoric features, stored as an artefact, and runs the scene
+Every regressor is fitted to the bond force of Ogden's rubber, behind the two isochoric features, stored as an artifact, and runs the scene
 ``uniaxial`` to a stretch of 2.
 """
 
@@ -303,8 +303,8 @@ def sheet_with_a_hole(material, force) -> np.ndarray:
     return np.array([level["nominal_stress"], level["greatest_lateral_displacement"]])
 
 
-def of_artefact(fits: list, folder: Path) -> np.ndarray:
-    """Results of a committee in one artefact, shape (1 + members, 2)."""
+def of_artifact(fits: list, folder: Path) -> np.ndarray:
+    """Results of a committee in one artifact, shape (1 + members, 2)."""
     settings = FitSettings(folds=0, samples=2000).within(*fits[0].stretch_range_)
     drawn = settings.committee([one.law_ for one in fits])
     path = pds.store(*drawn[0], folder, "noisy", None, "an energy of noisy data", members=drawn[1:])
@@ -320,7 +320,7 @@ def committees(folder: Path) -> str:
             stored, found = number == 0 and weights != "none", []
             for seed in range(SHEETS):
                 fits = identified(name, seed, weights)
-                results = of_artefact(fits, folder) if stored else np.array([sheet_with_a_hole(one.law_, "analytic") for one in fits])
+                results = of_artifact(fits, folder) if stored else np.array([sheet_with_a_hole(one.law_, "analytic") for one in fits])
                 found.append(off_and_spread(results, right))
                 if stored:
                     rows.append([str(seed), *(f"{100 * a:+.2f} %, {100 * 2 * b:.2f} %" for a, b in zip(*found[-1], strict=True))])
@@ -331,7 +331,7 @@ def committees(folder: Path) -> str:
     return "\n\n".join(
         [
             stresses_of_committees(),
-            "A sheet with a hole, by artefacts of committees of the first law, with weights: how far off, and twice the spread:",
+            "A sheet with a hole, by artifacts of committees of the first law, with weights: how far off, and twice the spread:",
             markdown_table(["noise, seed", "pull", "narrowing"], rows),
             "The same of all laws (but for these by the energies themselves): RMS of how far off, RMS of the spread, and how many sets are "
             "within twice their spread:",

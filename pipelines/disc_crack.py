@@ -11,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 def opened_volume(radius: float, outer: float, length: float, poisson: float, intervals: int = 16, finest: float = 1e-3) -> float:
     """Volume of the opening of a disc crack across the middle of a cylinder, over Sneddon's for an endless body at the same mean stress.
 
-    The cylinder's ends slide on the plates that pull them.  Axisymmetric elements of nine nodes on half of it, graded towards the edge of
+    The cylinder's ends slide on the plates that pull them.  Axisymmetric elements of nine nodes on half of it, graded toward the edge of
     the crack in geometric sequences; the volume is what the crack takes off the force of the plates.  It comes from below: for a radius of
     0.4 in a cylinder of radius 1 and length 3, nu = 0.475, it is 1.0315, 1.0344 and 1.0350 with (10, 4e-3), (16, 1e-3) and (20, 4e-4).
 

@@ -96,7 +96,7 @@ def drift() -> str:
 
 
 def isochoric_drift() -> str:
-    """The same of the learnt isochoric energies, in plane strain."""
+    """The same of the learned isochoric energies, in plane strain."""
     laws = (pds.materials.NeoHookean(), pds.materials.ArrudaBoyce(), pds.materials.Ogden(), pds.materials.FullNetwork())
     return _drifts([(f"{law.name}-isochoric", "float64", law, "strain") for law in laws])
 
@@ -134,7 +134,7 @@ def solvers() -> str:
     """Evaluations and wall time to a residual of 1e-6, from a homogeneous guess; the methods of one case in turn, medians of three."""
     rows = []
     for scene, stretch, repeats in (("uniaxial", 1.5, 3), ("tear", 1.1, 1)):
-        for method, precision in (("quasi-newton", None), ("minimiser", "float64"), ("relaxation", None)):
+        for method, precision in (("quasi-newton", None), ("minimizer", "float64"), ("relaxation", None)):
             seconds = []
             for _ in range(repeats):
                 chosen = pds.load_scene(scene, precision=precision) if precision else pds.load_scene(scene)

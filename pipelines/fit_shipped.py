@@ -1,4 +1,4 @@
-"""Make the artefacts that pdsurrogate ships, from nothing: sample, search, cross-validate, fit, store.
+"""Make the artifacts that pdsurrogate ships, from nothing: sample, search, cross-validate, fit, store.
 
     python pipelines/fit_shipped.py --out DIR      write them to DIR
     python pipelines/fit_shipped.py --check        compare what it makes, payloads by the byte, with what is shipped
@@ -31,7 +31,7 @@ from pdsurrogate.learning.sampling import random_order
 
 SHIPPED = Path(__file__).resolve().parents[1] / "artifacts"
 FIRST = "1"
-"""Version of an artefact that was not improved since."""
+"""Version of an artifact that was not improved since."""
 
 console = Console()
 
@@ -49,7 +49,7 @@ def relative_rms(truth, predicted) -> float:
 
 
 def as_drawn(samples):
-    """Return samples in the order in which they were drawn, as the shipped artefacts were fitted to them; Algorithm 1 keeps that order."""
+    """Return samples in the order in which they were drawn, as the shipped artifacts were fitted to them; Algorithm 1 keeps that order."""
     if samples.design["name"] == "algorithm 1":
         return samples
     return samples.take(np.argsort(random_order(len(samples), samples.design["near_rest"], samples.design["random_state"])))
@@ -86,7 +86,7 @@ def show(title: str, rows: list[dict]) -> None:
 
 
 def make(name, law, description, samples, model, grid, folder, version=FIRST) -> None:
-    """One artefact."""
+    """One artifact."""
     console.rule(f"{name}@{version}")
     samples = as_drawn(samples)
     searched = search(model, samples, grid)
@@ -100,7 +100,7 @@ def make(name, law, description, samples, model, grid, folder, version=FIRST) ->
 
 
 def make_energy(name, law, description, samples, regressor, searched_over, folder, folds=5) -> None:
-    """The artefact of an energy, a sheet's or the isochoric one, after a search over (activation, units)."""
+    """The artifact of an energy, a sheet's or the isochoric one, after a search over (activation, units)."""
     console.rule(name)
     samples = as_drawn(samples)
 
@@ -130,7 +130,7 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
 
 
 def make_all(folder: Path) -> None:
-    """All artefacts."""
+    """All artifacts."""
     law = pds.materials.NeoHookean()
     make(
         "neo-hookean",
@@ -217,7 +217,7 @@ def differences(made: Path, shipped: Path) -> list[str]:
 
 
 def same(made: Path, shipped: Path) -> bool:
-    """Return whether two files of artefacts say the same."""
+    """Return whether two files of artifacts say the same."""
     if made.suffix != ".json":
         return made.read_bytes() == shipped.read_bytes()
     cards = [json.loads(path.read_text(), parse_float=lambda digits: f"{float(digits):.9g}") for path in (made, shipped)]
@@ -232,8 +232,8 @@ def same(made: Path, shipped: Path) -> bool:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     group = parser.add_mutually_exclusive_group(required=True)
-    group.add_argument("--out", type=Path, metavar="DIR", help="folder to write the artefacts to")
-    group.add_argument("--check", action="store_true", help="compare with the shipped artefacts instead")
+    group.add_argument("--out", type=Path, metavar="DIR", help="folder to write the artifacts to")
+    group.add_argument("--check", action="store_true", help="compare with the shipped artifacts instead")
     arguments = parser.parse_args()
     if arguments.out is not None:
         make_all(arguments.out)
@@ -241,7 +241,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         make_all(Path(folder))
         changed = differences(Path(folder), SHIPPED)
-    console.print("The shipped artefacts are what this pipeline makes." if not changed else f"Different: {', '.join(changed)}")
+    console.print("The shipped artifacts are what this pipeline makes." if not changed else f"Different: {', '.join(changed)}")
     return 1 if changed else 0
 
 

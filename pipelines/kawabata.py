@@ -80,8 +80,8 @@ def stress_by_stress() -> str:
         greatest = f"{100 * np.median(sizes):.1f} %, {100 * sizes[-1]:.0f} %"
         rows.append([name, f"{inside.sum()} of {asked.sum()}", *shares, greatest, f"{curvature.min():.2f}", f"{slope:.3f}"])
     header = ["fitted to", "within the hull", "met within 3 %", "within 5 %", "off: median, greatest", "least curvature", "least slope"]
-    alone = neighbours()
-    parts = [markdown_table(header, rows), of_two_modes(off["uniaxial and pure shear"]), of_neighbours(alone, off["all of it"], left_out)]
+    alone = neighbors()
+    parts = [markdown_table(header, rows), of_two_modes(off["uniaxial and pure shear"]), of_neighbors(alone, off["all of it"], left_out)]
     return "\n\n".join([*parts, of_classes(np.abs(alone) > LIMIT)])
 
 
@@ -105,7 +105,7 @@ def of_two_modes(off: np.ndarray) -> str:
     )
 
 
-def neighbours() -> np.ndarray:
+def neighbors() -> np.ndarray:
     """Relative error of every large stress by a regression of the others over the two log-stretches that knows of no energy.
 
     Stresses are divided by those of a Neo-Hookean rubber of unit modulus first, which leaves numbers between 0.30 and 0.73.  Both stresses
@@ -124,9 +124,9 @@ def neighbours() -> np.ndarray:
     return off
 
 
-def of_neighbours(alone: np.ndarray, fitted: np.ndarray, left_out: np.ndarray) -> str:
-    """Which measurements a regression of their neighbours misses, and which the energy."""
-    found = {"by its neighbours": alone, "energy, fitted to all": fitted, "energy, to the other half": left_out}
+def of_neighbors(alone: np.ndarray, fitted: np.ndarray, left_out: np.ndarray) -> str:
+    """Which measurements a regression of their neighbors misses, and which the energy."""
+    found = {"by its neighbors": alone, "energy, fitted to all": fitted, "energy, to the other half": left_out}
     rows = [
         [name, *(f"{np.sum(np.abs(off[LARGE]) > most)}" for most in (0.03, LIMIT)), f"{100 * np.nanmax(np.abs(off)):.1f} %"]
         for name, off in found.items()
@@ -171,15 +171,15 @@ class SymmetricExponentials:
     def least_curvature(self, weights: np.ndarray, side: float, order: int = 6) -> float:
         """A lower bound of the least curvature over the hull of the data, over its value at rest.
 
-        Of every cell of a grid over the hull the Hessian at its centre, less what Taylor's series lets it change in the cell: the norms
+        Of every cell of a grid over the hull the Hessian at its center, less what Taylor's series lets it change in the cell: the norms
         of its derivatives up to an order, and the rest by the sizes of all terms.
         """
-        centres, radius = grid(side) @ BASIS, side * np.sqrt(1.5)  # half of the diagonal of a cell, at most stretched by sqrt(3)
-        derivatives = {n: np.zeros((n + 1, len(centres))) for n in range(2, order + 2)}
-        rest = np.zeros(len(centres))
+        centers, radius = grid(side) @ BASIS, side * np.sqrt(1.5)  # half of the diagonal of a cell, at most stretched by sqrt(3)
+        derivatives = {n: np.zeros((n + 1, len(centers))) for n in range(2, order + 2)}
+        rest = np.zeros(len(centers))
         for term, weight in zip(self.terms, weights, strict=True):
             exponents = term @ BASIS
-            sizes, values = np.linalg.norm(exponents, axis=1), weight * np.exp(centres @ exponents.T)
+            sizes, values = np.linalg.norm(exponents, axis=1), weight * np.exp(centers @ exponents.T)
             for n, tensor in derivatives.items():
                 for j in range(n + 1):
                     tensor[j] += values @ (exponents[:, 0] ** (n - j) * exponents[:, 1] ** j)
@@ -194,7 +194,7 @@ class SymmetricExponentials:
 
 
 def grid(side: float) -> np.ndarray:
-    """Log-stretches of centres of cells that cover the hull of the data, of states with their stretches in order, shape (n, 3)."""
+    """Log-stretches of centers of cells that cover the hull of the data, of states with their stretches in order, shape (n, 3)."""
     planes, logs = half_planes(X), ordered_logs(X)
     first, second = (np.arange(low, logs[:, n].max() + side, side) for n, low in enumerate((0.0, logs[:, 1].min() - side)))
     cells = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -205,7 +205,7 @@ def grid(side: float) -> np.ndarray:
 
 
 def least_error(energy: SymmetricExponentials, known: np.ndarray, greatest: bool, positive: bool, convex: float = 0.0) -> np.ndarray:
-    """Weights with the least greatest relative error of stresses, or the least sum of these, by a linear programme.
+    """Weights with the least greatest relative error of stresses, or the least sum of these, by a linear program.
 
     Weights may be held positive, or W to a curvature of at least so much (in MPa) in twelve directions on a grid.
     """
@@ -229,12 +229,12 @@ def least_error(energy: SymmetricExponentials, known: np.ndarray, greatest: bool
         method="highs-ipm",
     )
     if found.x is None:
-        raise ValueError(f"the linear programme has no solution: {found.message}")
+        raise ValueError(f"the linear program has no solution: {found.message}")
     return found.x[:terms] / size
 
 
 def of_classes(scattered: np.ndarray) -> str:
-    """What classes of energies could do at best, and what they foretell; with and without measurements that their neighbours deny."""
+    """What classes of energies could do at best, and what they foretell; with and without measurements that their neighbors deny."""
     powers = SymmetricExponentials((one, 0.0, 0.0) for one in dictionary(max(POSITIVE), max(NEGATIVE)))
     # Closer exponents, or more of them, differ by too little for weights of any sign.
     whole = SymmetricExponentials((float(one), 0.0, 0.0) for one in (*range(-4, 0), *range(1, 7)))
@@ -262,7 +262,7 @@ def of_classes(scattered: np.ndarray) -> str:
     header = ["class", "terms", "all", f"all but {scattered.sum()}", "least curvature", "left out by one half", "by the other"]
     return (
         "What classes of energies can do at best: the greatest relative error where weights are fitted for it alone, to all of "
-        f"these stresses and to all but the {scattered.sum()} that their neighbours miss by more than 5 %; a lower bound of the "
+        f"these stresses and to all but the {scattered.sum()} that their neighbors miss by more than 5 %; a lower bound of the "
         "least curvature of the former by the log-stretches over the hull, over that at rest; and, fitted to one half for the sum "
         "of the relative errors, the share of the other within 5 % and its greatest error. Mixed powers are sums of l1^p l2^q "
         "l3^r over all orders, p at most so much, of which sums over the stretches and polynomials of the two invariants are "

@@ -27,7 +27,7 @@ PARTS = {
     "setting up: points, bonds, force": ("run/run.py", "__post_init__"),
     "force evaluations": ("forces/internal_force.py", "__call__"),
     "preconditioner: setting up": ("solvers/preconditioner.py", "preconditioner_of"),
-    "preconditioner: D linearised": ("forces/volume_energy.py", "take"),
+    "preconditioner: D linearized": ("forces/volume_energy.py", "take"),
     "pressure steps: D": ("forces/volume_energy.py", "changes"),
     "pressure steps: transpose of D": ("forces/volume_energy.py", "forces"),
     "pressure steps: a cycle of multigrid for A": ("solvers/multigrid.py", "cycle"),

@@ -31,7 +31,7 @@ TOLERANCE = 2e-3
 """Relative RMS force error, on and off the surface, that a surrogate must keep."""
 
 LIMITS = (30.0, 60.0, 120.0, 240.0)
-"""Chain limits, evenly spaced in their logarithm, between which one artefact would have to serve."""
+"""Chain limits, evenly spaced in their logarithm, between which one artifact would have to serve."""
 
 INCOMPRESSIBLE = 1e7
 """K/mu at which constants are compared with published ones, which are of rubber that keeps its volume."""
@@ -150,14 +150,14 @@ def scene_errors(law, model) -> tuple[float, float]:
 
 
 def thickness_error(model, law, precision: str) -> float:
-    """Greatest relative error of J3 from the learnt force in the waved state of the comparison; NaN where the law is solved."""
+    """Greatest relative error of J3 from the learned force in the waved state of the comparison; NaN where the law is solved."""
     from pdsurrogate.forces import ForceSettings
 
     body = pds.Body.rectangle(3.0, 1.0, 0.05, 3.15 * 0.05)
     positions = bench_positions(body, law)
     force = model.bind(body, law, ForceSettings(precision=precision))
     force(positions, np.empty_like(positions))
-    if not force.learnt_thickness:
+    if not force.learned_thickness:
         return float("nan")
     trace, J = plane_stress.invariants(force.deformation_gradients())
     return float(np.abs(force.volume_ratios() / plane_stress.volume_ratio(law, trace, J) - 1).max())
@@ -169,19 +169,19 @@ def speed(quick: bool) -> tuple[list[dict], str]:
     for law in (law() for law in pds.materials.LAWS.values()):
         model, finer = cheapest(law), surrogate(law, DEGREES[-1])
         cases = [TimedModel(pds.AnalyticBondForce(law), "float64", body), TimedModel(model, "float32", body)]
-        exact, learnt = measure_speed(cases, law, 2.0 if quick else 40.0)
-        costs += [exact, learnt]
+        exact, learned = measure_speed(cases, law, 2.0 if quick else 40.0)
+        costs += [exact, learned]
         slope = pds.evaluate(pds.AnalyticBondForce(law).bond_force, law, pds.learning.reachable_stretches(law), 5000)["least_slope_exact"]
         errors = [errors_of(candidate, law) for candidate in (model, finer)]
         stress, displacement = scene_errors(law, model)
-        ratio = exact["ns_per_directed_bond_1"] / learnt["ns_per_directed_bond_1"]
+        ratio = exact["ns_per_directed_bond_1"] / learned["ns_per_directed_bond_1"]
         thickness = thickness_error(model, law, "float32")
         rows.append(
             {
                 "law": law.name,
                 "exact ns/directed bond": exact["ns_per_directed_bond_1"],
                 "its bond pass": exact["ns_bond_pass_1"],
-                "surrogate ns/directed bond": learnt["ns_per_directed_bond_1"],
+                "surrogate ns/directed bond": learned["ns_per_directed_bond_1"],
                 "exact / surrogate": ratio,
                 "surrogate": model.size.removeprefix("degrees "),
                 "RMS on / off": f"{errors[0][0]:.0e} / {errors[0][1]:.0e}",

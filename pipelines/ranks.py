@@ -21,7 +21,7 @@ from pages import markdown_table, replace_block
 from scipy.spatial import cKDTree
 
 from pdsurrogate.artifacts import default_force
-from pdsurrogate.discretisation import discretise
+from pdsurrogate.discretization import discretize
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.ranks import bisected, bond_counts, communicator
@@ -179,7 +179,7 @@ def lattice(sides: int, dimension: int) -> np.ndarray:
 
 def table_of_parts(points: list[int]) -> list[list[str]]:
     """A body of one size in more and more parts."""
-    sheet, cube = discretise(scene_of(min(points)))[0], lattice(50, 3)
+    sheet, cube = discretize(scene_of(min(points)))[0], lattice(50, 3)
     rows = []
     for name, body, horizon in (("sheet with a hole", sheet.points, sheet.horizon), ("cube", cube, 1.75)):
         weights = bond_counts(body, horizon)

@@ -189,16 +189,16 @@ def zero_energy() -> list[dict]:
     """Section 3: Fig. 2, the force that drives a single displaced point back."""
     spacing, law = 0.05, pds.materials.NeoHookean()
     body = pds.Body.rectangle(1.05, 1.05, spacing, 3.15 * spacing)
-    centre = int(np.argmin(np.linalg.norm(body.points - 0.525, axis=1)))
+    center = int(np.argmin(np.linalg.norm(body.points - 0.525, axis=1)))
     moves = np.linspace(0.0, 0.5, 11)
     curves = {}
     for name in ("analytic", "neo-hookean", "ba-nosb", "nosb"):
         force, out, curve = pds.load_surrogate(name).bind(body, law, pds.ForceSettings()), np.empty_like(body.points), []
         for move in moves:
             positions = body.points.copy()
-            positions[centre, 0] += move * spacing
+            positions[center, 0] += move * spacing
             force(positions, out)
-            curve.append(-out[centre, 0] / body.volumes[centre] * spacing)
+            curve.append(-out[center, 0] / body.volumes[center] * spacing)
         curves[name] = curve
     with matplotlib.rc_context(STYLE):
         figure, axis = figure_of(4.2, 3.0)

@@ -44,7 +44,7 @@ class Case:
     run : callable
         Of the number of points a side; gives a result.
     measure : callable
-        Of a result and that number; gives what the columns show: reaction, displacement, field, pressure, checkerboard, in per cent.
+        Of a result and that number; gives what the columns show: reaction, displacement, field, pressure, checkerboard, in percent.
     prototype : dict of str
         Figures of a prototype of this energy, by points a side.
     sizes : tuple of int

@@ -1,4 +1,4 @@
-"""Speed against error in space: what a whole force evaluation costs with the exact energy of every law, with the learnt ones and with NOSB.
+"""Speed against error in space: cost of a whole force evaluation with the exact energy of every law, with the learned ones and with NOSB.
 
 python pipelines/speed_in_space.py            print the table (two minutes of an idle processor)
 python pipelines/speed_in_space.py --docs     and put it into the documentation
@@ -80,7 +80,7 @@ def table() -> str:
         law, found = pds.materials.LAWS[card.material.law](), card.errors["box"]["on_surface"]
         forces[f"exact, {card.material.law}"](y, exact)
         for precision in PRECISIONS:
-            name = f"learnt, {card.material.law}, {precision}"
+            name = f"learned, {card.material.law}, {precision}"
             forces[name] = load_surrogate(folder).bind(body, law, dataclasses.replace(settings, precision=precision))
             forces[name](y, out)
             off = np.sqrt(((out - exact) ** 2).sum() / (exact**2).sum())
@@ -93,12 +93,12 @@ def table() -> str:
             name,
             f"{scale * found:.1f}",
             f"{found / seconds['NOSB']:.1f}",
-            f"{found / seconds['learnt, neo-hookean, float32']:.2f}",
+            f"{found / seconds['learned, neo-hookean, float32']:.2f}",
             *errors.get(name, ["-", "-", "-"]),
         ]
         for name, found in seconds.items()
     ]
-    costs = ["ns/directed bond, 1 thread", "this / NOSB", "this / learnt Neo-Hookean in float32"]
+    costs = ["ns/directed bond, 1 thread", "this / NOSB", "this / learned Neo-Hookean in float32"]
     header = ["force", *costs, "stress off, RMS", "greatest", "forces of the cube off"]
     return markdown_table(header, rows)
 

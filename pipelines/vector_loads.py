@@ -104,19 +104,19 @@ def put(length):
 
 
 @compiled
-def outer_sums(positions, pointers, neighbours, weights, out):
+def outer_sums(positions, pointers, neighbors, weights, out):
     """Sum outer products by the intrinsic."""
     for i in range(pointers.shape[0] - 1):
-        loads.sum_outer_products(positions, neighbours, weights, (pointers[i], pointers[i + 1]), i, out)
+        loads.sum_outer_products(positions, neighbors, weights, (pointers[i], pointers[i + 1]), i, out)
 
 
 @compiled
-def outer_sums_plain(positions, pointers, neighbours, weights, out):
+def outer_sums_plain(positions, pointers, neighbors, weights, out):
     """Sum outer products by a plain loop."""
     for i in range(pointers.shape[0] - 1):
         x, y, a, b, c, d = positions[i, 0], positions[i, 1], 0.0, 0.0, 0.0, 0.0
         for k in range(pointers[i], pointers[i + 1]):
-            j = neighbours[k]
+            j = neighbors[k]
             p, q, v, w = positions[j, 0] - x, positions[j, 1] - y, weights[k, 0], weights[k, 1]
             a, b, c, d = a + p * v, b + q * v, c + p * w, d + q * w
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = a, b, c, d
@@ -126,26 +126,26 @@ def products(intrinsic, dimension):
     """Return the pass that sums products of matrices and vectors by an intrinsic, and its plain twin."""
 
     @compiled
-    def fast(matrices, pointers, neighbours, vectors, out):
+    def fast(matrices, pointers, neighbors, vectors, out):
         for i in range(pointers.shape[0] - 1):
-            intrinsic(matrices, neighbours, vectors, (pointers[i], pointers[i + 1]), i, out)
+            intrinsic(matrices, neighbors, vectors, (pointers[i], pointers[i + 1]), i, out)
 
     @compiled
-    def plain_2(matrices, pointers, neighbours, vectors, out):
+    def plain_2(matrices, pointers, neighbors, vectors, out):
         for i in range(pointers.shape[0] - 1):
             s, t = 0.0, 0.0
             for k in range(pointers[i], pointers[i + 1]):
-                j, v, w = neighbours[k], vectors[k, 0], vectors[k, 1]
+                j, v, w = neighbors[k], vectors[k, 0], vectors[k, 1]
                 s += (matrices[i, 0] + matrices[j, 0]) * v + (matrices[i, 2] + matrices[j, 2]) * w
                 t += (matrices[i, 1] + matrices[j, 1]) * v + (matrices[i, 3] + matrices[j, 3]) * w
             out[i, 0], out[i, 1] = s, t
 
     @compiled
-    def plain_3(matrices, pointers, neighbours, vectors, out):
+    def plain_3(matrices, pointers, neighbors, vectors, out):
         for i in range(pointers.shape[0] - 1):
             s, t, u = 0.0, 0.0, 0.0
             for k in range(pointers[i], pointers[i + 1]):
-                j, v, w, z = neighbours[k], vectors[k, 0], vectors[k, 1], vectors[k, 2]
+                j, v, w, z = neighbors[k], vectors[k, 0], vectors[k, 1], vectors[k, 2]
                 s += (matrices[i, 0] + matrices[j, 0]) * v + (matrices[i, 3] + matrices[j, 3]) * w + (matrices[i, 6] + matrices[j, 6]) * z
                 t += (matrices[i, 1] + matrices[j, 1]) * v + (matrices[i, 4] + matrices[j, 4]) * w + (matrices[i, 7] + matrices[j, 7]) * z
                 u += (matrices[i, 2] + matrices[j, 2]) * v + (matrices[i, 5] + matrices[j, 5]) * w + (matrices[i, 8] + matrices[j, 8]) * z
@@ -181,19 +181,19 @@ def record_sums(length, sign):
 
 
 @compiled
-def outer_table(positions, pointers, neighbours, weights, table):
+def outer_table(positions, pointers, neighbors, weights, table):
     """Write outer products by the intrinsic."""
     for i in range(pointers.shape[0] - 1):
-        loads.outer_products(positions, neighbours, weights, (pointers[i], pointers[i + 1]), i, table)
+        loads.outer_products(positions, neighbors, weights, (pointers[i], pointers[i + 1]), i, table)
 
 
 @compiled
-def outer_table_plain(positions, pointers, neighbours, weights, table):
+def outer_table_plain(positions, pointers, neighbors, weights, table):
     """Write outer products by a plain loop."""
     for i in range(pointers.shape[0] - 1):
         x, y, start = positions[i, 0], positions[i, 1], pointers[i]
         for k in range(pointers[i], pointers[i + 1]):
-            j = neighbours[k]
+            j = neighbors[k]
             p, q, v, w = positions[j, 0] - x, positions[j, 1] - y, weights[k, 0], weights[k, 1]
             at = k - start
             table[at, 0], table[at, 1], table[at, 2], table[at, 3] = p * v, q * v, p * w, q * w
@@ -300,7 +300,7 @@ def cases():
         body, d, m = regular(dimension, cells), dimension, dimension**2
         bonds, n = body.bonds, len(body)
         first, second = bonds.ends_in_blocks(BLOCK)
-        pairs, table, directed = len(first), (bonds.pointers, bonds.neighbours), len(bonds.neighbours)
+        pairs, table, directed = len(first), (bonds.pointers, bonds.neighbors), len(bonds.neighbors)
         incidence = bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
         for dtype in (np.float32, np.float64):
             name = f"{d}D, {np.dtype(dtype).name}"

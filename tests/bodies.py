@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from pdsurrogate.discretisation import discretise
+from pdsurrogate.discretization import discretize
 from pdsurrogate.solvers.dynamics import ExplicitDynamics
 from pdsurrogate.stress_test.bodies import disc_with_hole, gripped, jittered, sheet
 
@@ -24,7 +24,7 @@ def nothing_held(force, body, velocities, **settings):
 
 def build_body(scene):
     """The body of a scene."""
-    return discretise(scene)[0]
+    return discretize(scene)[0]
 
 
 def rotation(angle):

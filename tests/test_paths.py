@@ -1,4 +1,4 @@
-"""Where artefacts of one's own go, and where the version stands."""
+"""Where artifacts of one's own go, and where the version stands."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from pdsurrogate.artifacts import ArtifactError, next_version, own_folder, store
 from pdsurrogate.cli import app
 
 
-def test_own_artefacts_never_go_among_shipped_ones_by_accident(tmp_path, monkeypatch):
+def test_own_artifacts_never_go_among_shipped_ones_by_accident(tmp_path, monkeypatch):
     shipped = store.SHIPPED[1]
     monkeypatch.delenv("PDSURROGATE_ARTIFACTS", raising=False)
     monkeypatch.chdir(tmp_path)
@@ -35,7 +35,7 @@ def test_the_version_has_one_home():
     assert (Path(pds.__file__).parent / "py.typed").exists()
 
 
-def test_where_artefacts_go_in_a_checkout_is_said():
+def test_where_artifacts_go_in_a_checkout_is_said():
     """`store(..., None, ...)` writes to own-artifacts there, which neither the README nor the help said."""
     readme = (Path(__file__).parents[1] / "README.md").read_text()
     assert "`own-artifacts/`" in readme

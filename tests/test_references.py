@@ -1,4 +1,4 @@
-"""What is run is called as the user called it, and judged alike whether it is a fitted pipeline or its artefact."""
+"""What is run is called as the user called it, and judged alike whether it is a fitted pipeline or its artifact."""
 
 import json
 import shutil
@@ -68,7 +68,7 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
 
 
 @pytest.mark.parametrize(("chain_limit", "verdict"), [(30.0, "taken"), (27.0, "noted"), (22.0, "noted"), (15.0, "refused")])
-def test_a_pipeline_is_compared_with_a_law_as_its_artefact_is(fitted, here, chain_limit, verdict):
+def test_a_pipeline_is_compared_with_a_law_as_its_artifact_is(fitted, here, chain_limit, verdict):
     """Storing it for the law of a scene and running it in the scene: taken, noted and refused alike."""
     model, samples = fitted
     law, scene = pds.materials.Gent(chain_limit=chain_limit), scene_of(pds.materials.Gent(chain_limit=chain_limit))

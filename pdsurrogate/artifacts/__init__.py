@@ -1,6 +1,6 @@
-"""Versioned artefacts: cards, digests, safe reading and atomic writing.
+"""Versioned artifacts: cards, digests, safe reading and atomic writing.
 
-An artefact is a folder ``NAME/VERSION/`` of up to four files:
+An artifact is a folder ``NAME/VERSION/`` of up to four files:
 
 * ``card.json`` describes it, and states size and SHA-256 of the other files;
 * ``surrogate.npz`` holds the constants of the surrogate, all that a simulation needs: plain arrays, read without pickle;

@@ -1,4 +1,4 @@
-"""Card of an artefact: its description for readers and programs, checked before any other file is opened."""
+"""Card of an artifact: its description for readers and programs, checked before any other file is opened."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from .shipped import SHIPPED_CARDS
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
 """Classes of the force models that can be stored, by the entry ``kind`` of a card."""
 
-FORMAT = "pdsurrogate artefact"
+FORMAT = "pdsurrogate artifact"
 SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
-"""Version of the format of new cards and payloads (an artefact's other files), and the oldest version that is read.
+"""Version of the format of new cards and payloads (an artifact's other files), and the oldest version that is read.
 
 A change of the format that an older pdsurrogate would misread raises the version. Cards of version 2 have no digest.
 """
@@ -55,7 +55,7 @@ NOTED = 0.01
 Chosen: forces in a run are off by about as much, and fits of the default sizes reach a thirtieth of it or less."""
 
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
-"""Names of an artefact's files other than its card: constants of the surrogate, constants of committee members, and fitted pipeline."""
+"""Names of an artifact's files other than its card: constants of the surrogate, constants of committee members, and fitted pipeline."""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -64,7 +64,7 @@ Count = Annotated[int, Field(strict=True, ge=0)]
 
 
 class ArtifactError(ValueError):
-    """Error for an artefact that cannot be found, read or written; the message gives the reason.
+    """Error for an artifact that cannot be found, read or written; the message gives the reason.
 
     Examples
     --------
@@ -163,7 +163,7 @@ class Material(StrictModel):
 
 
 class Payload(StrictModel):
-    """Entry of a card for a file of the artefact: contents in words, SHA-256, and size in bytes."""
+    """Entry of a card for a file of the artifact: contents in words, SHA-256, and size in bytes."""
 
     contains: str
     sha256: Annotated[str, Field(pattern=SHA256)]
@@ -183,7 +183,7 @@ class DomainSpec(StrictModel):
 class MemberSpec(StrictModel):
     """Entry of a card for a member of the committee: material, domain and errors.
 
-    A member is a further surrogate in the artefact. The deviations of the members' forces from that of the main surrogate estimate the
+    A member is a further surrogate in the artifact. The deviations of the members' forces from that of the main surrogate estimate the
     uncertainty of the force.
     """
 
@@ -193,9 +193,9 @@ class MemberSpec(StrictModel):
 
 
 class Card(StrictModel):
-    """Card of an artefact, the contents of ``card.json``: kind, material, features, training, domain, errors and files."""
+    """Card of an artifact, the contents of ``card.json``: kind, material, features, training, domain, errors and files."""
 
-    format: Literal["pdsurrogate artefact"]
+    format: Literal["pdsurrogate artifact"]
     schema_version: int
     name: Annotated[str, Field(pattern=NAME_PATTERN)]
     version: Annotated[str, Field(pattern=VERSION_PATTERN)]
@@ -252,7 +252,7 @@ class Card(StrictModel):
             "RMS error": f"{self.errors['box']['on_surface']['rms']:.2g}",
             **({"committee": f"{len(self.members)} members"} if self.members else {}),
         }
-        return html_facts(f"Artefact {self.name}@{self.version}", facts)
+        return html_facts(f"Artifact {self.name}@{self.version}", facts)
 
 
 def read_card(path: Path) -> Card:
@@ -271,12 +271,12 @@ def read_card(path: Path) -> Card:
     schema = content.get("schema_version")
     if type(schema) is not int or not OLDEST_SCHEMA <= schema <= SCHEMA_VERSION:
         readable = f"this pdsurrogate reads {OLDEST_SCHEMA} to {SCHEMA_VERSION}"
-        remedy = "upgrade pdsurrogate for a later one; fit an artefact of an earlier one again"
+        remedy = "upgrade pdsurrogate for a later one; fit an artifact of an earlier one again"
         raise ArtifactError(f"{where}: schema_version: {readable}, not {kind_of(schema)}: {remedy}")
     try:
         return checked_card(content)
     except (ArtifactError, RecursionError) as error:
-        raise ArtifactError(f"{where}: the card is damaged: {error}; put back what was written, or store the artefact again") from None
+        raise ArtifactError(f"{where}: the card is damaged: {error}; put back what was written, or store the artifact again") from None
 
 
 def checked_card(content: Mapping[str, Any]) -> Card:
@@ -292,7 +292,7 @@ def checked_card(content: Mapping[str, Any]) -> Card:
 
 
 def new_card(entries: Mapping[str, Any]) -> Card:
-    """Return the card of a new artefact: `entries` completed by format, schema version and digest.
+    """Return the card of a new artifact: `entries` completed by format, schema version and digest.
 
     Raise ArtifactError for values that a card may not have, and if ``training.identification`` reports the fit of test data to another law
     or to other parameters than ``material.trained_with`` states.
@@ -300,7 +300,7 @@ def new_card(entries: Mapping[str, Any]) -> Card:
     card = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64})
     identified, right = card.training.get("identification"), card.material.trained_with
     if identified and json.dumps(identified["law"], sort_keys=True) != json.dumps(right, sort_keys=True):
-        raise ArtifactError(f"training.identification.law: must be the law that was learnt, {right}, not {identified['law']}")
+        raise ArtifactError(f"training.identification.law: must be the law that was learned, {right}, not {identified['law']}")
     return card.model_copy(update={"digest": card.found_digest()})
 
 

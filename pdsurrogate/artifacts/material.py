@@ -1,4 +1,4 @@
-"""Material of an artefact, for scenes (descriptions of a simulation) that state no material of their own."""
+"""Material of an artifact, for scenes (descriptions of a simulation) that state no material of their own."""
 
 import json
 import warnings
@@ -20,8 +20,8 @@ PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6}
 def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceModel]:
     """Return a scene, with a material for which a force model holds, and the force model.
 
-    An exact force model leaves the scene as it is. With an artefact, a built-in scene with its default material takes the law on the
-    artefact's card, with these moduli:
+    An exact force model leaves the scene as it is. With an artifact, a built-in scene with its default material takes the law on the
+    artifact's card, with these moduli:
 
     * moduli identified from the package's own test data are converted from MPa to the scene's unit of stress;
     * other identified or user-given moduli are taken as numbers in the scene's unit of stress;
@@ -33,14 +33,14 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     ----------
     scene : Scene
     reference : str or path
-        Force model or artefact, as for `load_surrogate`.
+        Force model or artifact, as for `load_surrogate`.
 
     Raises
     ------
     ArtifactError
-        If the artefact cannot be read.
+        If the artifact cannot be read.
     SceneError
-        If the scene states another material than the artefact's; the message gives both, and how to take the artefact's.
+        If the scene states another material than the artifact's; the message gives both, and how to take the artifact's.
 
     Warns
     -----

@@ -1,4 +1,4 @@
-"""Digests of the cards of artefacts that were shipped before cards contained a digest, by the hash of ``surrogate.npz``."""
+"""Digests of the cards of artifacts that were shipped before cards contained a digest, by the hash of ``surrogate.npz``."""
 
 SHIPPED_CARDS = {
     # arruda-boyce-isochoric@1

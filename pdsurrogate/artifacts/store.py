@@ -1,4 +1,4 @@
-"""Artefacts on disk: a folder for each name and version with a card and its payloads, written once and never changed."""
+"""Artifacts on disk: a folder for each name and version with a card and its payloads, written once and never changed."""
 
 import hashlib
 import io
@@ -17,23 +17,23 @@ import numpy as np
 
 from ..arguments import check_path
 from ..array_files import DamagedFile, read_arrays
-from ..forces import FORCES, Domain, ForceModel, LearntBondForce, LearntEnergy, Member
+from ..forces import FORCES, Domain, ForceModel, LearnedBondForce, LearnedEnergy, Member
 from ..materials import LAWS, Law
 from ..scenes import MaterialSpec, Scene
 from .card import DIGESTED, KINDS, MEMBERS, NAME_PATTERN, PIPELINE, SURROGATE, VERSION_PATTERN, ArtifactError, Card, new_card, read_card
 
-Surrogate = LearntBondForce | LearntEnergy
-"""Types of the force models that artefacts hold."""
+Surrogate = LearnedBondForce | LearnedEnergy
+"""Types of the force models that artifacts hold."""
 
 CARD = "card.json"
 
 WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
-"""Pattern of a reference to a member of an artefact's committee, ``NAME#3``, or to the artefact with all members, ``NAME#all``."""
+"""Pattern of a reference to a member of an artifact's committee, ``NAME#3``, or to the artifact with all members, ``NAME#all``."""
 
 ALL = "all"
 
 MOST_PAYLOAD = 64 * 2**20
-"""Greatest size in bytes of a payload, an ``.npz`` file of an artefact. Chosen: eight times the largest spline, of `MOST_COEFFICIENTS`
+"""Greatest size in bytes of a payload, an ``.npz`` file of an artifact. Chosen: eight times the largest spline, of `MOST_COEFFICIENTS`
 doubles; larger files are refused before they are read into memory."""
 
 
@@ -47,27 +47,27 @@ def _reading() -> Iterator[None]:
 
 
 SHIPPED = (Path(__file__).resolve().parents[1] / "_artifacts", Path(__file__).resolve().parents[2] / "artifacts")
-"""Folders of the artefacts that are shipped with the package: in an installed package, and in a checkout of its repository."""
+"""Folders of the artifacts that are shipped with the package: in an installed package, and in a checkout of its repository."""
 
 OWN, OWN_IN_CHECKOUT = "artifacts", "own-artifacts"
-"""Names of the folder of a user's own artefacts within the working folder: usually ``artifacts``.
+"""Names of the folder of a user's own artifacts within the working folder: usually ``artifacts``.
 
-In a checkout of this package ``artifacts`` holds the shipped artefacts, so the user's own are in ``own-artifacts``.
+In a checkout of this package ``artifacts`` holds the shipped artifacts, so the user's own are in ``own-artifacts``.
 """
 
 
 def own_folder() -> Path:
-    """Return the folder of a user's artefacts: the value of ``PDSURROGATE_ARTIFACTS``, a variable of the environment, if it is set.
+    """Return the folder of a user's artifacts: the value of ``PDSURROGATE_ARTIFACTS``, a variable of the environment, if it is set.
 
     Otherwise the folder is ``artifacts`` in the working folder; or ``own-artifacts`` in a checkout of this package, where ``artifacts``
-    holds the shipped artefacts.
+    holds the shipped artifacts.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     return Path(chosen or (OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN))
 
 
 def next_version(folder: str | Path, name: str) -> str:
-    """Return the next version of artefact `name` in a folder: the first number of its highest version plus 1.
+    """Return the next version of artifact `name` in a folder: the first number of its highest version plus 1.
 
     Return 3 after 2.1.4, and 1 for a new name.
     """
@@ -78,55 +78,55 @@ def next_version(folder: str | Path, name: str) -> str:
 
 
 def search_path() -> list[Path]:
-    """Return the folders in which artefacts are looked up by name, first match first.
+    """Return the folders in which artifacts are looked up by name, first match first.
 
     The folders are ``PDSURROGATE_ARTIFACTS`` if set, ``own-artifacts`` and ``artifacts`` in the working folder, and the shipped folders.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     if chosen and not Path(chosen).is_dir():
-        raise ArtifactError(f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artefacts, or not at all")
+        raise ArtifactError(f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artifacts, or not at all")
     return [folder for folder in (*([Path(chosen)] if chosen else []), Path(OWN_IN_CHECKOUT), Path(OWN), *SHIPPED) if folder.is_dir()]
 
 
 @_reading()
 def list_artifacts() -> list[Path]:
-    """Return the folders of all versions of all artefacts on the search path, sorted by name and rising version."""
+    """Return the folders of all versions of all artifacts on the search path, sorted by name and rising version."""
     names = {folder.name for root in search_path() for folder in root.iterdir() if folder.is_dir()}
     return [version for name in sorted(names) for version in _on_search_path(name) if (version / CARD).is_file()]
 
 
 @_reading()
 def find_artifact(reference: str | Path) -> Path:
-    """Return the folder of an artefact.
+    """Return the folder of an artifact.
 
     Parameters
     ----------
     reference : str or path
-        ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artefact's folder or of a folder
-        of its versions.  Text is a path if it has a separator or begins with a dot, or if it names a folder that holds an artefact; a
+        ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artifact's folder or of a folder
+        of its versions.  Text is a path if it has a separator or begins with a dot, or if it names a folder that holds an artifact; a
         folder of that name without one, such as a folder of results, is ignored.  A suffix ``#3`` or ``#all`` for the members
         of the committee is ignored as well.
 
     Raises
     ------
     ArtifactError
-        If there is no such artefact (the message lists the known ones), or the text is both the name of one and the folder of another.
+        If there is no such artifact (the message lists the known ones), or the text is both the name of one and the folder of another.
     """
-    check_path(reference, "an artefact's reference")
+    check_path(reference, "an artifact's reference")
     reference, _ = parted(reference)
     text = str(reference)
     if isinstance(reference, Path) or text.startswith(".") or os.sep in text or (os.altsep or os.sep) in text:
         folder = _in_folder(Path(reference))
         if folder is None:
-            raise ArtifactError(f"{text}: no artefact there: the folder of one holds {CARD}")
+            raise ArtifactError(f"{text}: no artifact there: the folder of one holds {CARD}")
         return folder
     here, named = _in_folder(Path(text)), _by_name(text)
     if here and named and here.resolve() != named.resolve():
-        raise ArtifactError(f"{text!r} is the artefact {named} by its name, and the folder {here} holds another: give the path of either")
+        raise ArtifactError(f"{text!r} is the artifact {named} by its name, and the folder {here} holds another: give the path of either")
     if (found := here or named) is None:
         known = ", ".join(f"{folder.parent.name}@{folder.name}" for folder in list_artifacts()) or "none"
         of_committee = "; behind # stands the number of a member of a committee, from 1 on, or all" if "#" in text else ""
-        raise ArtifactError(f"unknown force {text!r}: force models are {', '.join(FORCES)}; artefacts are {known}{of_committee}")
+        raise ArtifactError(f"unknown force {text!r}: force models are {', '.join(FORCES)}; artifacts are {known}{of_committee}")
     return found
 
 
@@ -136,25 +136,25 @@ def parted(reference: str | Path) -> tuple[str | Path, str | None]:
     if found is None or Path(reference).exists():
         return reference, None
     if found[1] in FORCES:
-        raise ArtifactError(f"{found[1]} has learnt nothing and has no committee: leave out #{found[2]}")
+        raise ArtifactError(f"{found[1]} has learned nothing and has no committee: leave out #{found[2]}")
     return type(reference)(found[1]), found[2]
 
 
 def _in_folder(path: Path) -> Path | None:
-    """Return the folder of the artefact at a path, of the highest version if the path holds versions; None if there is no card."""
+    """Return the folder of the artifact at a path, of the highest version if the path holds versions; None if there is no card."""
     held = [folder for folder in (*_versions(path), path) if (folder / CARD).is_file()]
     return held[-1] if held else None
 
 
 def _by_name(text: str) -> Path | None:
-    """Return the folder of artefact NAME or NAME@VERSION on the search path, even if it is damaged; None if there is none."""
+    """Return the folder of artifact NAME or NAME@VERSION on the search path, even if it is damaged; None if there is none."""
     name, separator, version = text.partition("@")
     found = [folder for folder in _on_search_path(name) if not separator or version == folder.name]
     return found[-1] if found else None
 
 
 def _on_search_path(name: str) -> list[Path]:
-    """Return the folders of all versions of an artefact, in rising order; for a version found twice, the first on the search path."""
+    """Return the folders of all versions of an artifact, in rising order; for a version found twice, the first on the search path."""
     if not re.fullmatch(NAME_PATTERN, name):
         return []
     found = {folder.name: folder for root in reversed(search_path()) for folder in _versions(root / name)}
@@ -172,7 +172,7 @@ def _version_key(folder: Path) -> tuple[int, ...]:
 
 
 def load_card(reference: str | Path) -> Card:
-    """Return the card of an artefact, or of a member of its committee (``NAME#3``); nothing else is read.
+    """Return the card of an artifact, or of a member of its committee (``NAME#3``); nothing else is read.
 
     Examples
     --------
@@ -187,7 +187,7 @@ def load_card(reference: str | Path) -> Card:
 
 
 def called(folder: Path, card: Card, which: str | None = None) -> str:
-    """Return the name of an artefact for messages, ``NAME@VERSION`` by its folder; with `which`, that of a member, ``NAME@VERSION#3``.
+    """Return the name of an artifact for messages, ``NAME@VERSION`` by its folder; with `which`, that of a member, ``NAME@VERSION#3``.
 
     If the card states another name, as in a copied folder, this name is added in brackets.
     """
@@ -215,33 +215,33 @@ def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
 
 
 def _card_of(folder: Path) -> Card:
-    """Return the card in an artefact's folder; raise ArtifactError if its digest shows that it was changed after it was stored."""
+    """Return the card in an artifact's folder; raise ArtifactError if its digest shows that it was changed after it was stored."""
     with _reading():
         card = read_card(folder / CARD)
     if card.stated_digest() not in (None, card.found_digest()):
         raise ArtifactError(
             f"{folder / CARD}: digest: what the card says of {', '.join(DIGESTED)} or training.identification is not what was stored with "
-            "these weights: put back what was written, or store the artefact again"
+            "these weights: put back what was written, or store the artifact again"
         )
     return card
 
 
 def load_surrogate(reference: str | Path) -> ForceModel:
-    """Return a force model by name, or the surrogate of an artefact or of a member of its committee.
+    """Return a force model by name, or the surrogate of an artifact or of a member of its committee.
 
     The card is read first; the payload must match its digest there, and is read as plain arrays, so loading runs no code from the file.
 
     Parameters
     ----------
     reference : str or path
-        Name of an exact force model (``analytic``, ``nosb``, ``ba-nosb`` or ``bond-energy``), or an artefact as for `find_artifact`.
+        Name of an exact force model (``analytic``, ``nosb``, ``ba-nosb`` or ``bond-energy``), or an artifact as for `find_artifact`.
         Append ``#3`` for the third member of its committee, or ``#all`` for the surrogate with its members: a run then records the greatest
         deviation of a member's force or stress from the surrogate's (field ``member_deviation``).
 
     Raises
     ------
     ArtifactError
-        If the artefact is unknown, damaged, does not match its card, or holds anything but plain arrays.
+        If the artifact is unknown, damaged, does not match its card, or holds anything but plain arrays.
 
     Examples
     --------
@@ -257,7 +257,7 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 
 
 def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
-    """Return the surrogate in the folder of an artefact, or the committee member `which`, after checking payloads and card."""
+    """Return the surrogate in the folder of an artifact, or the committee member `which`, after checking payloads and card."""
     card = _card_of(folder)
     if card.kind not in KINDS:
         raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
@@ -339,8 +339,8 @@ def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
 def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -> ForceModel:
     """Return the default force model of a material.
 
-    The model is the artefact on the search path with the name of the law (for bond energies with ``-energy`` appended under plane stress
-    and ``-isochoric`` otherwise), if there is such an artefact for this material; otherwise the exact model of the family.
+    The model is the artifact on the search path with the name of the law (for bond energies with ``-energy`` appended under plane stress
+    and ``-isochoric`` otherwise), if there is such an artifact for this material; otherwise the exact model of the family.
 
     Parameters
     ----------
@@ -353,7 +353,7 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
     Raises
     ------
     ArtifactError
-        If the artefact with this name cannot be read.
+        If the artifact with this name cannot be read.
     """
     energy = f"{law.name}-energy" if plane == "stress" else f"{law.name}-isochoric"
     name, exact = {"bond force": (law.name, "analytic"), "bond energy": (energy, "bond-energy")}.get(family, (None, family))
@@ -379,7 +379,7 @@ def default_force(scene: Scene) -> ForceModel:
 
 
 def load_pipeline(reference: str | Path, *, trust: bool = False):
-    """Return the fitted scikit-learn pipeline of an artefact, for refinement.
+    """Return the fitted scikit-learn pipeline of an artifact, for refinement.
 
     The file is a pickle of Python objects: loading it runs code from the file.  The file must match its digest in the card, which shows
     that the file belongs to the card, but not that the author of both is trustworthy.
@@ -388,7 +388,7 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     ----------
     reference : str or path
     trust : bool
-        Must be True: you trust the author of the artefact as you would trust a program of theirs.
+        Must be True: you trust the author of the artifact as you would trust a program of theirs.
 
     Examples
     --------
@@ -400,13 +400,13 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     True
     """
     if trust is not True:
-        raise ArtifactError("loading a pipeline runs code from its file; say trust=True if you trust whoever made the artefact")
+        raise ArtifactError("loading a pipeline runs code from its file; say trust=True if you trust whoever made the artifact")
     folder = find_artifact(reference)
     return joblib.load(io.BytesIO(_checked_payload(folder, load_card(folder), PIPELINE)))
 
 
 def new_artifact(folder: str | Path, name: str, version: str) -> Path:
-    """Return the path of the folder of a new artefact, ``folder/NAME/VERSION``, without creating it.
+    """Return the path of the folder of a new artifact, ``folder/NAME/VERSION``, without creating it.
 
     Raises
     ------
@@ -414,7 +414,7 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
         If it exists already (versions are immutable), or the name or version is not allowed, such as the name of a force model.
     """
     if not str(folder):
-        raise ArtifactError("a folder of artefacts is needed, and its name is empty; None is that in which they are found by name")
+        raise ArtifactError("a folder of artifacts is needed, and its name is empty; None is that in which they are found by name")
     _check_name(name, version)
     target = Path(folder) / name / version
     if target.exists():
@@ -428,28 +428,28 @@ def _check_name(name: str, version: str = "1") -> None:
         if not isinstance(value, str) or not re.fullmatch(pattern, value):
             raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
     if name in FORCES:
-        raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artefact")
+        raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artifact")
 
 
 def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline=None, members: Sequence[Surrogate] = ()) -> Path:
-    """Write an artefact, whole or not at all.
+    """Write an artifact, whole or not at all.
 
     Parameters
     ----------
     folder : str or path
-        The folder that holds artefacts; the new artefact becomes ``folder/NAME/VERSION``.
+        The folder that holds artifacts; the new artifact becomes ``folder/NAME/VERSION``.
     card : dict
         Entries of `Card` except format, schema version, payloads and digest.
-    surrogate : LearntBondForce or LearntEnergy
+    surrogate : LearnedBondForce or LearnedEnergy
     pipeline : estimator, optional
         The fitted pipeline.
-    members : sequence of LearntBondForce or LearntEnergy, optional
+    members : sequence of LearnedBondForce or LearnedEnergy, optional
         Members of its committee, of the same kind; `Card.members` describes them.
 
     Returns
     -------
     Path
-        Folder of the new artefact.
+        Folder of the new artifact.
 
     Raises
     ------
@@ -499,7 +499,7 @@ def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) 
     """Return the bytes of a payload file; raise ArtifactError for more than `most` bytes, or if size or SHA-256 contradict the card."""
     where = f"{called(folder, card)}: {name}"
     if name not in card.payloads:
-        raise ArtifactError(f"{where}: the artefact has none")
+        raise ArtifactError(f"{where}: the artifact has none")
     stated = card.payloads[name]
     if stated.bytes > most:
         raise ArtifactError(f"{where}: the card states {stated.bytes} bytes; at most {most} are read")

@@ -66,7 +66,7 @@ class Body:
     horizon : float
         Radius within which points interact.
     spacing : float, optional
-        Mean distance of neighbouring points; by default the side of a square or cube of the mean volume.
+        Mean distance of neighboring points; by default the side of a square or cube of the mean volume.
     weight : str, optional
         Name of the weight function, one of `WEIGHT_FUNCTIONS`.
     planes : sequence of ReflectionPlane, optional
@@ -89,7 +89,7 @@ class Body:
     Raises
     ------
     ValueError
-        For shapes that do not fit, non-finite numbers, coinciding points, or a horizon that reaches no neighbour.
+        For shapes that do not fit, non-finite numbers, coinciding points, or a horizon that reaches no neighbor.
 
     Examples
     --------
@@ -210,17 +210,17 @@ class Body:
         It copies the values of bonds that begin at a halo point (a point of another rank) from the rank that owns this point.
         """
         owners, share = self.bond_owners, self.share
-        names = share.numbers[owners] * (share.size * 2 ** len(self.planes)) + self.names[self.bonds.neighbours]
+        names = share.numbers[owners] * (share.size * 2 ** len(self.planes)) + self.names[self.bonds.neighbors]
         return Halo(share.ranks, names, share.owners[owners])
 
     @classmethod
     def rectangle(cls, width: float, height: float, spacing: float, horizon: float, **options) -> Body:
-        """Return a rectangular body with its lower left corner at the origin and a point at the centre of every cell, see `Cells`.
+        """Return a rectangular body with its lower left corner at the origin and a point at the center of every cell, see `Cells`.
 
         `options` are further arguments of `Body`.
         """
         cells = Cells.filling((0.0, 0.0), (width, height), spacing)
-        points = cells.centres()
+        points = cells.centers()
         return cls(points, np.full(len(points), cells.volume), horizon, cells.spacing, cell=cells.sides, **options)
 
 
@@ -291,19 +291,19 @@ class Cells:
             return self.sides[0]
         return math.sqrt(self.volume) if len(self.sides) == 2 else math.cbrt(self.volume)
 
-    def centres(self) -> np.ndarray:
-        """Return the centres of the cells, shape (n, d); x1 varies fastest, the last coordinate slowest."""
-        centres = np.empty((*self.counts[::-1], len(self.counts)))
+    def centers(self) -> np.ndarray:
+        """Return the centers of the cells, shape (n, d); x1 varies fastest, the last coordinate slowest."""
+        centers = np.empty((*self.counts[::-1], len(self.counts)))
         for axis, (low, count, side) in enumerate(zip(self.lower, self.counts, self.sides, strict=True)):
             shape = np.ones(len(self.counts), dtype=int)
             shape[-1 - axis] = count
-            centres[..., axis] = (low + (np.arange(count) + 0.5) * side).reshape(shape)
-        return centres.reshape(-1, len(self.counts))
+            centers[..., axis] = (low + (np.arange(count) + 0.5) * side).reshape(shape)
+        return centers.reshape(-1, len(self.counts))
 
 
 def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.ndarray:
-    """Return the centres of the cells that fill a box, shape (n, d), in the order of `Cells.centres`; see `Cells.filling`."""
-    return Cells.filling(lower, upper, spacing).centres()
+    """Return the centers of the cells that fill a box, shape (n, d), in the order of `Cells.centers`; see `Cells.filling`."""
+    return Cells.filling(lower, upper, spacing).centers()
 
 
 def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:
@@ -319,17 +319,17 @@ def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.nda
 
 @dataclass(frozen=True)
 class Bonds:
-    """Bonds of a body: neighbour lists of all points (directed bonds), and a list of pairs.
+    """Bonds of a body: neighbor lists of all points (directed bonds), and a list of pairs.
 
-    A *pair* is an undirected bond. A pair of two points of the body appears in the neighbour lists of both; a pair of a point and an image
+    A *pair* is an undirected bond. A pair of two points of the body appears in the neighbor lists of both; a pair of a point and an image
     appears in the list of the point only.
 
     Attributes
     ----------
     pointers : ndarray of uint64, shape (n + 1,)
-        Index at which the neighbours of each point begin.
-    neighbours : ndarray of uint32
-        Neighbours of all points; numbers from n on are ghosts.
+        Index at which the neighbors of each point begin.
+    neighbors : ndarray of uint32
+        Neighbors of all points; numbers from n on are ghosts.
     first, second : ndarray of uint32, shape (n_pairs,)
         Ends of the pairs, ordered by `first`, which is a point of the body; `second` is a later point or an image.
     pair_pointers : ndarray of uint64, shape (n + 1,)
@@ -339,7 +339,7 @@ class Bonds:
     incidence : ndarray of uint32
         Pairs in which each point is `second`.
     pair_of : ndarray of uint32
-        Pair of each entry of `neighbours`.
+        Pair of each entry of `neighbors`.
     cut : ndarray, shape (k, 2)
         Ends of the pairs that cuts or holes of the undeformed body separate; these pairs are in none of the lists.
     n_directed : int
@@ -347,7 +347,7 @@ class Bonds:
     """
 
     pointers: np.ndarray
-    neighbours: np.ndarray
+    neighbors: np.ndarray
     first: np.ndarray
     second: np.ndarray
     pair_pointers: np.ndarray
@@ -392,19 +392,19 @@ class Bonds:
             cut = np.stack([first[separated], second[separated]], axis=1)
             first, second = first[~separated], second[~separated]
         if len(first) == 0:
-            raise ValueError(f"the horizon {body.horizon:g} reaches no neighbour; the spacing is {body.spacing:g}")
+            raise ValueError(f"the horizon {body.horizon:g} reaches no neighbor; the spacing is {body.spacing:g}")
         numbers = np.arange(len(first), dtype=np.uint32)
 
         within = np.flatnonzero(second < n).astype(np.uint32)
         incidence = within[np.argsort(second[within], kind="stable")]
-        # The neighbours of a point are in rising order: first those of pairs in which it is second, then those in which it is first.
+        # The neighbors of a point are in rising order: first those of pairs in which it is second, then those in which it is first.
         owner = np.concatenate([second[incidence], first])
         order = np.argsort(owner, kind="stable")
-        neighbours = np.concatenate([first[incidence], second])[order]
+        neighbors = np.concatenate([first[incidence], second])[order]
         pair_of = np.concatenate([incidence, numbers])[order]
         return cls(
             pointers_to(owner, n),
-            np.ascontiguousarray(neighbours),
+            np.ascontiguousarray(neighbors),
             first,
             second,
             pointers_to(first, n),

@@ -26,7 +26,7 @@ FACES = {
 In three dimensions the normals of the sides point outwards by the right-hand rule."""
 
 TORN = 0.5
-"""Relative distance between the two positions that neighbouring cells predict for their common side, above which the side is drawn as open.
+"""Relative distance between the two positions that neighboring cells predict for their common side, above which the side is drawn as open.
 The distance is divided by the length from one cell through the side to the other. In a smooth deformation it is of second order in that
 length; across an open crack it is the opening. Chosen: with a smaller value strong gradients at a crack tip are drawn as cracks, with a
 greater one cracks appear only once they are wide open."""
@@ -149,11 +149,11 @@ class CellMesh:
         corners, (one, other) = corners[inner], beside[inner].T
         # The repeated corner of a triangle does not matter: any place on the common side will do.
         middle = self.nodes[corners].mean(axis=1)
-        towards = np.einsum("nij,nj->ni", gradients[one], middle - points[one])
+        toward = np.einsum("nij,nj->ni", gradients[one], middle - points[one])
         onwards = np.einsum("nij,nj->ni", gradients[other], points[other] - middle)
         apart = points[other] + displacement[other] - points[one] - displacement[one]
-        gap = np.linalg.norm(apart - towards - onwards, axis=1)
-        open_ = gap > TORN * (np.linalg.norm(towards, axis=1) + np.linalg.norm(onwards, axis=1))
+        gap = np.linalg.norm(apart - toward - onwards, axis=1)
+        open_ = gap > TORN * (np.linalg.norm(toward, axis=1) + np.linalg.norm(onwards, axis=1))
         return self if not open_.any() else self._separated(corners, np.stack([one, other], axis=1), open_)
 
     def _separated(self, corners: np.ndarray, beside: np.ndarray, open_: np.ndarray) -> CellMesh:

@@ -41,7 +41,7 @@ class Ghosts:
     """Ghosts of a body, stored after the body's points in every array that holds both.
 
     The motion of a ghost follows from that of the point that it mirrors: relative to the plane, each displacement component of the ghost
-    is that of the point times the parity, +1 (even) or -1 (odd), of the plane. The neighbourhood of the ghost is that of the point,
+    is that of the point times the parity, +1 (even) or -1 (odd), of the plane. The neighborhood of the ghost is that of the point,
     reflected. An image of an image has the products of the signs of both reflections.
 
     Attributes
@@ -53,7 +53,7 @@ class Ghosts:
     parity : ndarray, shape (m, d)
         +1 or -1 for each displacement component.
     reflection : ndarray, shape (m, d)
-        +1 or -1 for each direction of the neighbourhood.
+        +1 or -1 for each direction of the neighborhood.
     plane : ndarray of int64, shape (m,)
         Number in `planes` of the plane beyond which the ghost lies; for an image of an image, of the plane of the last reflection.
     image : ndarray of int64, shape (m,)

@@ -57,7 +57,7 @@ is that of a facet in the plane. Chosen above the rounding of coordinates in sin
 
 OUTSIDE = 1.25
 """Distance from the nearest point, in cells, beyond which a place lies outside: a corner of a cell lies 0.71 away, and cells that absorb a
-cut neighbour extend half a cell farther.
+cut neighbor extend half a cell farther.
 """
 
 

@@ -144,7 +144,7 @@ class Surface:
 def encloses(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Return flags of the places (m, 2) that lie within closed polygons, given by starts and ends of their segments, shape (s, 2) each.
 
-    A place is inside if a ray from it towards larger x1 crosses the segments an odd number of times.
+    A place is inside if a ray from it toward larger x1 crosses the segments an odd number of times.
     """
     inside = np.zeros(len(places), dtype=bool)
     with np.errstate(divide="ignore", invalid="ignore"):

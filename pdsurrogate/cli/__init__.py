@@ -25,9 +25,9 @@ COMMANDS = {
     "show": ("show", "Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."),
     "stress-test": ("measure", "Run hard cases with every force model: for each the limit, the value, and a pass or a named weakness."),
     "study": ("study", "Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused."),
-    "fit": ("fit", "Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."),
+    "fit": ("fit", "Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artifact."),
     "evaluate": ("fit", "Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."),
-    "artifacts": ("lists", "List the artefacts that are found by name, or show one's card."),
+    "artifacts": ("lists", "List the artifacts that are found by name, or show one's card."),
 }
 """Commands in the order of the help: the file of each, which has a function of that name with ``_`` for ``-``, and its line of help."""
 
@@ -73,7 +73,7 @@ def _version(asked: bool) -> None:
 def _before(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")] = False,
 ) -> None:
-    """Learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
+    """Learned bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
 
 
 def main() -> None:

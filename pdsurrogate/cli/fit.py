@@ -31,10 +31,10 @@ DIGITS = 16
 """Number of hexadecimal digits of the digest by which a report identifies its test data: two tests do not share sixteen by chance."""
 
 LARGE_GROWTH = 1.05
-"""Greatest volume ratio that an identified law may give in the tests without a warning: the volume of rubber grows by a per cent or so.
+"""Greatest volume ratio that an identified law may give in the tests without a warning: the volume of rubber grows by a percent or so.
 Chosen just above the 4 % to which the default bulk modulus leads at Treloar's greatest stretch (`BULK_RATIO`)."""
 
-FOLDER_HELP = "Folder of artefacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS."
+FOLDER_HELP = "Folder of artifacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS."
 
 DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
 
@@ -110,7 +110,7 @@ def print_identified(report: dict) -> None:
 def differences_in_words(differences: dict) -> str:
     """Return a text of the greatest difference of a law or a simulation from the test data in each mode.
 
-    `differences` are those of `reporting.differences`, relative to the greatest stress of the mode; the text gives per cent.
+    `differences` are those of `reporting.differences`, relative to the greatest stress of the mode; the text gives percent.
     """
     return ", ".join(
         f"{mode} no stress" if row["difference"] is None else f"{mode} {100 * row['difference']:+.2g} % at stretch {row['stretch']:g}"
@@ -137,7 +137,7 @@ def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
 
 @_with_settings
 def fit(
-    name: Annotated[str, Argument(help="Name of the new artefact.")],
+    name: Annotated[str, Argument(help="Name of the new artifact.")],
     *,
     version: Annotated[str | None, Option(help="Its version; by default the next one: versions never change once written.")] = None,
     law: Annotated[str | None, Option(help="Material law; neo-hookean by default.")] = None,
@@ -152,7 +152,7 @@ def fit(
     settings: FitSettings,
     folder: Annotated[Path | None, Option("--out", metavar="DIR", help=FOLDER_HELP)] = None,
 ) -> None:
-    """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
+    """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artifact."""
     with bad_input(OSError):
         folder = own_folder() if folder is None else folder
         new_artifact(folder, name, next_version(folder, name) if version is None else version)
@@ -189,7 +189,7 @@ def fit(
     card = load_card(path)
     simulated = {} if tests is None else _simulate_tests(path, tests)
     print_json(
-        {"artefact": f"{card.name}@{card.version}", "path": str(path), "errors": card.errors, "training": card.training, **simulated}
+        {"artifact": f"{card.name}@{card.version}", "path": str(path), "errors": card.errors, "training": card.training, **simulated}
     )
     print_errors(card.errors["box"])
     for row in card.training["cross_validation"]:
@@ -212,13 +212,13 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
         surrogate = load_surrogate(path)
         stress, off_law, outside = reporting.simulate_tests(surrogate, tests.data, tests.model)
     against_measured = reporting.differences(tests.data, stress)
-    out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(against_measured)}")
+    out.print(f"simulated with the artifact against tests, greatest difference by mode: {differences_in_words(against_measured)}")
     off = "no stress" if np.isnan(off_law) else f"{100 * off_law:.2g} % of the greatest stress"
     out.print(f"simulated against the law: {off} at the most")
     if outside:
         domain, stretches = surrogate.domain, tests.data.stretches
         warn(
-            f"{outside} of {len(tests.data)} rows lie outside the artefact's domain, stretches from {domain.least_stretch:.4g} to "
+            f"{outside} of {len(tests.data)} rows lie outside the artifact's domain, stretches from {domain.least_stretch:.4g} to "
             f"{domain.greatest_stretch:.4g}: the exact force stands in for it there, so their simulation does not test it. The "
             f"stretches of the data go from {stretches.min():.4g} to {stretches.max():.4g}: --least and --greatest set the domain as far "
             "as the law reaches; a larger one needs a higher --degree or more --units"
@@ -233,12 +233,12 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
 
 
 def evaluate(
-    reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")],
-    least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,
+    reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artifact: NAME, NAME@VERSION or a path.")],
+    least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artifact's own domain by default.")] = None,
     greatest: Annotated[float | None, Option(help="Greatest principal stretch, above 1.")] = None,
     samples: Annotated[int, Option(help="States in each set.", min=100)] = REPORTED_STATES,
     seed: Annotated[int, Option(help="Seed of the states.", min=0)] = REPORT_SEED + 1_000_000,
-    law: Annotated[str | None, Option(help="Law to compare with; the artefact's own by default.")] = None,
+    law: Annotated[str | None, Option(help="Law to compare with; the artifact's own by default.")] = None,
 ) -> None:
     """Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."""
     model = load_surrogate(reference)

@@ -1,4 +1,4 @@
-"""Commands ``materials``, ``artifacts``, ``scenes`` and ``new``, which list laws, artefacts and scenes, and write a scene to start from."""
+"""Commands ``materials``, ``artifacts``, ``scenes`` and ``new``, which list laws, artifacts and scenes, and write a scene to start from."""
 
 import json
 import re
@@ -41,8 +41,8 @@ def _rows_of_law(law: type[Law]) -> Iterator[tuple[str, ...] | None]:
     yield None
 
 
-def artifacts(reference: Annotated[str | None, Argument(metavar="[REF]", help="Artefact whose card is shown.")] = None) -> None:
-    """List the artefacts that are found by name, or show one's card."""
+def artifacts(reference: Annotated[str | None, Argument(metavar="[REF]", help="Artifact whose card is shown.")] = None) -> None:
+    """List the artifacts that are found by name, or show one's card."""
     if reference is not None:
         sys.stdout.write(load_card(reference).to_json())
         return
@@ -57,8 +57,8 @@ def artifacts(reference: Annotated[str | None, Argument(metavar="[REF]", help="A
         shown, law = called(folder, card), card.material.law
         known.append({"name": name, "version": version, "called": shown, "kind": card.kind, "law": law, "path": str(folder)})
         rows.append((escape(shown), law, card.features["set"], f"{card.errors['box']['on_surface']['rms']:.1e}", str(folder)))
-    folds = ("artefact", "law", "features", "where")
-    print_table("Artefacts", ("artefact", "law", "features", "RMS error", "where"), rows, folds=folds)
+    folds = ("artifact", "law", "features", "where")
+    print_table("Artifacts", ("artifact", "law", "features", "RMS error", "where"), rows, folds=folds)
     print_json(known)
 
 

@@ -21,7 +21,7 @@ from ..scenes import Scene, load_scene
 from .command import MaxTime, Overwrite, SetScene, check_folder
 from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, err, note, out, print_json, print_table, share, warn, writing
 
-FORCE_HELP = "analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); default: chosen for the scene."
+FORCE_HELP = "analytic, bond-energy, nosb, ba-nosb, or an artifact (NAME, NAME@VERSION, path); default: chosen for the scene."
 
 LEAST_SHARE = 0.01
 """Force on a region, divided by its moment per extent of the body, below which the force is not printed: a part that is turned has

@@ -219,7 +219,7 @@ def writing(folder) -> Iterator[None]:
 
 
 def end_soon_after_interrupts() -> None:
-    """Make Ctrl-C end the process soon, also while it compiles or factorises a matrix: Python itself waits until such a call returns.
+    """Make Ctrl-C end the process soon, also while it compiles or factorizes a matrix: Python itself waits until such a call returns.
 
     In a run on several MPI ranks no process is ended in this way, because the remaining ranks would wait for it.
     """

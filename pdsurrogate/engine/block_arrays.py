@@ -80,7 +80,7 @@ def rows_of(length):
     """Return an intrinsic that views a two-dimensional array as an array with rows of exactly `length` values, unchecked.
 
     With a constant row length LLVM sees that the rows of an array do not overlap. Otherwise every pair of rows in a loop costs a test at
-    run time, and beyond eight rows the loop is not vectorised.
+    run time, and beyond eight rows the loop is not vectorized.
     """
 
     @intrinsic

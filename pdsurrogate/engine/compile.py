@@ -42,10 +42,10 @@ logger = logging.getLogger(__name__)
 # `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver detects a diverging run.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
-# Without error_model="numpy" every division may raise, and no loop with a division is vectorised.
+# Without error_model="numpy" every division may raise, and no loop with a division is vectorized.
 OPTIONS = {"error_model": "numpy", "fastmath": FASTMATH}
 
-# Functions called within a vectorised loop must have the same options and be inlined into the loop.
+# Functions called within a vectorized loop must have the same options and be inlined into the loop.
 INLINE_OPTIONS = {**OPTIONS, "forceinline": True}
 
 
@@ -144,7 +144,7 @@ def _enable_cache(compiled, function: Callable, digest: str | None = None, paral
 def kernel(function: Callable) -> Callable:
     """Compile a function on plain arrays, cached on disk.
 
-    A function that a pass calls should be `inline` instead. Numba optimises a copy of a called `kernel` within the pass; whether this copy
+    A function that a pass calls should be `inline` instead. Numba optimizes a copy of a called `kernel` within the pass; whether this copy
     or the kernel itself runs depends on what was compiled or loaded before, and the last bits of their results may differ.
     """
     return _enable_cache(plain_function(function), function)
@@ -161,7 +161,7 @@ def inline(function: Callable) -> Callable:
 
 
 def expanded(function: Callable) -> Callable:
-    """Compile a function whose code is copied into its callers before they are optimised, so that its loops use the vector width there."""
+    """Compile a function whose code is copied into its callers before they are optimized, so that its loops use the vector width there."""
     return numba.njit(inline="always", **OPTIONS)(function)
 
 
@@ -185,7 +185,7 @@ STRESS_RESPONSE = types.void(_real, _real, _real)
 
 
 def isochoric_energy_signature(dtype):
-    """Return the signature ``energy(states, sizes, weights, response, parameters, result)`` of compiled learnt isochoric energies.
+    """Return the signature ``energy(states, sizes, weights, response, parameters, result)`` of compiled learned isochoric energies.
 
     States and results are in `dtype`, weights in double precision; ``response`` and ``parameters`` belong to the exact energy.
     """

@@ -258,8 +258,8 @@ def subtract_positions(dimension):
 
 
 @writes
-def sum_outer_products(builder, positions, neighbours, weights, bonds, point, out):
-    """Write ``out[point] = sum over b in bonds of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns.
+def sum_outer_products(builder, positions, neighbors, weights, bonds, point, out):
+    """Write ``out[point] = sum over b in bonds of (positions[neighbors[b]] - positions[point]) (x) weights[b]``, by columns.
 
     `bonds` are start and stop; positions and weights are in the plane. A plain loop takes 2.4 (float32) or 2.2 (float64) times as long.
     """
@@ -270,7 +270,7 @@ def sum_outer_products(builder, positions, neighbours, weights, bonds, point, ou
 
         The first sums the difference of positions times the first component of the weight, the second that times the second component.
         """
-        ends = _one_or_two(builder, positions, [_listed(builder, neighbours, place) for place in places])
+        ends = _one_or_two(builder, positions, [_listed(builder, neighbors, place) for place in places])
         factors = _as_real(builder, _one_or_two(builder, weights, places), _DOUBLE)
         differences = builder.fsub(ends, own)
         for accumulator, lanes in zip(accumulators, ([0, 0, 2, 2], [1, 1, 3, 3]), strict=True):
@@ -282,8 +282,8 @@ def sum_outer_products(builder, positions, neighbours, weights, bonds, point, ou
 
 
 @writes
-def outer_products(builder, positions, neighbours, weights, bonds, point, out):
-    """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in bonds, by columns, in the plane.
+def outer_products(builder, positions, neighbors, weights, bonds, point, out):
+    """Write ``out[b - start] = (positions[neighbors[b]] - positions[point]) (x) weights[b]`` for b in bonds, by columns, in the plane.
 
     `bonds` are start and stop. A plain loop takes 1.6 times as long.
     """
@@ -292,7 +292,7 @@ def outer_products(builder, positions, neighbours, weights, bonds, point, out):
     with cgutils.for_range(builder, builder.sub(stop, start)) as loop:
         b = builder.add(start, loop.index)
         (factor,) = _record(builder, weights, b, 2)
-        end = _listed(builder, neighbours, b)
+        end = _listed(builder, neighbors, b)
         difference = builder.fsub(_one_or_two(builder, positions, [end, end]), own)
         _put_record(builder, [builder.fmul(difference, _shuffle(builder, factor, factor, [0, 0, 1, 1]))], out, loop.index, 4)
 
@@ -301,12 +301,12 @@ def outer_products(builder, positions, neighbours, weights, bonds, point, out):
 def sum_matrix_products(dimension):
     """Return an intrinsic that sums products of matrices and vectors: ``out[point] = sum of (matrices[point] + matrices[j]) vectors[b]``.
 
-    The sum is over b from start to stop, the two items of `bonds`, and j is ``neighbours[b]``; matrices are stored by columns. A plain loop
+    The sum is over b from start to stop, the two items of `bonds`, and j is ``neighbors[b]``; matrices are stored by columns. A plain loop
     takes 3.0 (float32) or 2.9 (float64) times as long in the plane, 1.9 or 2.1 times in three dimensions.
     """
 
     @writes
-    def add_up(builder, matrices, neighbours, vectors, bonds, point, out):
+    def add_up(builder, matrices, neighbors, vectors, bonds, point, out):
         def columns(number):
             """Load matrix `number`: return a 2 x 2 matrix as one vector, and a 3 x 3 matrix as its columns.
 
@@ -330,7 +330,7 @@ def sum_matrix_products(dimension):
         own = columns(point)
 
         def add_bond(accumulators, position):
-            others = columns(_listed(builder, neighbours, position))
+            others = columns(_listed(builder, neighbors, position))
             for mine, other, factor in zip(own, others, spread(position), strict=True):
                 _add(builder, builder.fmul(builder.fadd(mine, other), factor, flags=_CONTRACT), accumulators[0])
 

@@ -6,15 +6,15 @@ from .bond_energy import BondEnergyForce, EnergySurrogate
 from .bond_force import AnalyticBondForce, ForceSurrogate
 from .errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from .internal_force import InternalForce
-from .learnt_energy import EnergyNetwork, IsochoricNetwork, LearntEnergy
-from .learnt_force import LearntBondForce, NetworkForce, PolynomialForce, SplineForce
+from .learned_energy import EnergyNetwork, IsochoricNetwork, LearnedEnergy
+from .learned_force import LearnedBondForce, NetworkForce, PolynomialForce, SplineForce
 from .nosb import NOSBForce
 from .own import OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
 from .protocol import Domain, ForceModel, Member, Portion, bind_portions
 from .settings import ForceSettings
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}
-"""Force models that need no artefact, by their names in scenes and on the command line."""
+"""Force models that need no artifact, by their names in scenes and on the command line."""
 
 __all__ = [
     "FORCES",
@@ -31,8 +31,8 @@ __all__ = [
     "InternalForce",
     "InvalidState",
     "IsochoricNetwork",
-    "LearntBondForce",
-    "LearntEnergy",
+    "LearnedBondForce",
+    "LearnedEnergy",
     "Member",
     "NOSBForce",
     "NetworkForce",

@@ -1,4 +1,4 @@
-"""Check that a learnt model agrees with its material law: comparison of its force with the exact force at a few states.
+"""Check that a learned model agrees with its material law: comparison of its force with the exact force at a few states.
 
 Comparing the law's name and parameters is not enough: the expression of a user's own law may have changed since the model was fitted.
 """
@@ -12,7 +12,7 @@ from ..materials import PLANES, Law, plane_stress
 from .bond_force import exact_bond_force
 
 MOST_OF_STATED = 5.0
-"""Greatest accepted error of a learnt model with a card (the metadata of its artefact), as a multiple of the maximum error on the card.
+"""Greatest accepted error of a learned model with a card (the metadata of its artifact), as a multiple of the maximum error on the card.
 
 The card states the maximum over thousands of states in the whole training range, edges included; the errors at the dozen trial states,
 which lie within the range, stay below it. Chosen: five times leaves room for parameters that a scene states with fewer digits; a model of
@@ -20,15 +20,15 @@ another material is off by far more.
 """
 
 MOST_UNSTATED = 0.05
-"""Greatest accepted error of a learnt model without a card (the metadata of an artefact), divided by the greatest exact force at the trial
+"""Greatest accepted error of a learned model without a card (the metadata of an artifact), divided by the greatest exact force at the trial
 states. Chosen to catch mistakes, such as a model of another material; errors between `NOTED` and this limit only cause a warning."""
 
 NOTED = 0.01
-"""Error of a learnt model without a card (the metadata of an artefact), divided by the greatest exact force at the trial states, beyond
+"""Error of a learned model without a card (the metadata of an artifact), divided by the greatest exact force at the trial states, beyond
 which `check_agreement` warns. Chosen: equal to the limit for RMS errors on cards (`pdsurrogate.artifacts.card.NOTED`)."""
 
 ROUNDING = 1e-6
-"""Least value that `check_agreement` uses for the maximum error on a card (the metadata of an artefact): smaller errors are rounding, which
+"""Least value that `check_agreement` uses for the maximum error on a card (the metadata of an artifact): smaller errors are rounding, which
 differs from machine to machine."""
 
 WIDEST = (0.5, 4.0)
@@ -94,11 +94,11 @@ def isochoric_stresses(squares, by_1, by_2) -> np.ndarray:
 
 
 def check_agreement(model, law: Law, exact, remedy: str) -> None:
-    """Check that a learnt model gives the exact forces of a law at a few states.
+    """Check that a learned model gives the exact forces of a law at a few states.
 
     Parameters
     ----------
-    model : Learnt
+    model : Learned
         Model whose `answer` at the states from `exact` is compared.
     law : Law
     exact : {`bond_states`, `invariant_states`, `isochoric_states`}
@@ -109,7 +109,7 @@ def check_agreement(model, law: Law, exact, remedy: str) -> None:
     Raises
     ------
     ValueError
-        If the error exceeds `MOST_OF_STATED` times the error on the model's card (the metadata of its artefact), or `MOST_UNSTATED` for a
+        If the error exceeds `MOST_OF_STATED` times the error on the model's card (the metadata of its artifact), or `MOST_UNSTATED` for a
         model without a card, or if the law has no state somewhere in the domain.
 
     Warns

@@ -38,11 +38,11 @@ class BondAssociatedStress(Term):
         bonds, points, volumes, chunks = body.bonds, body.all_points, body.all_volumes, kinematics.chunks
         n, total = len(body), len(points)
 
-        # Directed bonds by owner: a point's own, then those of images towards points of the body.
+        # Directed bonds by owner: a point's own, then those of images toward points of the body.
         order = np.argsort(bonds.second[kinematics.outer_pairs], kind="stable")
         from_image = kinematics.outer_pairs[order]
         self._owners = owners = np.concatenate([body.bond_owners, bonds.second[from_image]]).astype(np.uint32)
-        self._targets = targets = np.concatenate([bonds.neighbours, bonds.first[from_image]])
+        self._targets = targets = np.concatenate([bonds.neighbors, bonds.first[from_image]])
         # Iterations at the bonds of images begin where those at the mirrored bonds ended, so that bonds of points are all the state.
         self._mirrored = kinematics.bonds_of_pairs[0][kinematics.mirrored_pairs[order]]
         pair_of = np.concatenate([bonds.pair_of, from_image])
@@ -54,8 +54,8 @@ class BondAssociatedStress(Term):
         # Tables: all points within the horizon; of an image, those that exist.
         near = cKDTree(points).query_ball_point(points[n:], body.horizon * WITH_ROUNDING)
         around_images = np.array([[i, j] for i, others in enumerate(near, n) for j in others if j != i], dtype=np.int64).reshape(-1, 2)
-        self._table = np.concatenate([bonds.neighbours, around_images[:, 1].astype(np.uint32)])
-        table_owners = np.concatenate([owners[: len(bonds.neighbours)], around_images[:, 0]])
+        self._table = np.concatenate([bonds.neighbors, around_images[:, 1].astype(np.uint32)])
+        table_owners = np.concatenate([owners[: len(bonds.neighbors)], around_images[:, 0]])
         self._table_pointers = pointers_to(table_owners, total)
         bond = points[self._table] - points[table_owners]
         weights = body.weigh(np.linalg.norm(bond, axis=1))
@@ -79,7 +79,7 @@ class BondAssociatedStress(Term):
         shapes = self._inverse_shapes, self.bond_vectors
         ba_nosb.bond_references(points, volumes, weighted, (owners, targets), shared, horizon_volumes, *shapes)
         self._volume_ratios, self.bond_forces = np.ones(len(owners)), np.empty((len(owners), 2))
-        self.state.append(StateArray("bond_volume_ratios", "bonds", self._volume_ratios[: len(bonds.neighbours)]))
+        self.state.append(StateArray("bond_volume_ratios", "bonds", self._volume_ratios[: len(bonds.neighbors)]))
         of_table = aligned_rows((chunks.threads, int(np.diff(self._table_pointers).max()), 4))
         of_bonds, scratch = (aligned_rows((chunks.threads, *shape), value=1) for shape in ((BLOCK, 4), (SCRATCH_ROWS + 4, BLOCK)))
         state = self._volume_ratios, material.response.address, material.parameters
@@ -100,7 +100,7 @@ class BondAssociatedStress(Term):
     def pass_bonds(self, out: np.ndarray) -> list[int]:
         """Write the forces on the points to `out`; return the numbers of bonds without a stress and of points without a finite force."""
         self._sum_forces.give("out", out)
-        self._volume_ratios[len(self.body.bonds.neighbours) :] = self._volume_ratios[self._mirrored]
+        self._volume_ratios[len(self.body.bonds.neighbors) :] = self._volume_ratios[self._mirrored]
         return self._find_forces()
 
     def _without_state(self) -> str:
@@ -130,13 +130,13 @@ class BANOSBForce(ForceModel):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.forces.BANOSBForce().honoured("stress")["precision"]
+    >>> pds.forces.BANOSBForce().honored("stress")["precision"]
     ('float64',)
     """
 
     name = family = "ba-nosb"
     # Fracture is not supported: the shared horizons around every broken bond would have to be recomputed.
-    honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": SHEETS}
+    honors: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": SHEETS}
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:
         return (BondAssociatedStress,)

@@ -1,4 +1,4 @@
-"""Force models that compute the energy of a bond from invariants of its deformation gradient, exact or learnt."""
+"""Force models that compute the energy of a bond from invariants of its deformation gradient, exact or learned."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from .term import Term
 
 @dataclass(frozen=True)
 class IsochoricEnergy:
-    """Isochoric energy W of the bonds, exact or learnt, in the form that compiled kernels evaluate.
+    """Isochoric energy W of the bonds, exact or learned, in the form that compiled kernels evaluate.
 
     The result at a state is (p, q, r, energy) as in `pdsurrogate.materials.response`.
 
@@ -32,11 +32,11 @@ class IsochoricEnergy:
     parameters : ndarray
         Parameters of the law.
     address : int
-        Address of the compiled function of a learnt energy (`pdsurrogate.kernels.isochoric_energy`); 0 for the exact energy.
+        Address of the compiled function of a learned energy (`pdsurrogate.kernels.isochoric_energy`); 0 for the exact energy.
     sizes : ndarray of int64, shape (N_SIZES,)
-        Integer constants of a learnt energy, and the number of states found outside its domain.
+        Integer constants of a learned energy, and the number of states found outside its domain.
     weights : ndarray
-        Floating-point constants of a learnt energy.
+        Floating-point constants of a learned energy.
     precision : {"float32", "float64"}
         Precision of states and results.
     """
@@ -59,7 +59,7 @@ class IsochoricEnergy:
         return self.address, (self.sizes, self.weights, self.response, self.parameters)
 
     def count_outside(self) -> int:
-        """Return the number of states found outside the domain of a learnt energy since the last call, and reset it."""
+        """Return the number of states found outside the domain of a learned energy since the last call, and reset it."""
         count = int(self.sizes[OUTSIDE])
         self.sizes[OUTSIDE] = 0
         return count
@@ -87,10 +87,10 @@ class EnergyModel(ForceModel):
     domain: Domain | None
 
     @property
-    def honours(self) -> Mapping[str, tuple]:
+    def honors(self) -> Mapping[str, tuple]:
         # The energy is exact on incomplete horizons, and its invariants do not depend on rotations.
-        honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": self.several_materials}
-        return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
+        honors = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": self.several_materials}
+        return honors | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:
         return (PairEnergy,)
@@ -143,9 +143,9 @@ class BondEnergyForce(EnergySurrogate):
     several_materials = tuple(PLANES)
     domain = None
 
-    def honoured(self, plane: str) -> Mapping[str, tuple]:
-        # In a selective energy, single precision of the pairs' forces and moments would save only 4 per cent of the time.
-        return self.honours if plane == "stress" else {**self.honours, "precision": ("float64",)}
+    def honored(self, plane: str) -> Mapping[str, tuple]:
+        # In a selective energy, single precision of the pairs' forces and moments would save only 4 percent of the time.
+        return self.honors if plane == "stress" else {**self.honors, "precision": ("float64",)}
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
         """Return the exact isochoric energy of the bonds; it is in double precision and has no domain, whatever the last two arguments."""

@@ -1,4 +1,4 @@
-"""Force models that map quantities of a bond to its force (learnt or exact), and the force term that evaluates such models."""
+"""Force models that map quantities of a bond to its force (learned or exact), and the force term that evaluates such models."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -150,7 +150,7 @@ class BondForces(Term):
             points = self.points_of(number, None if binding.whole else np.flatnonzero((of_ends == number).any(axis=0)))
             self._parts.append(PairForces(binding, model, points, self._strength[points.pairs], self.correction))
             self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
-        self.learnt_thickness = any(part.learns_thickness for part in self._parts)
+        self.learned_thickness = any(part.learns_thickness for part in self._parts)
         self._model, self._domain = models[0], models[0].domain if binding.whole else None
         if binding.whole:
             self._forces, self._unit, collect = self._parts[0].forces, self._parts[0].unit, []
@@ -223,9 +223,9 @@ class BondForces(Term):
 
 
 def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain: Domain, precision: str, chunks: Chunks) -> BoundPass:
-    """Return the compiled pass that finds J3 and `MaterialPoints.records` with a learnt force, and counts the points without a state.
+    """Return the compiled pass that finds J3 and `MaterialPoints.records` with a learned force, and counts the points without a state.
 
-    The learnt force `compiled` must provide the stress component T_mm across a bond. The law of the points determines the states of points
+    The learned force `compiled` must provide the stress component T_mm across a bond. The law of the points determines the states of points
     outside `domain`.
     """
     limits = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
@@ -238,9 +238,9 @@ def surrogate_states(points: MaterialPoints, compiled: CompiledBondForce, domain
 
 
 def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
-    """Return the compiled bond force for plane strain: a force learnt under plane stress plus a pressure (theory (47)).
+    """Return the compiled bond force for plane strain: a force learned under plane stress plus a pressure (theory (47)).
 
-    The learnt force must provide the stress component T_mm across a bond. The only function of the law that is evaluated is the derivative
+    The learned force must provide the stress component T_mm across a bond. The only function of the law that is evaluated is the derivative
     of its volumetric energy U, so that an expensive law adds no cost.
     """
     addresses = [compiled.address, volume_residual_block(law).address]
@@ -286,12 +286,12 @@ class ForceSurrogate(ForceModel):
     gives_transverse: bool = True
 
     @property
-    def honours(self) -> Mapping[str, tuple]:
+    def honors(self) -> Mapping[str, tuple]:
         corrections = tuple(name for name in reference_state.CORRECTIONS if self.gives_transverse or name != "tensor")
         # The pressure of plane strain is the trace of the stress, of which T_mm is a part.
         planes = SHEETS if self.gives_transverse else ("stress",)
-        honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,), "plane": planes}
-        return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
+        honors = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,), "plane": planes}
+        return honors | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:
         return (BondForces,)

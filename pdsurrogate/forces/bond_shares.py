@@ -51,15 +51,15 @@ class BondShares:
         pair_pointers[: n + 1] = bonds.pair_pointers
         self.pairs_of_points = pair_pointers, pointers_to(bonds.second, total), incidence
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
-        towards = np.flatnonzero(bonds.neighbours >= n)
-        self._ghost_bonds = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
-        neighbours = body.bond_owners[self._ghost_bonds].astype(np.uint32)
+        toward = np.flatnonzero(bonds.neighbors >= n)
+        self._ghost_bonds = toward[np.argsort(bonds.neighbors[toward], kind="stable")]
+        neighbors = body.bond_owners[self._ghost_bonds].astype(np.uint32)
         # The precision is that of the points' own arrays: another one would make `add_node_forces` compile a second time.
-        weighted_bonds = aligned_rows((len(towards), body.dimension), precision)
-        self._of_points = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
-        self._of_ghosts = pointers_to(bonds.neighbours[towards] - n, total - n), neighbours, weighted_bonds, body.all_volumes
+        weighted_bonds = aligned_rows((len(toward), body.dimension), precision)
+        self._of_points = bonds.pointers, bonds.neighbors, kinematics.weighted_bonds, body.volumes
+        self._of_ghosts = pointers_to(bonds.neighbors[toward] - n, total - n), neighbors, weighted_bonds, body.all_volumes
         self._node_parts = np.zeros((total, body.dimension))
-        self._counted, self.bond_shares, self.bond_weights = np.zeros(len(length)), np.zeros(len(bonds.neighbours)), np.zeros(len(length))
+        self._counted, self.bond_shares, self.bond_weights = np.zeros(len(length)), np.zeros(len(bonds.neighbors)), np.zeros(len(length))
         self.renew(np.arange(len(length)))
 
     def renew(self, pairs: np.ndarray) -> np.ndarray:
@@ -81,8 +81,8 @@ class BondShares:
             around = np.union1d(around, body.share.beside_halo(bonds.first, bonds.second))
         one, other = (bonds[around] for bonds in kinematics.bonds_of_pairs)
         self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
-        _, neighbours, weighted_bonds, volumes = self._of_ghosts
-        ratio = volumes[neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
+        _, neighbors, weighted_bonds, volumes = self._of_ghosts
+        ratio = volumes[neighbors] / volumes[bonds.neighbors[self._ghost_bonds]]
         weighted_bonds[:] = -kinematics.weighted_bonds[self._ghost_bonds] * ratio[:, None]
         return around
 
@@ -94,7 +94,7 @@ class BondShares:
             strength = strength[numbers]
             strength[interfaces.left_out] = 0.0
             numbers = np.arange(len(numbers), dtype=numbers.dtype)
-        directed = bonds.pointers, bonds.neighbours, numbers
+        directed = bonds.pointers, bonds.neighbors, numbers
         bond_shares[body.dimension](rows, *directed, body.all_points, body.volumes, strength, body.horizon, self.bond_shares)
 
     def carrying(self, breakable: bool) -> np.ndarray:

@@ -58,7 +58,7 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
     >>> round(float(stress[0]), 3)
     1.05
     """
-    plane = "stress" if "stress" in model.honoured("stress").get("plane", ("stress",)) else "space"
+    plane = "stress" if "stress" in model.honored("stress").get("plane", ("stress",)) else "space"
     points = grid((0.0,) * dimension_of(plane), (1.0,) * dimension_of(plane), SPACING)
     body = Body(points, np.full(len(points), 1 / len(points)), 3.015 * SPACING, SPACING)
     force = model.bind(body, law, ForceSettings(precision="float64", plane=plane))
@@ -81,7 +81,7 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
             found[row] = _relaxed(stress_at, at, free)[0]
         except RuntimeError:  # past the law's limit, or turned inside out
             continue
-        if (deviation := force.learnt.domain_deviation()) is not None:
+        if (deviation := force.learned.domain_deviation()) is not None:
             beyond[row] = deviation.max()
     return found, beyond
 

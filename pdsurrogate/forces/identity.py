@@ -1,4 +1,4 @@
-"""Identity of a force model: its name, and a digest (SHA-256) of its learnt numbers."""
+"""Identity of a force model: its name, and a digest (SHA-256) of its learned numbers."""
 
 import hashlib
 import json
@@ -15,7 +15,7 @@ def identity_of(model: ForceModel) -> list[str]:
 
 
 def digest_of_model(model: ForceModel) -> str:
-    """Return a digest of the learnt numbers of a model, and of the members of its committee if it has any."""
+    """Return a digest of the learned numbers of a model, and of the members of its committee if it has any."""
     payload = model.payload()
     if model.members:
         payload = {"runs": payload, "members": [[str(one.law), one.ratio, one.model.payload()] for one in model.members]}

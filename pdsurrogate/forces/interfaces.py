@@ -12,7 +12,7 @@ from ..kernels.reference_state import shape_rows
 from .kinematics import Kinematics
 
 NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
-"""Trial radii, in point spacings, of the neighbourhood from which the value at a place is interpolated: the first that contains enough
+"""Trial radii, in point spacings, of the neighborhood from which the value at a place is interpolated: the first that contains enough
 points is used. Chosen: a circle of radius 1.6 holds some eight points of a grid, each further radius about twice as many, and points beyond
 6 spacings say little."""
 
@@ -20,9 +20,9 @@ WORST_SPREAD = 1e4
 """Greatest accepted condition number of the scaled normal equations of an interpolation; beyond it the points are not spread enough to
 determine a linear function. Chosen: it costs four of sixteen digits; points on one line have an infinite condition number."""
 
-CENTRINGS = 3
-"""Number of fits of the straight interface next to a point, each centred on the place that the previous fit found. Chosen: the first fit is
-one-sided, the second is centred, and the third corrects the place."""
+CENTERINGS = 3
+"""Number of fits of the straight interface next to a point, each centered on the place that the previous fit found. Chosen: the first fit
+is one-sided, the second is centered, and the third corrects the place."""
 
 REACH = 2
 """Radius, in horizons, about a place on an interface within which the motion of either side is fitted; nearer points have greater weights.
@@ -116,9 +116,9 @@ class Interfaces:
         self._body, self._portion_of, self._by_gradient = kinematics.body, portion_of, 2.0 * volumes_held
         body, share = self._body, self._body.share
         n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners
-        across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
+        across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
-        near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbours[across]])])
+        near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])])
         jumps, mirrored = sparse.lil_array((n, n)), sparse.lil_array((n, n))
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
         for i in near[share.own[near]]:
@@ -162,8 +162,8 @@ class Interfaces:
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
             weights = self._leave_out(kinematics, owners, weights)
-        weights = weights[across] * self.depths[bonds.neighbours[across], None]
-        self._corrections = self._on_columns(weights, owners[across], bonds.neighbours[across])
+        weights = weights[across] * self.depths[bonds.neighbors[across], None]
+        self._corrections = self._on_columns(weights, owners[across], bonds.neighbors[across])
         self._gradient_ghosts = kinematics.gradient_ghosts
         self.jumps, self.seen_positions = np.zeros((2, total, d))
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
@@ -190,11 +190,11 @@ class Interfaces:
 
         `owners` are the first points of all directed bonds, and `moduli` the shear moduli of all points and ghosts.
         """
-        body, neighbours = self._body, self._body.bonds.neighbours[across]
-        normals = np.vstack([self.normals, body.ghosts.reflection * self.normals[body.ghosts.source]])[neighbours]
-        arms = body.all_points[owners[across]] - body.all_points[neighbours]
-        behind = (self.depths[neighbours] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 0)
-        return across[(moduli[owners[across]] > YIELDING * moduli[neighbours]) | behind]
+        body, neighbors = self._body, self._body.bonds.neighbors[across]
+        normals = np.vstack([self.normals, body.ghosts.reflection * self.normals[body.ghosts.source]])[neighbors]
+        arms = body.all_points[owners[across]] - body.all_points[neighbors]
+        behind = (self.depths[neighbors] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 0)
+        return across[(moduli[owners[across]] > YIELDING * moduli[neighbors]) | behind]
 
     def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Remove the bonds `left_out` from the gradients of their first points; return new `Kinematics.gradient_weights` of all bonds.
@@ -208,7 +208,7 @@ class Interfaces:
             kept[self.left_out] = 0.0
             inverse, supported = np.zeros_like(kinematics.inverse_shape), np.zeros_like(kinematics.supported)
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
-            shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbours, body.all_points, kept, inverse, supported)
+            shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbors, body.all_points, kept, inverse, supported)
             body.share.fill(inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
         touched = np.flatnonzero(supported[owners])
@@ -220,7 +220,7 @@ class Interfaces:
         weights[touched] = found[touched]
         points = owners[touched]
         self.one_sided_bonds = touched, points, changes
-        ends = np.concatenate([bonds.neighbours[touched], points])
+        ends = np.concatenate([bonds.neighbors[touched], points])
         self._one_sided = self._on_columns(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
         return weights
 
@@ -334,7 +334,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
     """
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
-    for _ in range(CENTRINGS):
+    for _ in range(CENTERINGS):
         around = np.array(tree.query_ball_point(place, body.horizon * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
         others = portion_of[around] != own
         kinds = np.unique(portion_of[around[others]])

@@ -18,7 +18,7 @@ from .term import Binding, Release
 
 if TYPE_CHECKING:
     from .protocol import Portion
-    from .volume_energy import LinearisedDilatation
+    from .volume_energy import LinearizedDilatation
 
 PROBE = 1e-5
 """Greatest displacement of a point, in spacings, in the central differences of `InternalForce.tangent`. Chosen: curvature and rounding
@@ -60,19 +60,19 @@ class InternalForce:
     has_energy : bool
         Whether the forces are minus the derivative of an energy, which `energy` returns.
     nearly_incompressible : bool
-        Whether the force has a `linearised_dilatation`: the derivative by the positions of the points' volumes, whose change the bulk
+        Whether the force has a `linearized_dilatation`: the derivative by the positions of the points' volumes, whose change the bulk
         modulus resists.
     zero_energy_modes : bool
         Whether the force does not resist some displacements that alternate from point to point.
-    learnt_thickness : bool
-        Whether the volume ratios J3 of the points are computed with a learnt force, and not by the law.
-    learnt : Term
+    learned_thickness : bool
+        Whether the volume ratios J3 of the points are computed with a learned force, and not by the law.
+    learned : Term
         Term that reports the distance of the state from the training data: `domain_deviation`, `beyond_data`, `member_deviation`.
     stiffness_moduli : float or ndarray, shape (n,)
         Shear modulus that measures the stiffness around a point. With several materials it is the mean over the bonds of the point, where
         each bond has the mean modulus of its two ends, since bonds across an interface stiffen all points that they reach.
     force_scale : float or ndarray, shape (n,)
-        Shear modulus that scales the force on a point. With several materials it is the greatest among the point and its neighbours, since
+        Shear modulus that scales the force on a point. With several materials it is the greatest among the point and its neighbors, since
         forces and their rounding errors are that large.
     states : list of StateArray
         All arrays that the next evaluation starts from, apart from positions and broken bonds.
@@ -109,10 +109,10 @@ class InternalForce:
         self._further = np.empty_like(body.points) if len(kinds) > 1 else None
         self._forms = any(term.needs_gradients for term in self.terms)
         self._watches = [watch for term in self.terms for watch in term.watches]
-        self.learnt = first = self.terms[0]
+        self.learned = first = self.terms[0]
         self.correction = first.correction
         self.zero_energy_modes = all(term.zero_energy_modes for term in self.terms)
-        self.nearly_incompressible, self.learnt_thickness = first.nearly_incompressible, first.learnt_thickness
+        self.nearly_incompressible, self.learned_thickness = first.nearly_incompressible, first.learned_thickness
         self.states = [array for term in self.terms for array in term.state]
         self.state_rows = {array.name: array.rows for array in self.states}
         self.evaluations = self.pairs_outside = self.timed = 0
@@ -121,13 +121,13 @@ class InternalForce:
     def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return `stiffness_moduli` and `force_scale` from the shear moduli of points and ghosts, which are infinite for rigid ones."""
         body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self.body.bond_owners
-        around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
+        around, length = moduli[bonds.neighbors], np.linalg.norm(body.all_points[bonds.neighbors] - body.points[owners], axis=1)
         # A bond between very different moduli carries the force of the softer material: each point counts its own modulus only.
         apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
         around[apart] = moduli[owners[apart]]
         moduli = np.minimum(moduli, self.law.shear_modulus)  # rigid points have none of their own
         around = np.minimum(around, self.law.shear_modulus)
-        weights = body.weigh(length) * body.all_volumes[bonds.neighbours]
+        weights = body.weigh(length) * body.all_volumes[bonds.neighbors]
         stiffness = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
         greatest = moduli[:n].copy()
         np.maximum.at(greatest, owners, around)
@@ -149,7 +149,7 @@ class InternalForce:
         for watch in self._watches:
             watch.found = 0
         try:
-            if self.learnt.places:
+            if self.terms[0].places:
                 self._kinematics.take(positions)
             else:
                 self._kinematics.place(positions, self._forms)
@@ -216,7 +216,7 @@ class InternalForce:
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
         """Return stress and energy density of the points from their own deformation gradients, at the positions last set.
 
-        A learnt energy of a sheet provides the energy and its derivative. For all other models, which are exact or provide only bond
+        A learned energy of a sheet provides the energy and its derivative. For all other models, which are exact or provide only bond
         forces, both follow from the laws of the points, at the volume ratios and bulk stresses that the force evaluation computed.
 
         Returns
@@ -300,9 +300,9 @@ class InternalForce:
         adjoint = multiply if self.has_energy else None
         return LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
 
-    def linearised_dilatation(self) -> "LinearisedDilatation":
+    def linearized_dilatation(self) -> "LinearizedDilatation":
         """Return the derivative of the points' volume ratios by the positions, for a force that is `nearly_incompressible`."""
-        return self.terms[0].linearised_dilatation()
+        return self.terms[0].linearized_dilatation()
 
     def break_bonds(self, pairs: np.ndarray) -> Release | None:
         """Break pairs (bonds): remove them for good from the horizons of their ends, from corrections, and from forces.

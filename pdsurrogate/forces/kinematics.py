@@ -13,7 +13,7 @@ from ..engine.threads import chunks_of
 from ..kernels.ghosts import place_points
 from ..kernels.node_state import deformation_gradients
 from ..kernels.reference_state import shape_rows
-from .steps import Step
+from .steps import Step, Steps
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
 """Share of the gradient along a clamped plane that ghosts (mirror images) beyond the plane copy from the points they mirror.
@@ -67,8 +67,8 @@ class Kinematics:
         total = len(points)
         self.chunks = chunks_of(len(bonds.first))
         self.scratch = aligned_rows((self.chunks.threads, SCRATCH_ROWS, BLOCK), value=1)
-        vectors = points[bonds.neighbours] - points[body.bond_owners]
-        factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.all_volumes[bonds.neighbours]
+        vectors = points[bonds.neighbors] - points[body.bond_owners]
+        factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.all_volumes[bonds.neighbors]
         self.weighted_bonds = aligned_rows(vectors.shape, precision)
         self.weighted_bonds[:] = vectors * factors[:, None]
         self.inverse_shape = np.zeros((total, d * (d + 1) // 2))
@@ -86,8 +86,7 @@ class Kinematics:
         images = ghosts.source, ghosts.parity, self._shifts
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
         form = self.gradient_pass(self.positions, self.gradients, 1.0)
-        self._place_alone, self._form_gradients, self._place_and_form = Chain(self._place), Chain(form), Chain(self._place, form)
-        self._passes = self._place, form
+        self._place_alone, self._form_gradients, self._passes = Chain(self._place), Chain(form), (self._place, form)
 
     @cached_property
     def sources(self) -> np.ndarray:
@@ -97,7 +96,7 @@ class Kinematics:
     def _find_shapes(self, rows: np.ndarray) -> None:
         """Compute `inverse_shape` and `supported` of the points `rows`, then of all images."""
         body, bonds = self.body, self.body.bonds
-        bonds_of_rows = rows, bonds.pointers, bonds.neighbours, body.all_points, self.weighted_bonds
+        bonds_of_rows = rows, bonds.pointers, bonds.neighbors, body.all_points, self.weighted_bonds
         shape_rows[body.dimension](*bonds_of_rows, self.inverse_shape, self.supported)
         body.share.fill(self.inverse_shape, self.supported)
         body.ghosts.fill_shapes(self.inverse_shape)
@@ -159,7 +158,7 @@ class Kinematics:
         `unsupported` is the value that the pass writes on the diagonal at points without `supported`: 1 for gradients, 0 for changes.
         """
         bonds = self.body.bonds
-        arrays = bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape
+        arrays = bonds.pointers, bonds.neighbors, self.weighted_bonds, self.inverse_shape
         return deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
@@ -183,6 +182,11 @@ class Kinematics:
         completed = self.body.share.divided or len(self.body.ghosts) or self.interfaces is not None
         return [*self._passes, *([self._complete_gradients] if completed else [])]
 
+    @cached_property
+    def _place_and_form(self) -> Steps:
+        """Sequence of `steps`, for terms that do not run these with their own."""
+        return Steps(self.body.share, *self.steps())
+
     def take(self, positions: np.ndarray) -> None:
         """Take the positions of the points, shape (n, d), for the next run of `steps`."""
         positions = np.ascontiguousarray(positions, dtype=float)
@@ -195,7 +199,7 @@ class Kinematics:
         self.take(positions)
         if form:
             self._place_and_form()
-            self._complete_gradients()
+            self.formed = True
         else:
             self._place_alone()
 

@@ -53,7 +53,7 @@ class MaterialPoints:
     response, parameters
         Compiled response function of the law, and the parameters of the law.
     state_pass : BoundPass or None
-        Compiled pass that finds volume ratios and records with a learnt force; None if the law determines them.
+        Compiled pass that finds volume ratios and records with a learned force; None if the law determines them.
     """
 
     def __init__(self, kinematics: Kinematics, law: Law, precision: str, rotation: str | None = None, own=None, pairs=None) -> None:

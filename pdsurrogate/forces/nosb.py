@@ -30,7 +30,7 @@ class PointStress(Term):
             law = points.law.shear_modulus, points.response.address, points.parameters, kinematics.scratch
             passes.append(nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks))
             self._parts.append(stresses)
-        sums = self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
+        sums = self._stresses, bonds.pointers, bonds.neighbors, kinematics.weighted_bonds, body.volumes
         to_points = nosb.nosb_forces[d].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
         self.bind_steps(*passes, *([] if binding.whole else [self._collect]), to_points)
 
@@ -74,7 +74,7 @@ class NOSBForce(ForceModel):
 
     name = family = "nosb"
     # K^-1 needs no correction of incomplete horizons, and P no rotation.
-    honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,), "plane": tuple(PLANES)}
+    honors: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,), "plane": tuple(PLANES)}
     several_materials = ("stress",)
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:

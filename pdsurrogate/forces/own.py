@@ -89,8 +89,8 @@ class OwnBondForce(ForceSurrogate):
     several_materials = ()
 
     @property
-    def honours(self) -> Mapping[str, tuple]:
-        return {**super().honours, "precision": ("float64",), "plane": ("stress",)}
+    def honors(self) -> Mapping[str, tuple]:
+        return {**super().honors, "precision": ("float64",), "plane": ("stress",)}
 
     def __init__(self, thing) -> None:
         if not is_own_force(thing):

@@ -13,7 +13,7 @@ from .kinematics import matrices, symmetric
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
 from .term import Binding, DomainWatch, Term, sum_on_pairs, whole_volume
-from .volume_energy import LinearisedDilatation, VolumeEnergy
+from .volume_energy import LinearizedDilatation, VolumeEnergy
 
 
 class PairEnergy(Term):
@@ -226,15 +226,15 @@ class PairEnergy(Term):
         stress, energy = super().stress_and_energy()
         trace, J = plane_stress.invariants(F)
         found = part.model.energy_derivatives(law, trace, J)
-        learnt = np.ones(len(F), dtype=bool)
+        learned = np.ones(len(F), dtype=bool)
         if self.binding.outside == "fallback":  # the exact energy counts in the whole band where it is blended in
-            learnt = self.domain_deviation() < 0.5 * np.log(1 - BLEND)
-        stress[learnt, :2, :2] = part.unit * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learnt]
-        energy[learnt] = part.unit * found.psi[learnt]
+            learned = self.domain_deviation() < 0.5 * np.log(1 - BLEND)
+        stress[learned, :2, :2] = part.unit * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learned]
+        energy[learned] = part.unit * found.psi[learned]
         return stress, energy
 
-    def linearised_dilatation(self) -> LinearisedDilatation:
-        return LinearisedDilatation(self.volume)
+    def linearized_dilatation(self) -> LinearizedDilatation:
+        return LinearizedDilatation(self.volume)
 
     def domain_deviation(self) -> np.ndarray | None:
         return None if self._domain is None else self._domain.deviation(self._stretches())

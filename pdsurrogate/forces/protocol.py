@@ -191,7 +191,7 @@ class Portion:
 
 @dataclass(frozen=True)
 class Member:
-    """Member of the committee of a learnt model: another learnt model, whose deviation from it a run can report.
+    """Member of the committee of a learned model: another learned model, whose deviation from it a run can report.
 
     Attributes
     ----------
@@ -211,23 +211,23 @@ class Member:
 class ForceModel(ABC):
     """Base class of force models, rules for the forces between points: exact laws, surrogates, and reference methods.
 
-    A model declares the settings that it honours; `bind` combines it with a body, a material and settings.
+    A model declares the settings that it honors; `bind` combines it with a body, a material and settings.
 
     Attributes
     ----------
     name : str
     family : str
         Kind of force model; only models of one kind can describe the materials of one body together.
-    honours : mapping
-        Values that the model honours, for every field of `ForceSettings` that it uses.
+    honors : mapping
+        Values that the model honors, for every field of `ForceSettings` that it uses.
     several_materials : tuple of str
         Planes in which models of its family describe the materials of one body together.
     default_precision : str
         Precision of the bond pass under plane stress.
     stated : mapping, optional
-        Errors that the card (the metadata of its artefact) of a learnt model states, see `pdsurrogate.forces.agreement`.
+        Errors that the card (the metadata of its artifact) of a learned model states, see `pdsurrogate.forces.agreement`.
     members : tuple of Member
-        Members of the committee of a learnt model, in a run that reports their deviation.
+        Members of the committee of a learned model, in a run that reports their deviation.
 
     Examples
     --------
@@ -246,8 +246,8 @@ class ForceModel(ABC):
 
     @property
     @abstractmethod
-    def honours(self) -> Mapping[str, tuple]:
-        """Values that the model can honour, for every field of `ForceSettings` that the model uses."""
+    def honors(self) -> Mapping[str, tuple]:
+        """Values that the model can honor, for every field of `ForceSettings` that the model uses."""
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         """Return the internal force of this model on a body of one material, ready to be evaluated.
@@ -257,13 +257,13 @@ class ForceModel(ABC):
         TypeError
             If one of the arguments is of another type.
         ValueError
-            If the model does not fit the material, or cannot honour a setting.
+            If the model does not fit the material, or cannot honor a setting.
         """
         if not isinstance(body, Body):
             raise TypeError(f"body must be a Body, such as Body.rectangle(1.0, 1.0, 0.1, 0.315), not {body!r}")
         if not isinstance(settings, ForceSettings):
             raise TypeError(f"settings must be ForceSettings(), not {settings!r}")
-        settings.check(self.name, self.honoured(settings.plane))
+        settings.check(self.name, self.honored(settings.plane))
         self.check_material(checked_law(law))
         return InternalForce(body, (Portion(law, self, slice(None)),), settings)
 
@@ -271,9 +271,9 @@ class ForceModel(ABC):
     def terms(self, plane: str) -> Sequence[type[Term]]:
         """Return the classes of the terms of the internal force under plane stress, in plane strain, or in three dimensions."""
 
-    def honoured(self, plane: str) -> Mapping[str, tuple]:
-        """Return `honours` for a given `plane` (plane stress, plane strain or three dimensions)."""
-        return self.honours
+    def honored(self, plane: str) -> Mapping[str, tuple]:
+        """Return `honors` for a given `plane` (plane stress, plane strain or three dimensions)."""
+        return self.honors
 
     def usual_precision(self, settings: ForceSettings) -> str:
         """Return the precision of the bond pass: from the settings if given, or else `default_precision` under plane stress, or double."""
@@ -284,21 +284,21 @@ class ForceModel(ABC):
         return error
 
     def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
-        """Raise ValueError if the model does not describe this material; a model without learnt data accepts every law."""
+        """Raise ValueError if the model does not describe this material; a model without learned data accepts every law."""
 
     def payload(self) -> dict:
-        """Return the learnt numbers, in plain containers and arrays, which distinguish models of one name; empty if nothing is learnt."""
+        """Return the learned numbers, in plain containers and arrays, which distinguish models of one name; empty if nothing is learned."""
         return {}
 
     @property
     def size(self) -> str:
-        """Size of the learnt model in words, for tables."""
+        """Size of the learned model in words, for tables."""
         return ""
 
     @property
     def facts(self) -> dict[str, str]:
         """Main properties of the model in words, by name, for display."""
-        return {"family": self.family, "learnt": self.size or "nothing: it is exact and serves every law"}
+        return {"family": self.family, "learned": self.size or "nothing: it is exact and serves every law"}
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.name}>"
@@ -319,14 +319,14 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     portions : sequence of Portion
         Points of each material with its law and force model, which together contain every point of the body once.
     settings : ForceSettings
-        Settings that every model honours, as far as it uses them.
+        Settings that every model honors, as far as it uses them.
     rigid : ndarray of int, optional
         Points of rigid parts, without a material; solvers move them, and bonds to other points act on them. The force must have an energy.
 
     Raises
     ------
     ValueError
-        If a point is in no portion or in two; if a model does not describe its law, cannot honour a setting, or does not accept several
+        If a point is in no portion or in two; if a model does not describe its law, cannot honor a setting, or does not accept several
         materials in this plane; if models belong to different families; or if bonds may break and there are several portions (even equal
         ones) or rigid points.
     """
@@ -352,12 +352,12 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         raise ValueError(f"{asked[0]}: the deviation of members is given for bodies of one material; leave out #all")
     if len(merged) == 1 and not len(rigid):
         return merged[0].model.bind(body, merged[0].law, settings)
-    honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}
+    honored = {key for portion in merged for key in portion.model.honored(settings.plane)}
     for portion in merged:
         # Models that hold everywhere do not use `outside`; those of other materials may have a domain.
-        honours = portion.model.honoured(settings.plane)
-        spared = "outside" in honoured and "outside" not in honours
-        (replace(settings, outside=None) if spared else settings).check(portion.model.name, honours)
+        honors = portion.model.honored(settings.plane)
+        spared = "outside" in honored and "outside" not in honors
+        (replace(settings, outside=None) if spared else settings).check(portion.model.name, honors)
         portion.model.check_material(portion.law)
         several = portion.model.several_materials
         if not several:
@@ -374,5 +374,5 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
 
 
 def _same(model: ForceModel, other: ForceModel) -> bool:
-    """Return whether two models are equivalent: the same object, or two of one class without learnt data."""
+    """Return whether two models are equivalent: the same object, or two of one class without learned data."""
     return model is other or (type(model) is type(other) and model.name == other.name and not model.payload() and not other.payload())

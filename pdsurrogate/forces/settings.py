@@ -32,19 +32,19 @@ WHERE = {"stress": "", "strain": " in plane strain", "space": " of solids"}
 OTHERS = {
     "stress": "force=analytic and force=bond-energy take every law under plane stress",
     "strain": "force=analytic and force=bond-energy take both",
-    "space": "force=bond-energy, force=nosb and artefacts of isochoric energies take solids",
+    "space": "force=bond-energy, force=nosb and artifacts of isochoric energies take solids",
 }
 """Advice for error messages about a model that does not support a plane: which models do, by the plane."""
 
 ROTATION, OUTSIDE = "polar", "fallback"
-"""Default rotation of a horizon and default policy outside the domain, for models that honour these settings."""
+"""Default rotation of a horizon and default policy outside the domain, for models that honor these settings."""
 
 
 @dataclass(frozen=True)
 class ForceSettings:
     """Settings of the evaluation of a force model on a body; the model chooses values for settings that are None.
 
-    A setting that a model cannot honour is rejected (`check`), so that no setting is ignored silently.
+    A setting that a model cannot honor is rejected (`check`), so that no setting is ignored silently.
 
     Parameters
     ----------
@@ -82,29 +82,29 @@ class ForceSettings:
             if value not in (field.default, *SETTINGS[key]):
                 raise ValueError(f"{key} must be one of {', '.join(map(str, SETTINGS[key]))}, not {value!r}")
 
-    def check(self, name: str, honours: Mapping[str, tuple]) -> None:
-        """Check that a model can honour all settings that are given.
+    def check(self, name: str, honors: Mapping[str, tuple]) -> None:
+        """Check that a model can honor all settings that are given.
 
         Parameters
         ----------
         name : str
             Name of the model.
-        honours : mapping
-            Values that the model can honour, by setting; the model does not use a setting that is missing here.
+        honors : mapping
+            Values that the model can honor, by setting; the model does not use a setting that is missing here.
 
         Raises
         ------
         ValueError
-            If a setting is not honoured; the message names the setting, the model, and the values that it accepts.
+            If a setting is not honored; the message names the setting, the model, and the values that it accepts.
         """
         for field in fields(self):
             key, value = field.name, getattr(self, field.name)
             # The default of every setting but the plane is a value that all models accept.
-            usual = value == field.default and (key != "plane" or key not in honours)
-            if usual or value in honours.get(key, ()):
+            usual = value == field.default and (key != "plane" or key not in honors)
+            if usual or value in honors.get(key, ()):
                 continue
             where = WHERE[self.plane] if key != "plane" else ""
-            taken = {key: honours[key]} if key in honours else honours
+            taken = {key: honors[key]} if key in honors else honors
             words = ", ".join(_words(key, *values) for key, values in taken.items()) or "none of these settings"
             advice = f"; {OTHERS[value]}" if key == "plane" else ""
             raise ValueError(f"{name} does not take {_words(key, value)}{where}; it takes {words}{advice}")

@@ -15,12 +15,12 @@ hold anyway."""
 
 
 class Smoothing:
-    """Smoothing W of the dilatations of points: weights of each point and its neighbours in a mean (theory (50)).
+    """Smoothing W of the dilatations of points: weights of each point and its neighbors in a mean (theory (50)).
 
     On a grid the weights are (1 2 1)/4 along each axis. Rows add up to one, so that a uniform dilatation is unchanged; V_i W_ij is
     symmetric, so that the mean dilatation is unchanged as well, and a uniform pressure too. If points lie closer than on a grid, a point
-    keeps the weight that it has on a grid, a quarter in the plane and an eighth in three dimensions. The weight of a neighbour beyond a
-    surface or a crack stays with the point. A mirror image is a neighbour; images beyond a clamped plane deform differently from the body
+    keeps the weight that it has on a grid, a quarter in the plane and an eighth in three dimensions. The weight of a neighbor beyond a
+    surface or a crack stays with the point. A mirror image is a neighbor; images beyond a clamped plane deform differently from the body
     and have no weight.
 
     Parameters
@@ -58,7 +58,7 @@ class Smoothing:
             self._raw, self._pairs = raw, np.concatenate([pairs, pairs[within]])[order].astype(np.uint32)
 
     def _limit(self, raw: np.ndarray) -> None:
-        """Set the weights from unlimited weights `raw`, so that the neighbours of a point have together at most their weight on a grid."""
+        """Set the weights from unlimited weights `raw`, so that the neighbors of a point have together at most their weight on a grid."""
         n = len(self._own)
         rows = np.repeat(np.arange(n), np.diff(self._pointers).astype(np.int64))
         caps = self._most / np.maximum(np.bincount(rows, raw, n) / self._volumes, self._most)
@@ -79,7 +79,7 @@ class Smoothing:
         return dilatation.smooth_and_add.bind(self._matrix(values.dtype), values, factor, others, out, chunks=chunks)
 
     def _matrix(self, dtype) -> tuple[np.ndarray, ...]:
-        """Return the weights in a precision: CSR pointers, columns and values of the neighbours, and the points' own weights."""
+        """Return the weights in a precision: CSR pointers, columns and values of the neighbors, and the points' own weights."""
         if dtype == np.float64:
             return self._pointers, self._columns, self._weights, self._own
         if self._single is None:
@@ -94,8 +94,8 @@ class Smoothing:
     def matrix(self) -> sparse.csr_array:
         """Return the weights as a sparse matrix W, shape (n, n): ``W @ values`` are smoothed values."""
         n = len(self._own)
-        neighbours = sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
-        return neighbours + sparse.diags_array(self._own, format="csr")
+        neighbors = sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
+        return neighbors + sparse.diags_array(self._own, format="csr")
 
     def renew(self, carries: np.ndarray) -> None:
         """Update the weights after bonds have broken; `carries` flags the pairs that still carry force."""

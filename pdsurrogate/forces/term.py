@@ -19,7 +19,7 @@ from .steps import Step, Steps
 
 if TYPE_CHECKING:
     from .protocol import ForceModel, Portion
-    from .volume_energy import LinearisedDilatation
+    from .volume_energy import LinearizedDilatation
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Kept:
     def allocate(self, body: Body) -> StateArray:
         """Return a new `StateArray` with a row for each point, bond or pair of a body, as declared, and the initial value everywhere."""
         bonds = body.bonds
-        sizes = {"points": len(body), "images": len(body.all_points), "bonds": len(bonds.neighbours), "pairs": len(bonds.first)}
+        sizes = {"points": len(body), "images": len(body.all_points), "bonds": len(bonds.neighbors), "pairs": len(bonds.first)}
         return StateArray(self.name, self.rows, np.full((sizes[self.rows], *self.shape), self.at_rest, self.dtype), self.shown)
 
 
@@ -131,11 +131,11 @@ class Term(ABC):
     has_energy : bool
         Whether the forces are minus the derivative of an energy.
     nearly_incompressible : bool
-        Whether the term has a `linearised_dilatation`, the derivative of the points' volumes by the positions.
+        Whether the term has a `linearized_dilatation`, the derivative of the points' volumes by the positions.
     zero_energy_modes : bool
         Whether the force does not resist some displacements that alternate from point to point.
-    learnt_thickness : bool
-        Whether the volume ratios J3 of the points are computed with a learnt force, and not by the law.
+    learned_thickness : bool
+        Whether the volume ratios J3 of the points are computed with a learned force, and not by the law.
     places : bool
         Whether `find` begins with the steps of `Kinematics.steps`, which place the points and form their gradients.
     correction : str
@@ -152,7 +152,7 @@ class Term(ABC):
     keeps: ClassVar[tuple[Kept, ...]] = ()
     has_energy: ClassVar[bool] = False
     zero_energy_modes: ClassVar[bool] = False
-    nearly_incompressible = learnt_thickness = places = False
+    nearly_incompressible = learned_thickness = places = False
     correction = "none"
 
     def __init__(self, binding: Binding) -> None:
@@ -223,7 +223,7 @@ class Term(ABC):
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         """Remove broken `pairs` from the term; `changed` are all pairs that this affects, as `Kinematics.break_bonds` returns them.
 
-        Terms of models that honour `ForceSettings.breakable` must override it.
+        Terms of models that honor `ForceSettings.breakable` must override it.
         """
         raise NotImplementedError
 
@@ -250,8 +250,8 @@ class Term(ABC):
         """Return the stored energy in the state last evaluated, NaN if it is undefined there; TypeError for a term without energy."""
         raise TypeError(f"{type(self).__name__} has no energy")
 
-    def linearised_dilatation(self) -> "LinearisedDilatation":
-        """Return the derivative of the points' volume ratios by the positions, see `InternalForce.linearised_dilatation`."""
+    def linearized_dilatation(self) -> "LinearizedDilatation":
+        """Return the derivative of the points' volume ratios by the positions, see `InternalForce.linearized_dilatation`."""
         raise TypeError(f"{type(self).__name__} has no dilatation of its own")
 
     def collapsed_pairs(self) -> np.ndarray:
@@ -307,7 +307,7 @@ class Term(ABC):
         """Return the greatest deviation of a committee's members from the model at every point, shape (n,); None without members.
 
         The deviation is a stress; for a bond force it is the greatest among the bonds of a point
-        (`pdsurrogate.forces.learnt.greatest_deviations`).
+        (`pdsurrogate.forces.learned.greatest_deviations`).
         """
         return None
 

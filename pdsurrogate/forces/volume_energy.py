@@ -23,7 +23,7 @@ from .term import Binding
 class VolumeEnergy:
     """Volumetric energy of a body: sum over points of V_i U(J_i), whose forces act as pressures on the pairs (`SelectivePairs`).
 
-    J_i is the mean of det F_ij over the bonds of a point in the motion of its own material, smoothed over its nearest neighbours of that
+    J_i is the mean of det F_ij over the bonds of a point in the motion of its own material, smoothed over its nearest neighbors of that
     material, so that the pressure can jump at an interface. The mean alone is exact in homogeneous states, but its pressure is rough;
     det F_i alone leads to a pressure that alternates in sign from point to point.
 
@@ -58,7 +58,7 @@ class VolumeEnergy:
         shares_of_bonds = bonds.pointers, self._places(), shares.bond_shares
         find_means = selective_energy.means_over_bonds.bind(*shares_of_bonds, volumes, 1.0, means, chunks=chunks)
         smooth = self.smoothing.bind(means, self.dilatations, chunks)
-        # Points in the halo have bonds, and therefore neighbours, that this rank does not have.
+        # Points in the halo have bonds, and therefore neighbors, that this rank does not have.
         self._find = Steps(body.share, *(part.find_volumes for part in parts), find_means, means, smooth, self.dilatations)
 
         # The transpose of the smoothing of U' acts on the bonds of the points, and V_i W_ij is symmetric. Slopes may be in units of each
@@ -105,7 +105,7 @@ class VolumeEnergy:
         self.smoothing.renew(self.shares.carrying(self.binding.settings.breakable))
 
 
-class LinearisedDilatation:
+class LinearizedDilatation:
     """Derivative D of the smoothed dilatations of the points by the positions, and its transpose (theory (58)), in single precision.
 
     Solvers use it in approximations of the tangent.
@@ -131,7 +131,7 @@ class LinearisedDilatation:
         length = dilatation.record_length(d)
         derivatives = aligned_rows((len(first), length), np.float32)
         by_pair, means = np.zeros(len(first), dtype=np.float32), np.zeros(n, dtype=np.float32)
-        self._linearise = dilatation.volume_derivatives[d].bind(
+        self._linearize = dilatation.volume_derivatives[d].bind(
             kinematics.positions, kinematics.gradients, pairs.pairs, pairs.buffers, derivatives, chunks=chunks
         )
 
@@ -168,7 +168,7 @@ class LinearisedDilatation:
 
     def take(self) -> None:
         """Compute the derivative D and `stiffness` at the state last evaluated."""
-        self._linearise()
+        self._linearize()
         self._volume.smoothing.take()
         law = self._pairs.points.law
         self.stiffness[:] = self._pairs.unit * self._body.volumes * law.volumetric(self._volume.dilatations, law.parameters)[2]

@@ -23,7 +23,7 @@ LEAST_EXPONENT = 1.0
 cofactor of F for exponents of -1 and less."""
 
 STEP = 0.25
-"""Distance between candidate exponents: the stresses of neighbours are nearly proportional, so that a smaller one would gain nothing."""
+"""Distance between candidate exponents: the stresses of neighbors are nearly proportional, so that a smaller one would gain nothing."""
 
 POSITIVE, NEGATIVE = (3.0, 5.0, 8.0, 12.0), (1.0, 2.0, 4.0, 6.0)
 """Greatest exponents of the stretches, and of their inverses, among which cross-validation chooses. Chosen: about evenly spaced in the
@@ -35,7 +35,7 @@ those of I2bar^1.5 - 3 sqrt 3 as well, which may extrapolate badly to modes with
 
 AS_GOOD = 0.05
 """Relative difference of the errors of two dictionaries (sets of candidate energy terms) up to which the smaller one is chosen. Chosen:
-errors of cross-validation over a few modes are not known to better than some per cent; with 0 the choice would follow the scatter of
+errors of cross-validation over a few modes are not known to better than some percent; with 0 the choice would follow the scatter of
 single tests."""
 
 FOLDS = 5
@@ -48,7 +48,7 @@ moduli of rubber a few rounds suffice; sixty end a search that alternates betwee
 
 SAME_MODE = 0.01
 """Greatest difference in log-stretch between the lateral stretch of a state and that of a mode of loading at which the state counts as one
-of this mode. Chosen: modes differ by more from strains of a few per cent on."""
+of this mode. Chosen: modes differ by more from strains of a few percent on."""
 
 
 @dataclass(eq=False, repr=False)

@@ -212,7 +212,7 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     return remarks + _some([text for row, text in _falling(data) if not named & {row, row - 1}])
 
 
-def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[dict]:
+def standardized(model: StressRegressor, data: TestData, most: int = 5) -> list[dict]:
     """Return the `most` rows with the greatest residuals of a fit: measured and fitted stress, and residual in standard deviations."""
     predicted = model.predict(data.stretches)
     standing = _standing(data, predicted)

@@ -15,7 +15,7 @@ from ..materials import Law
 from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
 from .energy import EnergyRegressor
-from .examination import examine, standardised
+from .examination import examine, standardized
 from .regressor import LawRegressor, fitted_laws
 from .stress_regressor import StressRegressor, committee, free_sides, nominal_stress, states
 
@@ -41,7 +41,7 @@ def report(model: StressRegressor, data: TestData) -> dict:
         "r_squared": data.r_squared(predicted),
         "differences": differences(data, predicted),
         "volume_ratio": float(np.nanmax(volume)) if np.isfinite(volume).any() else None,
-        "residuals": standardised(model, data),
+        "residuals": standardized(model, data),
     }
 
 

@@ -197,15 +197,15 @@ def _space(algebra):
         return algebra.plus_matrix(P, algebra.times_matrix(r, algebra.times_symmetric(F, right_cauchy_green(F))))
 
     @inlined
-    def sum_outer_products(positions, neighbours, weights, bonds, point, out):
-        """Write ``out[point] = sum of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns, over the bonds b.
+    def sum_outer_products(positions, neighbors, weights, bonds, point, out):
+        """Write ``out[point] = sum of (positions[neighbors[b]] - positions[point]) (x) weights[b]``, by columns, over the bonds b.
 
         `bonds` are the start and the (excluded) stop of the range of b. `vector_loads.sum_outer_products` does this for two dimensions.
         """
         own = algebra.vector_at(positions, point)
         summed = algebra.no_matrix()
         for b in range(bonds[0], bonds[1]):
-            x = algebra.minus(algebra.vector_at(positions, neighbours[b]), own)
+            x = algebra.minus(algebra.vector_at(positions, neighbors[b]), own)
             summed = algebra.add_outer_product(summed, x, algebra.vector_at(weights, b))
         algebra.put(out, point, summed)
 

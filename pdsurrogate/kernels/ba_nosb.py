@@ -1,7 +1,7 @@
 """Bond forces of bond-associated correspondence (BA-NOSB), paper Eqs. (11)-(15), in the plane.
 
 Every directed bond has its own deformation gradient, formed over the points that the horizons of both its ends share. The dyad (y_k -
-y_i) (x) (w V x_ik) of a neighbour k, with the undeformed bond vector x_ik, occurs in about fifteen bonds of point i: the pass computes each
+y_i) (x) (w V x_ik) of a neighbor k, with the undeformed bond vector x_ik, occurs in about fifteen bonds of point i: the pass computes each
 dyad once, into a table that stays in the first-level cache, and every bond sums the entries of the points that its ends share.
 """
 
@@ -25,11 +25,11 @@ the last, partly filled block of a tile costs little, and also small bodies have
 
 @kernel
 def list_common_points(points, table_pointers, table, bond_pointers, targets, horizon, count, common_pointers, common):
-    """List, for every directed bond, which neighbours of its first end lie within the horizon of its second end.
+    """List, for every directed bond, which neighbors of its first end lie within the horizon of its second end.
 
-    The neighbours of point i are entries ``table_pointers[i]`` to ``table_pointers[i + 1]`` of `table`. A first call with `count` true
-    writes only the cumulative numbers of shared neighbours, to ``common_pointers[1:]``; a second call with `count` false writes only
-    `common`, the indices of the shared neighbours, counted from ``table_pointers[i]``. The directed bonds of point i are entries
+    The neighbors of point i are entries ``table_pointers[i]`` to ``table_pointers[i + 1]`` of `table`. A first call with `count` true
+    writes only the cumulative numbers of shared neighbors, to ``common_pointers[1:]``; a second call with `count` false writes only
+    `common`, the indices of the shared neighbors, counted from ``table_pointers[i]``. The directed bonds of point i are entries
     ``bond_pointers[i]`` to ``bond_pointers[i + 1]`` of `targets`, which holds the second ends of bonds.
     """
     reach = horizon * horizon * (1.0 + 1e-9) * (1.0 + 1e-9)
@@ -54,9 +54,9 @@ def bond_references(points, volumes, table, bonds, common, horizon_volumes, inve
     The force of a bond is its stress P times the vector phi_xi/(2 phi) w K_xi^-1 x V_i V_j; `vectors` holds w x on entry and this vector on
     exit. Here w is the weight, x the undeformed bond vector, K_xi the shape tensor of the bond, and V_i, V_j are the volumes of its ends.
     phi_xi is the volume of the points that the horizons of both ends share, divided by the horizon volume of the first end; phi is the
-    horizon volume of the first end divided by the sum of the horizon volumes of both. Volumes are sums over lists of neighbours: a point is
-    not its own neighbour, but the second end of a bond is one of the shared points. `inverse_shapes` becomes zero where the shared points
-    do not span the plane. `table` holds the pointers, the numbers of the neighbours of each point, and w x V of each neighbour; `bonds` the
+    horizon volume of the first end divided by the sum of the horizon volumes of both. Volumes are sums over lists of neighbors: a point is
+    not its own neighbor, but the second end of a bond is one of the shared points. `inverse_shapes` becomes zero where the shared points
+    do not span the plane. `table` holds the pointers, the numbers of the neighbors of each point, and w x V of each neighbor; `bonds` the
     first and second ends of the bonds; `common` the pointers and the indices of the shared points from `list_common_points`.
     """
     table_pointers, entries, table_weights = table
@@ -87,8 +87,8 @@ def ba_nosb_forces(chunk, positions, table, bonds, volume_ratios, response, para
     """Compute the force of every directed bond on its first point, its force density times the volumes of both ends; it is dimensionless.
 
     Return the number of bonds with det F <= 0, non-finite F or no plane-stress state. `volume_ratios` holds J3 of every bond, on entry the
-    values of the last evaluation, on exit the new ones. `table` holds the pointers, the numbers of the neighbours of each point, and w x V
-    (weight, undeformed bond vector, volume) of each neighbour; `bonds` the pointers of the directed bonds, the pointers and indices of
+    values of the last evaluation, on exit the new ones. `table` holds the pointers, the numbers of the neighbors of each point, and w x V
+    (weight, undeformed bond vector, volume) of each neighbor; `bonds` the pointers of the directed bonds, the pointers and indices of
     their shared points, their inverse shape tensors and their vectors (see `bond_references`). `memory` is, for each thread, three arrays
     of shapes (longest table, 4), (BLOCK, 4) and (SCRATCH_ROWS + 4, BLOCK).
     """

@@ -1,6 +1,6 @@
 """Bond forces of every pair of points in a sheet: the stretch tensor of a bond, the exact force, and the pass that evaluates any model.
 
-The exact force (theory (7), (11)) replaces that of a surrogate outside the surrogate's domain. A surrogate that was learnt at plane stress
+The exact force (theory (7), (11)) replaces that of a surrogate outside the surrogate's domain. A surrogate that was learned at plane stress
 serves plane strain, too: `plane_strain_bond_force` adds the pressure of the fixed thickness.
 """
 
@@ -141,7 +141,7 @@ def pair_forces(chunk, positions, records, pairs, bond_force, exact, constants, 
     means = block_rows(buffer[MEANS:BUFFER_ROWS])
     real = buffer.dtype.type
     zero, half, one, tiny = real(0.0), real(0.5), real(1.0), real(1e-30)
-    # Loads from an array would prevent vectorisation.
+    # Loads from an array would prevent vectorization.
     outer, inner = tuple_of(domain[0], N_LIMITS), tuple_of(domain[1], N_LIMITS)
     counted = COUNTED_ROW if geometry.shape[1] > COUNTED_ROW else 2
     count = 0
@@ -195,8 +195,8 @@ def pair_forces(chunk, positions, records, pairs, bond_force, exact, constants, 
                     if share < one:
                         # A factor of 0 would not suffice: outside its domain a model may return NaN.
                         for row in range(3):
-                            learnt = share * traction[row, k] if share > zero else zero
-                            traction[row, k] = learnt + (one - share) * exact_traction[row, k]
+                            learned = share * traction[row, k] if share > zero else zero
+                            traction[row, k] = learned + (one - share) * exact_traction[row, k]
         pair = pair_records(forces[at : at + BLOCK])
         for k in range(BLOCK):
             r1 = bond[0, k]

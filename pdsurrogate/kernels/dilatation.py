@@ -1,4 +1,4 @@
-"""The linearised dilatation D and its transpose (theory (58)), with the derivatives of every pair in single precision.
+"""The linearized dilatation D and its transpose (theory (58)), with the derivatives of every pair in single precision.
 
 D is the derivative of the volume ratios of the points by the positions of the points. A preconditioner needs no more digits. Memory limits
 the speed of these passes: they read the derivatives of a pair once for each of its two points, and write one number for every pair.
@@ -117,7 +117,7 @@ def pair_pressures(chunk, pressures, first, second, shares, found):
 
 @ByDimension
 def sum_pressures(algebra):
-    """Build the pass that applies the transpose of the linearised dilatation to the pressures of the pairs."""
+    """Build the pass that applies the transpose of the linearized dilatation to the pressures of the pairs."""
     add_up = sum_scaled_records(algebra.DIMENSION)
 
     @Pass

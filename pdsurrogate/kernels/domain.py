@@ -18,8 +18,8 @@ high bound the principal stretches and J3 is the volume ratio."""
 BLEND = 0.1
 """Relative width, in squared stretch, of the band inside an edge in which the exact energy is blended in.
 
-The slope of the share of the exact energy is at most 1.9/BLEND: the blend changes the stress by 19 times the error of the learnt energy at
-the edge, which is less than the error of the stress of a fit whose energy and stress have been learnt together."""
+The slope of the share of the exact energy is at most 1.9/BLEND: the blend changes the stress by 19 times the error of the learned energy at
+the edge, which is less than the error of the stress of a fit whose energy and stress have been learned together."""
 
 
 @inlined

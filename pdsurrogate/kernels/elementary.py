@@ -1,7 +1,7 @@
-"""Elementary functions that LLVM vectorises: they contain no library call and no branch.
+"""Elementary functions that LLVM vectorizes: they contain no library call and no branch.
 
 NumPy evaluates them on arrays, and numba compiles other implementations of them for scalars of either precision. The llvmlite wheels bring
-no vector mathematics library, so ``math.log`` or ``math.exp`` would prevent vectorisation of a loop. Errors are relative unless stated
+no vector mathematics library, so ``math.log`` or ``math.exp`` would prevent vectorization of a loop. Errors are relative unless stated
 otherwise, and measured over the stated range (``tests/kernels/test_elementary.py``). The inverse Langevin function, the force that
 stretches a chain of freely jointed links, and the free energy of a chain are written with these.
 """
@@ -18,7 +18,7 @@ from ..engine.intrinsics import finite_quotient
 
 
 def select(condition, value, otherwise):
-    """Return `value` where the condition holds, else `otherwise`; both are computed, since a branch would prevent vectorisation."""
+    """Return `value` where the condition holds, else `otherwise`; both are computed, since a branch would prevent vectorization."""
     return np.where(condition, value, otherwise)
 
 

@@ -1,4 +1,4 @@
-"""The plane-stress energy density psi(tr C, det F) of a sheet, with C33 eliminated: exact for any law, and learnt by a network.
+"""The plane-stress energy density psi(tr C, det F) of a sheet, with C33 eliminated: exact for any law, and learned by a network.
 
 Both are functions compiled for blocks of states, with the arguments of a bond force; they compute psi and its two derivatives,
 dimensionless, from the two invariants. By the envelope theorem the derivatives at the C33 that solves P33 = 0 are those at fixed C33: 2

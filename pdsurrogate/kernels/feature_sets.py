@@ -1,4 +1,4 @@
-"""Feature sets of learnt bond forces: the features of a bond, and the traction that the two outputs of a model represent.
+"""Feature sets of learned bond forces: the features of a bond, and the traction that the two outputs of a model represent.
 
 All functions are elementwise: NumPy evaluates them where regressors are trained and checked, and numba compiles them into the kernels.
 ``like`` converts constants to the precision of the kernel.
@@ -15,8 +15,8 @@ from .algebra import entries
 from .elementary import inverse_cube_root, like, logarithm, quotient
 
 N_OUTPUTS = 2
-"""Number of outputs of a learnt bond force. The feature set defines their meaning: two are enough, since they determine the components T_nn
-and T_nm of the bond's traction along and across the bond, from which the third component T_mm follows (theory (15))."""
+"""Number of outputs of a learned bond force. The feature set defines their meaning: two are enough, since they determine the components
+T_nn and T_nm of the bond's traction along and across the bond, from which the third component T_mm follows (theory (15))."""
 
 MOST_SHARED = 2
 """Greatest number of values that `FeatureSet.shared` may return."""
@@ -24,7 +24,7 @@ MOST_SHARED = 2
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """Choice of features and outputs of a learnt bond force.
+    """Choice of features and outputs of a learned bond force.
 
     The state of a bond is the components a = U_nn, b = U_nm and U_mm of its stretch tensor U, n along the bond and m across, the area ratio
     J = det U and the squared thickness stretch C33. Its traction is the components T_nn, T_nm and T_mm of the stress T = R^T P.

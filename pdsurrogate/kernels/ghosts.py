@@ -1,7 +1,7 @@
 """Values on ghosts computed from the values on their sources, and the transpose of that linear map.
 
-The displacement of a ghost is the displacement of its source, each component times a parity, plus a shift; the neighbourhood of a ghost is
-the neighbourhood of its source, each direction times a reflection. With P = diag(parity) and S = diag(reflection)
+The displacement of a ghost is the displacement of its source, each component times a parity, plus a shift; the neighborhood of a ghost is
+the neighborhood of its source, each direction times a reflection. With P = diag(parity) and S = diag(reflection)
 
     y = shift + P y_source,    F = I + P (F_source - I) S,    K = S K_source S,
 

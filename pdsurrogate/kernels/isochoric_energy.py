@@ -1,4 +1,4 @@
-"""Learnt isochoric energy W(I1bar, I2bar), blended into the exact energy of the law at the edge of its domain.
+"""Learned isochoric energy W(I1bar, I2bar), blended into the exact energy of the law at the edge of its domain.
 
 The compiled function has the arguments and result rows of an exact isochoric response. A state is outside if a principal stretch is beyond
 the bounds L and H. Of three stretches with product 1, where L >= 1/H^2 and H <= 1/L^2, that is the case if one of
@@ -22,17 +22,17 @@ ROWS = 4
 """Number of rows of the result: the coefficients p, q, r of the stress (for a sheet r is the stress across its plane) and the energy W."""
 
 UNITS, GUARD, OUTSIDE = 0, 1, 2
-"""Indices in the array ``sizes`` of a learnt energy: its number of hidden units, its guard (`EXTRAPOLATE`, `COUNT` or `TAKE_OVER`), and the
-counter of the states found outside the domain."""
+"""Indices in the array ``sizes`` of a learned energy: its number of hidden units, its guard (`EXTRAPOLATE`, `COUNT` or `TAKE_OVER`), and
+the counter of the states found outside the domain."""
 
 N_SIZES = 3
 
 AT_REST, FIRST_UNIT = 6, 7
-"""Indices in the array ``weights`` of a learnt energy, after the three coefficients (of 1, I1bar, I2bar) of each of the two distances: the
+"""Indices in the array ``weights`` of a learned energy, after the three coefficients (of 1, I1bar, I2bar) of each of the two distances: the
 value of the network in the undeformed state, and the first of the weights of the hidden units."""
 
 EXTRAPOLATE, COUNT, TAKE_OVER = 0, 1, 2
-"""Guards for states outside the domain: nothing is done, they are counted, or they are counted and the exact energy replaces the learnt
+"""Guards for states outside the domain: nothing is done, they are counted, or they are counted and the exact energy replaces the learned
 one.
 """
 
@@ -83,8 +83,8 @@ def network_block(activation, invariants, of_invariants):
             least = min(*distances(single, I1, I2))
             near += 1 if least < band else 0
             outside += 1 if least < zero else 0
-            learnt = sums[0, k], sums[1, k] / I1, sums[2, k] / I2, zero, zero, zero
-            p, q, r, W = of_invariants(state, learnt, (zero, zero, zero))
+            learned = sums[0, k], sums[1, k] / I1, sums[2, k] / I2, zero, zero, zero
+            p, q, r, W = of_invariants(state, learned, (zero, zero, zero))
             put_column(result, k, (like(one, p), like(one, q), like(one, r), like(one, W)))
         if guard == EXTRAPOLATE or near == 0:
             return
@@ -114,7 +114,7 @@ def network_block(activation, invariants, of_invariants):
             p, q, r, _ = of_invariants(state, (0.0, by_1, by_2, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
             added = p, q, r, 0.0
             for row in range(ROWS):
-                learnt = select(rest > 0.0, rest * result[row, k] + added[row], 0.0)
-                result[row, k] = learnt + select(rest < 1.0, (1.0 - rest) * exact[row, k], 0.0)
+                learned = select(rest > 0.0, rest * result[row, k] + added[row], 0.0)
+                result[row, k] = learned + select(rest < 1.0, (1.0 - rest) * exact[row, k], 0.0)
 
     return energy

@@ -25,14 +25,14 @@ def deformation_gradients(algebra):
     """Build the pass that computes the deformation gradient F of every point, paper (20)."""
 
     @Pass
-    def deformation_gradients(chunk, positions, pointers, neighbours, weighted_bonds, inverse_shape, unsupported, gradients):
+    def deformation_gradients(chunk, positions, pointers, neighbors, weighted_bonds, inverse_shape, unsupported, gradients):
         """Compute the deformation gradient F of every point, by columns.
 
         Where the bonds of a point do not span the plane or space, the point carries no stress, and F is `unsupported` times I: 1 for a
         deformation gradient, 0 for a change of F.
         """
         for i in share_of(pointers.shape[0] - 1, chunk):
-            algebra.sum_outer_products(positions, neighbours, weighted_bonds, (pointers[i], pointers[i + 1]), i, gradients)
+            algebra.sum_outer_products(positions, neighbors, weighted_bonds, (pointers[i], pointers[i + 1]), i, gradients)
             Z = algebra.symmetric_at(inverse_shape, i)
             F = algebra.times_symmetric(algebra.matrix_at(gradients, i), Z)
             algebra.put(gradients, i, algebra.plus_diagonal(F, unsupported if Z[0] == 0.0 else 0.0))
@@ -140,7 +140,7 @@ def node_states(chunk, gradients, volume_ratios, response, parameters, scratch, 
     for block in share_of((n + BLOCK - 1) // BLOCK, chunk):
         at = block * BLOCK
         size = min(BLOCK, n - at)
-        # Slices are used because the compiler would test an index at + k for a negative value, which prevents vectorisation.
+        # Slices are used because the compiler would test an index at + k for a negative value, which prevents vectorization.
         F = plane.matrix_rows(gradients[at : at + size])
         J3 = volume_ratios[at : at + size]
         record = quad_records(records[at : at + size])

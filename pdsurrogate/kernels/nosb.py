@@ -44,7 +44,7 @@ def nosb_forces(algebra):
     """Build the pass that computes the forces on points from P K^-1, stress times inverse shape tensor, of every point."""
 
     @Pass
-    def nosb_forces(chunk, stresses, pointers, neighbours, weighted_bonds, volumes, out):
+    def nosb_forces(chunk, stresses, pointers, neighbors, weighted_bonds, volumes, out):
         """Compute the force on every point i, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; return how many are not finite.
 
         P is the first Piola-Kirchhoff stress, K the shape tensor, V the volume of a point, w the weight and x the undeformed vector of a
@@ -52,7 +52,7 @@ def nosb_forces(algebra):
         """
         without_force = 0
         for i in share_of(out.shape[0], chunk):
-            algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, (pointers[i], pointers[i + 1]), i, out)
+            algebra.sum_matrix_products(stresses, neighbors, weighted_bonds, (pointers[i], pointers[i + 1]), i, out)
             force = algebra.times(volumes[i], algebra.vector_at(out, i))
             algebra.put(out, i, force)
             without_force += algebra.not_finite(force)

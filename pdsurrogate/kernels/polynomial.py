@@ -21,15 +21,15 @@ MOST_DEGREE = 24
 term by term, up to 625 for each output."""
 
 SCALING = 4
-"""Number of constants before the coefficients in the packed weights: centres and inverse half widths of both features."""
+"""Number of constants before the coefficients in the packed weights: centers and inverse half widths of both features."""
 
 _FLAGS = ("contract", "reassoc", "nsz")
 
 
-def pack(centre, half_width, coefficients, at_rest, dtype):
+def pack(center, half_width, coefficients, at_rest, dtype):
     """Pack a polynomial for `polynomial_block`: return the number of terms for each degree in the second feature, and the weights.
 
-    Features are mapped to (x - centre)/half_width; ``coefficients[output, j, i]``, shape (2, inner + 1, outer + 1), multiplies T_j(x1)
+    Features are mapped to (x - center)/half_width; ``coefficients[output, j, i]``, shape (2, inner + 1, outer + 1), multiplies T_j(x1)
     T_i(x2). For each i, the coefficients after the last non-zero one are left out. `at_rest`, the two outputs in the undeformed state, is
     appended for subtraction.
     """
@@ -38,7 +38,7 @@ def pack(centre, half_width, coefficients, at_rest, dtype):
     counts = tuple(int(np.flatnonzero(used[:, i])[-1]) + 1 if used[:, i].any() else 0 for i in range(outer + 1))
     # For each i the coefficients of both outputs are stored next to each other.
     terms = [coefficients[:, :count, i].T.ravel() for i, count in enumerate(counts)]
-    return counts, np.concatenate([centre, 1 / np.asarray(half_width), *terms, at_rest]).astype(dtype)
+    return counts, np.concatenate([center, 1 / np.asarray(half_width), *terms, at_rest]).astype(dtype)
 
 
 @intrinsic
@@ -104,13 +104,13 @@ def polynomial_block(features: FeatureSet, counts, dtype):
 
     def polynomial(states, sizes, weights, response, parameters, work, scratch, traction):
         values = tuple_of(weights, size)
-        centre1, centre2, scale1, scale2 = values[0], values[1], values[2], values[3]
+        center1, center2, scale1, scale2 = values[0], values[1], values[2], values[3]
         rest0, rest1 = values[rest], values[rest + 1]
         for k in range(BLOCK):
             a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
             shared = shared_of(a, b, J, C33)
             x1, x2 = inputs(shared, a, b, U_mm, J, C33, states[5, k])
-            one, two = chebyshev_sums(terms, (x1 - centre1) * scale1, (x2 - centre2) * scale2, values)
+            one, two = chebyshev_sums(terms, (x1 - center1) * scale1, (x2 - center2) * scale2, values)
             traction[0, k], traction[1, k], traction[2, k] = traction_of(shared, one - rest0, two - rest1, a, b, U_mm, J, C33)
 
     return compile_bond_force(polynomial, dtype)

@@ -23,7 +23,7 @@ CORRECTIONS = {"none": 0, "scalar": SCALAR_CORRECTION, "tensor": TENSOR_CORRECTI
 """Codes of the corrections of the bond force at incomplete horizons, by the names that settings use."""
 
 LEAST_TILT_STIFFNESS = 0.01
-"""Regularisation epsilon of `bond_shares`, which tilts the shares of a point's bonds, by factors exp(-a . x/horizon), until the mean bond
+"""Regularization epsilon of `bond_shares`, which tilts the shares of a point's bonds, by factors exp(-a . x/horizon), until the mean bond
 is epsilon times the tilt a. With this value the mean bond of a point at an edge shrinks from 0.42 to some 0.08 horizons. Chosen: with a
 smaller epsilon the mean bond shrinks further, but the tilt, at most 1/epsilon, grows, and a few bonds carry all of a point's volume."""
 
@@ -38,7 +38,7 @@ def shape_rows(algebra):
     """Build the pass that computes the inverse shape tensors of given points, paper (21)."""
 
     @Pass
-    def shape_rows(chunk, rows, pointers, neighbours, points, weighted_bonds, inverse_shape, supported):
+    def shape_rows(chunk, rows, pointers, neighbors, points, weighted_bonds, inverse_shape, supported):
         """Compute the inverse shape tensors of the points `rows`; zero, with ``supported`` 0, where the bonds do not span all dimensions.
 
         `weighted_bonds` is w x V_j of every directed bond (weight, undeformed vector, volume of the second end), zero where it is broken.
@@ -50,7 +50,7 @@ def shape_rows(algebra):
             own = algebra.vector_at(points, i)
             K = algebra.no_symmetric()
             for b in range(pointers[i], pointers[i + 1]):
-                x = algebra.minus(algebra.vector_at(points, neighbours[b]), own)
+                x = algebra.minus(algebra.vector_at(points, neighbors[b]), own)
                 K = algebra.add_symmetric_product(K, 1.0, algebra.vector_at(weighted_bonds, b), x)
             if algebra.shape_quality(K) > LEAST_SHAPE_QUALITY:
                 supported[i] = 1
@@ -108,12 +108,12 @@ def bond_shares(algebra):
     """Build the pass that divides the volume of each given point among the bonds of the point."""
 
     @Pass
-    def bond_shares(chunk, rows, pointers, neighbours, pair_of, points, volumes, strength, horizon, shares):
+    def bond_shares(chunk, rows, pointers, neighbors, pair_of, points, volumes, strength, horizon, shares):
         """Divide the volume V_i of each point of `rows` among its bonds; the shares sum to V_i, or to zero where no bond is left.
 
         A bond's energy is that of the material about its middle. Shares proportional to w V_j, weight times volume of the second end, would
         place the energy of a point at an edge half a mean bond inside the body: an error of first order in the horizon, which makes holes
-        too compliant. Shares w V_j exp(-a . x/horizon), with the bond vector x, have a zero mean bond, where the vector a minimises the
+        too compliant. Shares w V_j exp(-a . x/horizon), with the bond vector x, have a zero mean bond, where the vector a minimizes the
         convex function log sum w V_j exp(-a . x/horizon): these are the weights of greatest entropy with zero mean (Arroyo, Ortiz, Int. J.
         Numer. Meth. Engng 65 (2006) 2167). Since no positive weights have a zero mean at an edge, epsilon/2 |a|^2 is added to the function:
         this keeps a finite, and the mean bond vector becomes epsilon a horizon. `strength` is w V_i V_j of every pair, zero for a pair that
@@ -129,7 +129,7 @@ def bond_shares(algebra):
                 mean = zero
                 second = algebra.no_symmetric()
                 for b in range(pointers[i], pointers[i + 1]):
-                    x = algebra.times(1.0 / horizon, algebra.minus(algebra.vector_at(points, neighbours[b]), own))
+                    x = algebra.times(1.0 / horizon, algebra.minus(algebra.vector_at(points, neighbors[b]), own))
                     weight = strength[pair_of[b]] * np.exp(-algebra.dot(tilt, x))
                     shares[b] = weight
                     total += weight

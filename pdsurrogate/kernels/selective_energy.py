@@ -16,9 +16,9 @@ STATE_ROWS, RESULT_ROWS = 3, 4
 
 @inline
 def evaluate_isochoric_energy(energy, constants, states, result):
-    """Evaluate the isochoric energy over one block of states: the learnt one at address `energy`, or the exact one of the law if that is 0.
+    """Evaluate the isochoric energy over a block of states: the learned one at address `energy`, or the exact one of the law if that is 0.
 
-    `constants` are the sizes and weights of the learnt energy, the address of the response of the law and the parameters of the law.
+    `constants` are the sizes and weights of the learned energy, the address of the response of the law and the parameters of the law.
     """
     if energy == 0:
         call_block(constants[2], states, constants[3], result)
@@ -111,7 +111,7 @@ def means_over_bonds(chunk, pointers, pair_of, shares, values, otherwise, means)
 
 @inlined
 def smoothed_value(smoothing, values, i):
-    """Return the smoothed value at point i, ``own[i] * values[i]`` plus the sum of ``weights * values`` over the neighbours of the point.
+    """Return the smoothed value at point i, ``own[i] * values[i]`` plus the sum of ``weights * values`` over the neighbors of the point.
 
     `smoothing` is a sparse matrix: pointers, columns, weights, and its diagonal `own`.
     """

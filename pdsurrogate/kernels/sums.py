@@ -62,7 +62,7 @@ def add_node_forces(algebra):
     """Build the pass that adds to the forces on points the forces that follow from the weighted moments S K^-1/V of the points."""
 
     @Pass
-    def add_node_forces(chunk, stresses, pointers, neighbours, weighted_bonds, volumes, unit, first_point, node_parts, out):
+    def add_node_forces(chunk, stresses, pointers, neighbors, weighted_bonds, volumes, unit, first_point, node_parts, out):
         """Add the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j to every force; return how many forces are not finite.
 
         S is the moment, K the shape tensor and V the volume of a point, w the weight and x the undeformed vector of a bond;
@@ -73,7 +73,7 @@ def add_node_forces(algebra):
         without_force = 0
         for r in share_of(pointers.shape[0] - 1, chunk):
             i = first_point + r
-            algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, (pointers[r], pointers[r + 1]), i, node_parts)
+            algebra.sum_matrix_products(stresses, neighbors, weighted_bonds, (pointers[r], pointers[r + 1]), i, node_parts)
             force = algebra.plus(algebra.vector_at(out, i), algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i)))
             algebra.put(out, i, force)
             without_force += algebra.not_finite(force)

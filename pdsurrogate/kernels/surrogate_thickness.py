@@ -1,4 +1,4 @@
-"""Rotation, J and C33 of every point of a sheet, with C33 from the learnt bond force instead of the law.
+"""Rotation, J and C33 of every point of a sheet, with C33 from the learned bond force instead of the law.
 
 The principal values tau_1, tau_2, tau_3 of the isochoric Kirchhoff stress sum to zero. P33 = 0 requires tau_3 + J3 U'(J3) = 0, so that the
 principal values of the whole Kirchhoff stress are tau_1 - tau_3, tau_2 - tau_3 and 0. Their sum tr(T U) is -3 tau_3, and the thickness
@@ -6,8 +6,8 @@ condition reads
 
     J3 U'(J3) = tr(T U)/3,        T = R^T P,
 
-and the map that gives the force of a bond gives the pressure in a point as well: no second surrogate is needed, and the error of the learnt
-force is divided by K/mu.
+and the map that gives the force of a bond gives the pressure in a point as well: no second surrogate is needed, and the error of the
+learned force is divided by K/mu.
 """
 
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, put_column, quad_records, tuple_of
@@ -20,7 +20,7 @@ from .node_state import rotation, solve_volume_ratios, thickness_squared
 plane = algebra_of(2)
 
 MOST_ITERATIONS = 20
-"""Greatest number of steps in the search for the volume ratio J3 with the learnt force. Each step changes J3 by at most a factor of two;
+"""Greatest number of steps in the search for the volume ratio J3 with the learned force. Each step changes J3 by at most a factor of two;
 where twenty, a factor of a million, do not suffice, J3 is computed from the law."""
 
 BUFFER_ROWS = STATE_ROWS + TRACTION_ROWS
@@ -34,11 +34,11 @@ the last step, its residual and slope, the last step divided by J3, and working 
 
 @Pass
 def surrogate_node_states(chunk, gradients, volume_ratios, volumetric, bond_force, constants, domain, tolerance, memory, records):
-    """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient, with C33 from the learnt bond force.
+    """Compute the rotation, J and C33 of every point of a sheet from its deformation gradient, with C33 from the learned bond force.
 
     A row of `records` receives (cos, sin, J, C33) of a point. Return the number of points without a plane-stress state. `volume_ratios`
-    holds J3, on entry the values of the last evaluation, on exit the new ones. `constants` are the sizes and weights of the learnt force
-    `bond_force`, and the response and parameters of the law, which serves points outside the `domain` (2, 7) of the learnt force; in the
+    holds J3, on entry the values of the last evaluation, on exit the new ones. `constants` are the sizes and weights of the learned force
+    `bond_force`, and the response and parameters of the law, which serves points outside the `domain` (2, 7) of the learned force; in the
     band inside the edge of the domain J3 is blended as the bond force is. `tolerance` is the relative step of J3 at which the iteration
     ends. `memory` is, for each thread, a buffer that already holds the bond length, and the rows `work` and `scratch`.
     """
@@ -100,7 +100,7 @@ def surrogate_node_states(chunk, gradients, volume_ratios, volumetric, bond_forc
                 states[2, k] += step
                 moved[k] = abs(step) / states[2, k]
                 largest = max(largest, moved[k])
-        # This first test, whether any state is near the edge, is vectorised; `last` is no longer needed.
+        # This first test, whether any state is near the edge, is vectorized; `last` is no longer needed.
         near = 0.0
         for k in range(size):
             near += 0.0 if moved[k] < 100.0 * tolerance else 1.0

@@ -50,7 +50,7 @@ ACTIVATIONS = {function.__name__: function for function in (algebraic, logistic,
 """Functions ``f(x) -> (value, derivative)`` by name; the kernels have all of them.
 
 The values differ from those of `pdsurrogate.kernels.network` by rounding, some 1e-15. A training magnifies such differences into other
-weights: only these expressions reproduce the weights of the shipped artefacts (``pipelines/fit_shipped.py --check``).
+weights: only these expressions reproduce the weights of the shipped artifacts (``pipelines/fit_shipped.py --check``).
 """
 
 

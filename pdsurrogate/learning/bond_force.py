@@ -28,7 +28,7 @@ enough for a thousand gradients among 10,000 samples."""
 class _BondForce(Target):
     name, columns, outputs, stretch_range, n_samples = "bond-force", COLUMNS, OUTPUTS, WIDEST, 8_000
     units = "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa"
-    weight_function = "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS)
+    weight_function = "any: the force learned is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS)
 
     _reported: ClassVar = {"near_rest": 0.25, "off_surface": 0.0}
     reached = staticmethod(sampling.bond_states_reached)

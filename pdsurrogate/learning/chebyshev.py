@@ -31,7 +31,7 @@ class ChebyshevRegressor(BaseRegressor):
     powers_ : ndarray, shape (n_terms, n_features)
         Degree of each feature in each term.
     coef_ : ndarray, shape (n_terms, n_outputs)
-    centre_, half_width_ : ndarray, shape (n_features,)
+    center_, half_width_ : ndarray, shape (n_features,)
         Map of the features to [-1, 1].
     n_features_in_ : int
 
@@ -73,7 +73,7 @@ class ChebyshevRegressor(BaseRegressor):
         if weights is not None:
             X, Y, weights = (array[weights > 0] for array in (X, Y, weights))
         low, high = X.min(axis=0), X.max(axis=0)
-        self.centre_ = (low + high) / 2
+        self.center_ = (low + high) / 2
         self.half_width_ = np.where(high > low, (high - low) / 2, 1.0)
         self.powers_ = self._checked_powers(X.shape[1])
         terms = self._terms(X)
@@ -83,6 +83,10 @@ class ChebyshevRegressor(BaseRegressor):
         # Terms that the samples do not determine within rounding are left out.
         self.coef_ = np.linalg.lstsq(terms, Y, rcond=1e-13)[0]
         return self
+
+    def __setstate__(self, state):
+        """Restore a pickled regressor; regressors pickled before release 0.2 call `center_` by its British spelling."""
+        super().__setstate__({"center_" if key == "centre_" else key: value for key, value in state.items()})
 
     def _outputs(self, X):
         return self._terms(X) @ self.coef_
@@ -103,7 +107,7 @@ class ChebyshevRegressor(BaseRegressor):
 
     def _terms(self, X):
         """Return the values of all terms of the polynomial at X, shape (n_samples, n_terms)."""
-        basis = np.polynomial.chebyshev.chebvander((X - self.centre_) / self.half_width_, self.powers_.max())
+        basis = np.polynomial.chebyshev.chebvander((X - self.center_) / self.half_width_, self.powers_.max())
         terms = np.ones((len(X), len(self.powers_)))
         for feature in range(X.shape[1]):
             terms *= basis[:, feature, self.powers_[:, feature]]

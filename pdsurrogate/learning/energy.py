@@ -4,7 +4,7 @@ import numpy as np
 
 from ..forces import BondEnergyForce, Domain, EnergyNetwork
 from ..forces.bond_energy import EnergySurrogate
-from ..forces.learnt_energy import ENERGY_FEATURES
+from ..forces.learned_energy import ENERGY_FEATURES
 from ..materials import Law, plane_stress
 from .base import checked_columns, named
 from .sampling import bond_states_reached, log_stretches, range_of_stretches

@@ -13,7 +13,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
-from ..forces import Domain, ForceSurrogate, LearntBondForce, NetworkForce, OwnBondForce, PolynomialForce, SplineForce, is_own_force
+from ..forces import Domain, ForceSurrogate, LearnedBondForce, NetworkForce, OwnBondForce, PolynomialForce, SplineForce, is_own_force
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import ACTIVATIONS, MOST_HIDDEN, network_outputs
 from ..kernels.spline import FEATURES
@@ -38,7 +38,7 @@ STATES = 4000
 1/sqrt(2 n), here to about 1 %."""
 
 
-def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntBondForce, dict]:
+def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearnedBondForce, dict]:
     """Return the surrogate made of a fitted model of a bond force, and a report on the error where the model had to be resampled.
 
     Networks of one to three hidden layers and `ChebyshevRegressor` are converted exactly, with scalings folded into their constants, and
@@ -210,7 +210,7 @@ def scaled_parts(model) -> tuple[StandardScaler, Any, StandardScaler] | tuple[No
 
 
 def _polynomial_of(model):
-    """Return centres and half widths of the features, and coefficients, of a fitted polynomial with scalings folded in; else None."""
+    """Return centers and half widths of the features, and coefficients, of a fitted polynomial with scalings folded in; else None."""
     scaling, regressor, target = scaled_parts(model)
     if not isinstance(regressor, ChebyshevRegressor):
         return None
@@ -218,7 +218,7 @@ def _polynomial_of(model):
     coefficients = np.zeros((*(regressor.powers_.max(axis=0) + 1), target_scale.size))
     coefficients[tuple(regressor.powers_.T)] = regressor.coef_ * target_scale
     coefficients[(0,) * len(shift)] += target_shift
-    return shift + scale * regressor.centre_, scale * regressor.half_width_, np.ascontiguousarray(np.moveaxis(coefficients, -1, 0))
+    return shift + scale * regressor.center_, scale * regressor.half_width_, np.ascontiguousarray(np.moveaxis(coefficients, -1, 0))
 
 
 def network_of(estimator, features: np.ndarray) -> tuple[str, Layers] | None:

@@ -18,7 +18,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..arguments import check_estimator, check_jobs, check_kind, check_seed, check_share, check_whole_number
 from ..artifacts import load_surrogate
 from ..artifacts.card import MOST_STORED, NOTED
-from ..forces import AnalyticBondForce, Domain, ForceModel, ForceSurrogate, IsochoricNetwork, LearntBondForce, LearntEnergy
+from ..forces import AnalyticBondForce, Domain, ForceModel, ForceSurrogate, IsochoricNetwork, LearnedBondForce, LearnedEnergy
 from ..forces.agreement import WIDEST
 from ..forces.bond_energy import EnergySurrogate
 from ..materials import Law
@@ -156,7 +156,7 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = WIDEST, t
     inside = bisect_left(range(1, 1024), True, key=lambda part: not chosen.reached(law, part / 1024 * low, part / 1024 * high)) / 1024
     if inside == 0:
         raise ValueError(f"{law.name}: it locks too near the undeformed state for a surrogate")
-    # The energy grows without bound towards the limit; a smooth model can follow it up to a twentieth short of it.
+    # The energy grows without bound toward the limit; a smooth model can follow it up to a twentieth short of it.
     least, greatest = np.exp([0.95 * inside * low, 0.95 * inside * high]).tolist()
     return least, greatest
 
@@ -222,7 +222,7 @@ def surrogate_pipeline(
     return chosen.pipeline(regressor)
 
 
-def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> LearntBondForce | LearntEnergy:
+def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> LearnedBondForce | LearnedEnergy:
     """Return the surrogate of a fitted model, as plain arrays that the solver evaluates.
 
     Parameters
@@ -263,7 +263,7 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
     return checked_surrogate(model, law, samples, name)[0]
 
 
-def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[LearntBondForce | LearntEnergy, dict]:
+def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[LearnedBondForce | LearnedEnergy, dict]:
     """Return the surrogate of a fitted model, and a report on how the model was resampled for it.
 
     Raise ValueError if the model is a pipeline for another target than that of `samples`.
@@ -275,7 +275,7 @@ def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[Lea
     return target.surrogate(model, law, target.domain(law, samples), name, samples.X)
 
 
-def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBondForce | LearntEnergy:
+def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearnedBondForce | LearnedEnergy:
     """Return the surrogate of a fitted `surrogate_pipeline`, or of a search over pipelines, as a force model that a simulation can use.
 
     Unlike `surrogate_of`, this function needs no samples: the training states that the pipeline keeps give the domain.
@@ -289,7 +289,7 @@ def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBond
 
     Returns
     -------
-    LearntBondForce or LearntEnergy
+    LearnedBondForce or LearnedEnergy
 
     Raises
     ------
@@ -310,12 +310,12 @@ def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBond
     if target is None:
         raise ValueError(
             f"a {type(model).__name__} by itself does not say which stretches it was fitted to: fit it within a surrogate_pipeline, "
-            "which takes any regressor, or give pds.store the samples that it was fitted to, and simulate the artefact"
+            "which takes any regressor, or give pds.store the samples that it was fitted to, and simulate the artifact"
         )
     check_is_fitted(model)
     if model.training_inputs_ is None:
         raise ValueError(
-            "a pipeline read from a file does not say which stretches it was fitted to: give the artefact instead, or fit it here"
+            "a pipeline read from a file does not say which stretches it was fitted to: give the artifact instead, or fit it here"
         )
     return target.surrogate(model, law, target.domain_of_states(law, model.training_inputs_), name)[0]
 
@@ -417,7 +417,7 @@ def evaluate(
     ----------
     model : estimator, str, path, ForceModel, object or callable
         A fitted `surrogate_pipeline`, a search over one, or another regressor of the five bond quantities, evaluated by its own
-        ``predict``; an artefact (NAME, NAME@VERSION or a path); a force model; an object with a ``bond_force``; or a function
+        ``predict``; an artifact (NAME, NAME@VERSION or a path); a force model; an object with a ``bond_force``; or a function
         ``force(stretch, rotation, length, C33, J)``.
     law : Law
     stretch_range : tuple of float, optional
@@ -475,14 +475,14 @@ def evaluate(
     return target.report(model, law, checked_range(own if stretch_range is None else stretch_range), n_samples, random_state)
 
 
-def stated_against(model: LearntBondForce | LearntEnergy, law: Law, states: np.ndarray) -> LearntBondForce | LearntEnergy:
+def stated_against(model: LearnedBondForce | LearnedEnergy, law: Law, states: np.ndarray) -> LearnedBondForce | LearnedEnergy:
     """Return a copy of a model with its errors against a law as attribute ``stated``; raise `TooInexact` for errors above `MOST_STORED`.
 
     So a run knows the errors of a pipeline that was fitted in memory and has no card. `states` are the inputs of the training: the error of
     a bond force is computed on them, that of an energy by `evaluate` on new states.
     """
     reach = model.domain.least_stretch, model.domain.greatest_stretch
-    if isinstance(model, LearntEnergy):
+    if isinstance(model, LearnedEnergy):
         found = evaluate(model, law, n_samples=MEMBER_STATES)["on_surface"]
     else:
         some = states[:: -(-len(states) // MEMBER_STATES)].T

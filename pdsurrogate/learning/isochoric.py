@@ -7,7 +7,7 @@ import numpy as np
 
 from ..forces import Domain, IsochoricNetwork
 from ..forces.agreement import isochoric_slopes, isochoric_stresses
-from ..forces.learnt_energy import ISOCHORIC_FEATURES
+from ..forces.learned_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
 from .base import checked_columns, named
 from .target import EnergyTarget, Samples, checked_derivatives

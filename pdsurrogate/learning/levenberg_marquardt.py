@@ -49,7 +49,7 @@ def listening(listener: Listener) -> Iterator[None]:
 def accepted_steps(
     regressor, number: int, weights: np.ndarray, loss_of: Callable[[np.ndarray], float], normal_equations: Callable
 ) -> Iterator[tuple[np.ndarray, float]]:
-    """Minimise a loss by Levenberg-Marquardt steps: yield weights and loss after each of at most ``max_iter`` accepted steps.
+    """Minimize a loss by Levenberg-Marquardt steps: yield weights and loss after each of at most ``max_iter`` accepted steps.
 
     The training starts from `weights`; `number` counts the ``n_init`` trainings of a fit, from 0, for the listener.
     ``normal_equations(weights)`` returns J^T J and J^T r for the residuals r and their derivatives J by the weights. The damping, relative

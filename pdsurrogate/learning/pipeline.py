@@ -60,7 +60,7 @@ def _for_two_outputs(regressor):
     if isinstance(regressor, type) or not (hasattr(regressor, "fit") and hasattr(regressor, "predict")) or not is_regressor(regressor):
         title = regressor.__name__ if isinstance(regressor, type) else type(regressor).__name__
         more = "; give an instance of it" if isinstance(regressor, type) else ""
-        raise ValueError(f"{title} is no regressor with fit and predict, as a bond force is learnt by{more}")
+        raise ValueError(f"{title} is no regressor with fit and predict, as a bond force is learned by{more}")
     return regressor if _takes_two_outputs(regressor) else MultiOutputRegressor(regressor)
 
 

@@ -39,7 +39,7 @@ JUMP = 1e-3
 continuous function would need a slope of a thousand times its size per box."""
 
 PAIRS, HALVINGS = 32, 20
-"""Number of pairs of neighbouring samples with the greatest changes that are searched for jumps, and of halvings of the interval between:
+"""Number of pairs of neighboring samples with the greatest changes that are searched for jumps, and of halvings of the interval between:
 2^-20 is the interval of 1e-6 of `JUMP`. Chosen: a function with jumps, such as that of trees, has them between most of these pairs."""
 
 ANGLES = np.arange(8) * (np.pi / 8) + 0.2
@@ -48,7 +48,7 @@ no shear."""
 
 LEAST_DISTORTION = 0.01
 """Value of the second isochoric feature, cosh log(lambda_1/lambda_2) - 1, below which a function is extrapolated linearly from this value
-and its double: towards 0 the shear of bonds determines the outputs less and less. Chosen: the principal stretches then differ by
+and its double: toward 0 the shear of bonds determines the outputs less and less. Chosen: the principal stretches then differ by
 15 %; with a smaller value errors of the function are magnified more, with a greater one the straight line replaces more of it."""
 
 

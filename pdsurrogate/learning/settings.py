@@ -22,7 +22,7 @@ from .storing import CardText, store
 from .target import InputAwareTargetRegressor, Samples
 
 DEGREES = (12, 6)
-"""Default degrees of a polynomial in the two isochoric features: the best of those compared on the cards of the shipped artefacts of Gent's
+"""Default degrees of a polynomial in the two isochoric features: the best of those compared on the cards of the shipped artifacts of Gent's
 and Ogden's law and the full network, 2e-6 to 4e-5 RMS off."""
 
 
@@ -37,7 +37,7 @@ def _as_text(value: Any) -> Any:
     """Return degrees or units, given as a number or a sequence of numbers, as text with commas between them."""
     if isinstance(value, list | tuple):
         return ",".join(str(_as_text(number)) for number in value)
-    return f"{value:g}" if isinstance(value, int | float) else value
+    return f"{value:.15g}" if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 class FitSettings(StrictModel):
@@ -155,13 +155,13 @@ class FitSettings(StrictModel):
         identification: dict | None = None,
         progress: Callable[[str, int, int], None] = lambda stage, number, count: None,
     ) -> Callable[[str | Path | None, str, str | None], Path]:
-        """Fit a pipeline to a law, and return the function ``(folder, name, version)`` that stores it and returns the artefact's folder.
+        """Fit a pipeline to a law, and return the function ``(folder, name, version)`` that stores it and returns the artifact's folder.
 
         Parameters
         ----------
         law : Law
         members : sequence of Law
-            Laws of the members of a committee: further surrogates in the artefact, whose spread estimates the uncertainty of the force.
+            Laws of the members of a committee: further surrogates in the artifact, whose spread estimates the uncertainty of the force.
         hull : dict, optional
             Hull of the states in the tests from which the law was identified; it becomes part of the surrogate's domain.
         identification : dict, optional

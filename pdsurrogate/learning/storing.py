@@ -1,4 +1,4 @@
-"""Storing of fitted models as artefacts, with cards that hold their material, domain, training and errors."""
+"""Storing of fitted models as artifacts, with cards that hold their material, domain, training and errors."""
 
 import platform
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from .. import __version__
 from ..arguments import check_kind, check_path, check_tables, kind_of
 from ..artifacts import new_artifact, next_version, own_folder, save_artifact
 from ..artifacts.card import check_plain
-from ..forces import LearntBondForce, LearntEnergy
+from ..forces import LearnedBondForce, LearnedEnergy
 from ..materials import Law
 from ..materials.law import checked_law
 from .export import best_of, regressor_of, title_of
@@ -28,12 +28,12 @@ pages. Chosen: they hold the name and the first parameters of an estimator."""
 
 @dataclass(frozen=True)
 class CardText:
-    """Text of a user for the card (``card.json``) of an artefact, in addition to the entries computed from the model.
+    """Text of a user for the card (``card.json``) of an artifact, in addition to the entries computed from the model.
 
     Parameters
     ----------
     description : str
-        Purpose of the artefact, in a sentence.
+        Purpose of the artifact, in a sentence.
     cross_validation : list of dict, optional
         Errors by fold, as `pdsurrogate.cross_validate` returns them.
     search : list of dict, optional
@@ -77,7 +77,7 @@ def store(
     text: str | CardText,
     members: Sequence[tuple] = (),
 ) -> Path:
-    """Write a fitted model as an artefact, with a card of its material, domain, training and errors.
+    """Write a fitted model as an artifact, with a card of its material, domain, training and errors.
 
     Parameters
     ----------
@@ -88,23 +88,23 @@ def store(
         Dimensionless samples; their design gives the domain in which the model holds.
     law : Law
     folder : str, path or None
-        Folder of artefacts, in which ``NAME/VERSION`` is created. None stands for ``artifacts`` in the working folder, where artefacts are
-        found by name; or for ``own-artifacts`` in a checkout of this package, whose ``artifacts`` holds the shipped artefacts
+        Folder of artifacts, in which ``NAME/VERSION`` is created. None stands for ``artifacts`` in the working folder, where artifacts are
+        found by name; or for ``own-artifacts`` in a checkout of this package, whose ``artifacts`` holds the shipped artifacts
         (`pdsurrogate.artifacts.own_folder`).
     name : str
     version : str or None
         Version, which never changes once written; None for the next one.
     text : str or CardText
-        Purpose of the artefact in a sentence; or a `CardText` with this sentence, tables and the identification of the law.
+        Purpose of the artifact in a sentence; or a `CardText` with this sentence, tables and the identification of the law.
     members : sequence of tuple, optional
-        Committee in the same artefact: for each member its fitted model, the samples that it was fitted to, and its law. A run
+        Committee in the same artifact: for each member its fitted model, the samples that it was fitted to, and its law. A run
         with force ``NAME`` uses `model`, one with ``NAME#3`` the third member; one with ``NAME#all`` uses `model` and records the greatest
         deviation of a member's force or stress from that of `model`, an estimate of uncertainty.
 
     Returns
     -------
     Path
-        Folder of the artefact.
+        Folder of the artifact.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def _check_members(members: Sequence[tuple], target: Target) -> None:
 
 def _surrogate_and_entry(
     model, samples: Samples, law: Law, title: str, n_samples: int = REPORTED_STATES
-) -> tuple[LearntBondForce | LearntEnergy, dict, dict]:
+) -> tuple[LearnedBondForce | LearnedEnergy, dict, dict]:
     """Return the surrogate of a fitted model, a report on its resampling, and the card's entries material, domain and errors.
 
     Raise `TooInexact` for a surrogate that is too far from its law.
@@ -238,6 +238,6 @@ def _plain(parameters: dict) -> dict:
 
 
 def versions() -> dict[str, str]:
-    """Return, by name, the versions of Python and of the packages that influence an artefact."""
+    """Return, by name, the versions of Python and of the packages that influence an artifact."""
     others = {package: metadata.version(package) for package in ("numpy", "scipy", "scikit-learn", "joblib")}
     return {"python": platform.python_version(), "pdsurrogate": __version__, **others}

@@ -21,7 +21,7 @@ from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, get_ro
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter, validate_data
 
 from ..arguments import in_order
-from ..forces import Domain, LearntBondForce, LearntEnergy
+from ..forces import Domain, LearnedBondForce, LearnedEnergy
 from ..materials import Law
 from .base import NamedFunction, check_targets, checked_columns, columns_read, distinct_samples
 from .sampling import PERTURBATION
@@ -32,7 +32,7 @@ Range = tuple[float, float]
 
 REPORTED_STATES, REPORT_SEED = 20_000, 1_000_003
 """Number of states in each set of a report of errors, and their seed, which no training samples use. Chosen: each bin of strain has a tenth
-as many states, and 2,000 give the RMS of a bin to two per cent."""
+as many states, and 2,000 give the RMS of a bin to two percent."""
 
 ANCHOR = (0.0, 0.0)
 """Features of the undeformed state, in which an energy is zero."""
@@ -187,7 +187,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         return MetadataRouter(owner=self).add(regressor=self.regressor, method_mapping=MethodMapping().add(caller="fit", callee="fit"))
 
     def __getstate__(self):
-        # `force_model_of` finds the domain of a model in memory from its inputs; a file has the domain on the card of its artefact.
+        # `force_model_of` finds the domain of a model in memory from its inputs; a file has the domain on the card of its artifact.
         return {key: value for key, value in super().__getstate__().items() if key != "training_inputs_"}
 
     def predict(self, X):
@@ -241,7 +241,7 @@ class Samples:
 class Target:
     """A quantity that surrogates learn; the instances are `BOND_FORCE`, `SHEET_ENERGY` and `ISOCHORIC_ENERGY`.
 
-    The target of a pipeline is recognised by the names of the columns that the pipeline's transformation of the target reads. Subclasses
+    The target of a pipeline is recognized by the names of the columns that the pipeline's transformation of the target reads. Subclasses
     and instances define the attributes and methods to which this class assigns no value.
 
     Attributes
@@ -259,7 +259,7 @@ class Target:
     weight_function : str
         Text about weight functions, for cards.
     has_committees : bool
-        Whether an artefact may hold a committee.
+        Whether an artifact may hold a committee.
     reached : callable
         ``reached(law, low, high)``: whether a law is finite in all states of samples whose log principal stretches are from low to high.
     draw : callable
@@ -298,7 +298,7 @@ class Target:
     pipeline: Callable[..., InputAwareTargetRegressor]
     errors: Callable[[np.ndarray, Samples], dict[str, float]]
     domain_of_states: Callable[[Law, np.ndarray], Domain]
-    surrogate: Callable[..., tuple[LearntBondForce | LearntEnergy, dict]]
+    surrogate: Callable[..., tuple[LearnedBondForce | LearnedEnergy, dict]]
     scaling: Callable[[Any], dict]
     _predicted: Callable[[Any, Law, np.ndarray], np.ndarray]
     _more_errors: Callable[[Any, Law, Samples], dict]
@@ -345,7 +345,7 @@ class Target:
 
 
 class EnergyTarget(Target):
-    """Energy as a function of two invariants, learnt by a network together with its derivatives by the invariants.
+    """Energy as a function of two invariants, learned by a network together with its derivatives by the invariants.
 
     Attributes
     ----------
@@ -368,8 +368,8 @@ class EnergyTarget(Target):
     """
 
     units = "dimensionless; energy in the shear modulus"
-    weight_function = "any: the energy learnt is that of the material alone"
-    _surrogate_type: type[LearntEnergy]
+    weight_function = "any: the energy learned is that of the material alone"
+    _surrogate_type: type[LearnedEnergy]
     _n_units: int
     _flat: tuple[int, ...]
     _functions: tuple[NamedFunction, ...]
@@ -391,7 +391,7 @@ class EnergyTarget(Target):
 
     def pipeline(self, regressor: SobolevRegressor | None) -> InputAwareTargetRegressor:
         if regressor is not None and not isinstance(regressor, SobolevRegressor):
-            raise ValueError(f"an energy is learnt with its derivatives, by a SobolevRegressor, not by a {type(regressor).__name__}")
+            raise ValueError(f"an energy is learned with its derivatives, by a SobolevRegressor, not by a {type(regressor).__name__}")
         inner = SobolevRegressor(self._n_units, random_state=0) if regressor is None else clone(regressor)
         features, names, size, *targets = self._functions
         inner.set_params(anchor=ANCHOR, flat=self._flat, size=size)
@@ -408,7 +408,7 @@ class EnergyTarget(Target):
             raise ValueError(f"only {made} with anchor {ANCHOR} and flat {self._flat}, can become a surrogate of it")
         return network
 
-    def surrogate(self, model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntEnergy, dict]:
+    def surrogate(self, model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearnedEnergy, dict]:
         network = self._network_of(model)
         check_is_fitted(model)
         arrays = np.ascontiguousarray(network.hidden_weights_), network.hidden_biases_.copy(), network.output_weights_.copy()
@@ -420,7 +420,7 @@ class EnergyTarget(Target):
         return {**relative_errors(*stresses), "energy_rms": relative_errors(predicted[:, :1], samples.y[:, :1])["rms"]}
 
     def scaling(self, model) -> dict:
-        return {"folded": "features are standardised and targets scaled within the regressor; the payload is on plain features"}
+        return {"folded": "features are standardized and targets scaled within the regressor; the payload is on plain features"}
 
 
 def checked_derivatives(X, y, columns: tuple[str, str], outputs: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -38,7 +38,7 @@ class Law(ABC):
     """Values that parameters other than the two moduli must exceed."""
 
     costly: ClassVar[bool] = False
-    """True if the law's response costs more than a learnt bond force; the learnt force then computes the thickness as well."""
+    """True if the law's response costs more than a learned bond force; the learned force then computes the thickness as well."""
 
     shear_modulus: float = 1.0
     bulk_modulus: float = 100.0
@@ -86,7 +86,7 @@ class Law(ABC):
         return replace(self, shear_modulus=self.shear_modulus * factor, bulk_modulus=self.bulk_modulus * factor)
 
     def describe(self) -> dict:
-        """Return name and parameters of the law as a dictionary, in the form used by scenes and artefact cards."""
+        """Return name and parameters of the law as a dictionary, in the form used by scenes and artifact cards."""
         return {"law": self.name, **{field.name: getattr(self, field.name) for field in fields(self)}}
 
     def _repr_html_(self) -> str:

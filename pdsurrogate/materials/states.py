@@ -196,7 +196,7 @@ class PlaneStress(PlaneStrain):
         """Return psi, psi_I, psi_J, psi_II, psi_IJ, psi_JJ of the energy as a function of I = tr C and J, dimensionless.
 
         At fixed J3 the energy has the derivatives of the law, and J3 makes it stationary, so the first derivatives are those at fixed J3.
-        The second ones are fourth-order differences of the first, off by 3e-9, towards larger tr C and smaller J, since no states exist
+        The second ones are fourth-order differences of the first, off by 3e-9, toward larger tr C and smaller J, since no states exist
         below tr C = 2 J. All arrays have shape (n,). Raise ValueError where J is not positive or the law has no plane-stress state.
         """
         trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))

@@ -26,7 +26,7 @@ great stretches; higher ones would act at the greatest stretches of the data alo
 
 DEGREE = 29
 """Degree of the polynomials that the quadrature integrates exactly. Chosen: Lebedev's rule of this degree has 302 directions, 46 of which
-differ in the squares of their components; a lower degree makes the law less exact towards its limit, where the longest chains carry all, a
+differ in the squares of their components; a lower degree makes the law less exact toward its limit, where the longest chains carry all, a
 higher one costs in proportion."""
 
 

@@ -18,13 +18,13 @@ from ..solvers.held import Held
 from ..solvers.increments import Motion
 from ..solvers.loads import DeadLoad, Loads, Pressure
 from ..solvers.rigid import rigid_motions
-from .programme import Prescription, Stage
+from .program import Prescription, Stage
 from .regions import BodyRegions
 
 RIGID = 1e3
 """Stiffness of rigid regions divided by that of the rest of the body, for the first guess of an equilibrium; the guess is then moved until
 the regions are rigid. Chosen: strains of the regions are a thousandth of those beside them; a greater ratio costs digits of the
-factorisation."""
+factorization."""
 
 SAMPLES = 5
 """Number of values of the loading parameter in each stage at which two prescribed motions are compared; motions equal at all of them count
@@ -122,7 +122,7 @@ def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
 def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> Held:
     """Return the points that a prescription holds, as a held part of the body; `names` are the supports whose forces are reported.
 
-    A region that is a place equally near to several points is held at the mean of these points. In a programme with dynamics (`moving`)
+    A region that is a place equally near to several points is held at the mean of these points. In a program with dynamics (`moving`)
     this raises ValueError.
     """
     body, share = regions.body, regions.body.share

@@ -125,12 +125,12 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
     Raises
     ------
     SceneError
-        If a model does not describe its material, or cannot honour a setting of the scene, an artefact cannot be read or is of another
+        If a model does not describe its material, or cannot honor a setting of the scene, an artifact cannot be read or is of another
         family than `model`, a region is rigid and `model` has no energy, or no critical stretch follows from the fracture energy with
         `model`.
     """
     with scene_errors(scene):
-        settings_of(scene).check(model.name, model.honoured(scene.plane))
+        settings_of(scene).check(model.name, model.honored(scene.plane))
         model.check_material(scene.law())
         if scene.fracture is not None and scene.fracture.energy is not None:
             tip_diameter(scene.plane, scene.horizon_ratio, model.family)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..body import HALO, Body, Surface, divided
 from ..body.local_fit import text_of
-from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
+from ..discretization import check_size, discretize, grip_areas, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interfaces import SIGHT
 from ..materials import Law
@@ -22,7 +22,7 @@ from ..solvers.rigid import RigidRegion
 from .conditions import check_speeds, conditions_of, loads_of
 from .fracture import critical_stretch_in
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
-from .programme import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
+from .program import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
 from .regions import BodyRegions
 
 
@@ -202,7 +202,7 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     def surface() -> Surface:
         return surface_of(scene, whole[0], lower, upper).of_share(body.share)
 
-    body, lower, upper = discretise(scene, share_of)
+    body, lower, upper = discretize(scene, share_of)
     stages = stages_of(scene)
     with scene_errors(scene):
         regions = BodyRegions(scene, body, lower, upper, surface)

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from ..body import Body, Surface
 from ..body.local_fit import text_of, too_few
-from ..discretisation.chains import ROUNDING
-from ..discretisation.planes import whole_edge
+from ..discretization.chains import ROUNDING
+from ..discretization.planes import whole_edge
 from ..scenes import Region, Scene
 from ..scenes.model import EDGES
 from ..scenes.problems import suggestion
@@ -284,6 +284,6 @@ def _distance(region: Region, places: np.ndarray) -> np.ndarray:
         return np.linalg.norm(np.maximum(0, np.maximum(lower - places, places - upper)), axis=1)
     round_one, side = region.disc or region.ball, region.half_plane or region.half_space
     if round_one is not None:
-        return np.maximum(0, np.linalg.norm(places - np.array(round_one.centre), axis=1) - round_one.radius)
+        return np.maximum(0, np.linalg.norm(places - np.array(round_one.center), axis=1) - round_one.radius)
     normal = np.array(side.normal)
     return np.maximum(0, (np.array(side.point) - places) @ (normal / np.linalg.norm(normal)))

@@ -128,7 +128,7 @@ class Communicator:
         self._mpi.Request.Waitall(requests)
 
     def leave(self, seconds: float) -> bool:
-        """Wait for all ranks to end, for some seconds at most; if they do, finalise MPI and return True, else return False.
+        """Wait for all ranks to end, for some seconds at most; if they do, finalize MPI and return True, else return False.
 
         After False a rank that exits with a status other than 0 aborts the others, and MPI reports that.
         """

@@ -36,8 +36,6 @@ class Halo:
 
     def fill(self, *fields: np.ndarray) -> None:
         """Copy the rows of the halo in each field, in place, from the ranks that own them; further rows, as of images, stay as they are."""
-        if self._ranks.size == 1:
-            return
         for field in fields:
             for rows, values in self._exchanged(field, self._send, self._receive):
                 field[rows] = values

@@ -37,7 +37,7 @@ RIVAL, REFERENCE = "BA-NOSB", "NOSB"
 
 
 SHIPPED = {("symmetric", 20): "neo-hookean@1", ("isochoric", 4): "neo-hookean@2"}
-"""Shipped artefacts of Neo-Hookean rubber, used instead of a fit, by their feature set and number of hidden units."""
+"""Shipped artifacts of Neo-Hookean rubber, used instead of a fit, by their feature set and number of hidden units."""
 
 
 class Plan(NamedTuple):
@@ -68,8 +68,8 @@ def plans(law: Law, quick: bool) -> Iterator[Plan]:
     def network(features: str, units: int, precisions: tuple[str, ...] = ("float32",)) -> Plan:
         iterations = 150 if quick else 600
         regressor = learning.LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
-        artefact = SHIPPED.get((features, units)) if shipped else None
-        made = partial(fitted, features, regressor) if artefact is None else partial(load_surrogate, artefact)
+        artifact = SHIPPED.get((features, units)) if shipped else None
+        made = partial(fitted, features, regressor) if artifact is None else partial(load_surrogate, artifact)
         return Plan(f"network, {features}, {units} units", made, precisions)
 
     def fitted_energy() -> EnergySurrogate:
@@ -115,7 +115,7 @@ def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[Ti
 
 
 def measure_error(entry: TimedModel, law: Law, n_samples: int) -> dict:
-    """Return the errors of a learnt model against the exact law at `n_samples` states; empty for other models.
+    """Return the errors of a learned model against the exact law at `n_samples` states; empty for other models.
 
     They are relative errors (RMS and greatest) of the compiled kernel in its own precision. A model of bond forces is tested at states that
     satisfy plane stress (``on_surface``) and at others (``off_surface``), an energy by its stresses at the former only. For bond
@@ -257,13 +257,13 @@ def pareto_figure(report: dict) -> Figure:
         figure = Figure(figsize=(8.6, 4.4), layout="constrained")
         axis, floor = figure.subplots(), 1e-9
         costs = [row["ns_per_directed_bond_1"] for row in report["models"]]
-        for row, cost, colour in zip(report["models"], costs, itertools.cycle(matplotlib.colormaps["tab20"].colors)):
+        for row, cost, color in zip(report["models"], costs, itertools.cycle(matplotlib.colormaps["tab20"].colors)):
             label = f"{row['force']}, {row['precision']}"
             if "rms_off_surface" in row:
                 marker = "s" if row["force"].startswith("analytic") else "o" if row["precision"] == "float32" else "^"
-                axis.plot(cost, max(row["rms_off_surface"], floor), marker, ms=6, color=colour, label=label)
+                axis.plot(cost, max(row["rms_off_surface"], floor), marker, ms=6, color=color, label=label)
             else:
-                axis.axvline(cost, color=colour, lw=1.2, ls="--", label=label)
+                axis.axvline(cost, color=color, lw=1.2, ls="--", label=label)
         figure.legend(loc="outside right upper", fontsize=7, frameon=False)
         low, high = 0.8 * min(costs), 2.0 * max(costs)
         axis.set(

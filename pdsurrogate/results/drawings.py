@@ -48,9 +48,9 @@ USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
 
 
 def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:
-    """Return a figure of the deformed body, coloured by a field, in the states whose indices in ``result.states`` are `numbers`.
+    """Return a figure of the deformed body, colored by a field, in the states whose indices in ``result.states`` are `numbers`.
 
-    All states have the colour scale `limits`; by default each state has a scale from its own least to its own greatest value.
+    All states have the color scale `limits`; by default each state has a scale from its own least to its own greatest value.
     """
     # A state may have to be read from its file.
     states = [result.states[number][1] for number in numbers]
@@ -101,7 +101,7 @@ def save_drawings(result: Result, folder: Path) -> None:
 
 
 def _save_animation(result: Result, path: Path) -> None:
-    """Write a GIF of the states of a sheet in dynamics, coloured by damage if the run has this field, else by the greatest stretch.
+    """Write a GIF of the states of a sheet in dynamics, colored by damage if the run has this field, else by the greatest stretch.
 
     Write nothing for a solid or for a run without dynamics.
     """
@@ -170,7 +170,7 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
 
 
 def _pictures(result: Result, field: str, shown: list[int]) -> Iterator[str]:
-    """Yield, for each state number in `shown`, a picture coloured by a field, as a data URI; all pictures have the same colour scale.
+    """Yield, for each state number in `shown`, a picture colored by a field, as a data URI; all pictures have the same color scale.
 
     For a state without the field yield an empty text; raise ValueError if the last state in `shown` lacks the field.
     """

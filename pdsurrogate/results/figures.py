@@ -18,7 +18,7 @@ Moved = list[tuple[CellMesh, np.ndarray]]
 """One entry for each state: the cells of the body, and the displacements of their nodes, shape (k, d)."""
 
 Limits = tuple[float, float]
-"""Values at the ends of a scale of colours."""
+"""Values at the ends of a scale of colors."""
 
 STYLE: dict[Any, Any] = {
     "font.size": 9,
@@ -34,9 +34,9 @@ STYLE: dict[Any, Any] = {
 INCHES_OF_A_LETTER = 0.6 * STYLE["font.size"] / 72
 """Mean width of a letter in inches: 0.6 of the font size in `STYLE`."""
 
-ONE_COLOUR = 1e-4
-"""Least range of a scale of colours, divided by the greatest absolute value on it: a field that varies by much less, as by residuals
-of a solver (some 1e-6), has one colour."""
+ONE_COLOR = 1e-4
+"""Least range of a scale of colors, divided by the greatest absolute value on it: a field that varies by much less, as by residuals
+of a solver (some 1e-6), has one color."""
 
 MOST_TICKS = 6
 """Greatest number of intervals between ticks on the horizontal axis of curves: with more, their numbers would run into each other."""
@@ -66,18 +66,18 @@ def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
 
 
 def limits_of(values: np.ndarray) -> Limits:
-    """Return the ends of a colour scale: the least and the greatest value, or a wider range (`ONE_COLOUR`) if the values hardly differ.
+    """Return the ends of a color scale: the least and the greatest value, or a wider range (`ONE_COLOR`) if the values hardly differ.
 
-    A field that varies only by a solver's residuals thus has a uniform colour.
+    A field that varies only by a solver's residuals thus has a uniform color.
     """
     low, high = float(values.min()), float(values.max())
-    return low, low + max(high - low, ONE_COLOUR * max(abs(low), abs(high), 1e-300))
+    return low, low + max(high - low, ONE_COLOR * max(abs(low), abs(high), 1e-300))
 
 
 def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
-    """Draw deformed cells, shape (n, 4, 2), in colours of their values; fit the axis to the cells and return the drawn collection.
+    """Draw deformed cells, shape (n, 4, 2), in colors of their values; fit the axis to the cells and return the drawn collection.
 
-    The keyword arguments `limits` set the colour scale and are passed to Matplotlib's PolyCollection, for example ``clim``.
+    The keyword arguments `limits` set the color scale and are passed to Matplotlib's PolyCollection, for example ``clim``.
     """
     drawn = PolyCollection(cells, array=values, cmap="turbo", edgecolors="none", linewidths=0, antialiased=False, rasterized=True, **limits)
     axis.add_collection(drawn)
@@ -99,14 +99,14 @@ def curves_figure(
         if references:
             axis.plot(*zip(*references, strict=True), "o", mfc="none", color="black", label="reference")
         if curves:  # above: within the curves, which may go anywhere, it would lie over one
-            figure.legend(loc="outside upper center", ncols=3, frameon=False)
+            figure.legend(loc="outside uppercenter", ncols=3, frameon=False)
         axis.set(xlabel=xlabel, ylabel=ylabel)
         axis.locator_params(axis="x", nbins=MOST_TICKS)
         return figure
 
 
 def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: list[str], scale: Limits | None = None) -> Figure:
-    """Return a figure of a deformed body in one or more states, coloured by values of the cells, all to one scale of length.
+    """Return a figure of a deformed body in one or more states, colored by values of the cells, all to one scale of length.
 
     Bodies in the plane are side by side or one below the other, whichever fits a page. A solid has a row for each state: a view from
     outside, and a section through the middle, whose plane is normal to the direction in which the solid is thinnest.
@@ -116,13 +116,13 @@ def contour_figure(moved: Moved, values: list[np.ndarray], label: str, titles: l
     moved : list of tuple
         Cells of the body in each state, with the displacements of the nodes, shape (k, d).
     values : list of ndarray, shape (n,)
-        Values of the cells in each state, which colours show.
+        Values of the cells in each state, which colors show.
     label : str
-        Label of the colour bars; it moves to the titles if a bar is too short.
+        Label of the color bars; it moves to the titles if a bar is too short.
     titles : list of str
         Title of each state.
     scale : tuple of float, optional
-        Ends of the scale of colours of all states; by default every state has a scale of its own.
+        Ends of the scale of colors of all states; by default every state has a scale of its own.
     """
     draw = _solids if moved[0][0].dimension == 3 else _sheets
     with matplotlib.rc_context(STYLE):
@@ -184,7 +184,7 @@ def cut_of(cells: CellMesh) -> tuple[int, float]:
 def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray, box: np.ndarray, zoom: float) -> None:
     """Draw a solid from outside: the outer sides of the cells that face the viewer.
 
-    `nodes` are the deformed nodes, shape (k, 3), `of_cells` the colours of the cells (RGBA), shape (n, 4), `box` the lower and upper corner
+    `nodes` are the deformed nodes, shape (k, 3), `of_cells` the colors of the cells (RGBA), shape (n, 4), `box` the lower and upper corner
     of the part of space in view, shape (2, 3), and `zoom` the magnification.
     """
     axes.set(xlim=box[:, 0], ylim=box[:, 1], zlim=box[:, 2])
@@ -199,9 +199,9 @@ def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray,
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
     seen = np.flatnonzero(normals @ EYE > 0)
     brightness = 0.8 + 0.2 * np.clip(normals[seen] @ LightSource(AZIMUTH, 45).direction, 0, 1)
-    colours = of_cells[owners[seen]].copy()
-    colours[:, :3] *= brightness[:, None]
-    axes.add_collection3d(Poly3DCollection(sides[seen], facecolors=colours, edgecolors=colours, linewidths=0.2, zsort="average"))
+    colors = of_cells[owners[seen]].copy()
+    colors[:, :3] *= brightness[:, None]
+    axes.add_collection3d(Poly3DCollection(sides[seen], facecolors=colors, edgecolors=colors, linewidths=0.2, zsort="average"))
 
 
 def section(cells: CellMesh, nodes: np.ndarray, axis: int, position: float) -> tuple[list[np.ndarray], np.ndarray]:

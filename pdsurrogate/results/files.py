@@ -16,7 +16,7 @@ MARK = "pdsurrogate run"
 """Mark within the first `HEAD` bytes of every state file and picture that this package writes; it identifies them later."""
 
 HEAD = 2048
-"""Number of bytes at the beginning of a file among which `MARK` stands, and which are read to recognise the file. Chosen: the metadata of
+"""Number of bytes at the beginning of a file among which `MARK` stands, and which are read to recognize the file. Chosen: the metadata of
 pictures and the header of a state file are shorter."""
 
 
@@ -52,7 +52,7 @@ def remove_leftovers(folder: Path) -> None:
 
 
 def head_of(path: Path) -> bytes:
-    """Return the first `HEAD` bytes of a file, by which its kind is recognised; for an unreadable file, bytes that match no kind."""
+    """Return the first `HEAD` bytes of a file, by which its kind is recognized; for an unreadable file, bytes that match no kind."""
     try:
         with path.open("rb") as file:
             return file.read(HEAD)

@@ -52,14 +52,14 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
     """Return the roughness of a sheet's lateral displacement (normal to the loaded axis `axis`), which reveals zero-energy modes.
 
-    The roughness is the root mean square of the second differences of this displacement between neighbouring points on lines along `axis`,
+    The roughness is the root mean square of the second differences of this displacement between neighboring points on lines along `axis`,
     divided by the greatest absolute value of the displacement.  For a smooth field of wavelength L the roughness is about
     (2 pi cell/L)^2 / sqrt(2); for a mode that alternates from point to point it is 4.
     """
     order, line = _lines_along(body, axis)
     u, x = displacements[order, 1 - axis], body.points[order, axis]
-    neighbours = (line[2:] == line[:-2]) & (np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis])
-    second = (u[2:] - 2 * u[1:-1] + u[:-2])[neighbours]
+    neighbors = (line[2:] == line[:-2]) & (np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis])
+    second = (u[2:] - 2 * u[1:-1] + u[:-2])[neighbors]
     greatest = np.abs(u).max()
     return float(np.sqrt((second**2).mean()) / greatest) if len(second) and greatest > 0 else 0.0
 
@@ -99,13 +99,13 @@ class PointState:
         Deformation gradients.
     volume_ratio : ndarray, shape (n,)
         Volume ratio at which the volumetric energy is evaluated: under plane stress J3, which is det F times the stretch of the thickness;
-        otherwise det F, or a mean over neighbouring points if the force is a bond energy with a separate volumetric part (selective).
+        otherwise det F, or a mean over neighboring points if the force is a bond energy with a separate volumetric part (selective).
     stress : ndarray, shape (n, 3, 3)
         First Piola-Kirchhoff stress, see `InternalForce.stress_and_energy`.
     energy_density : ndarray, shape (n,)
         Stored energy per undeformed volume.
     deviation : ndarray, shape (n,), or None
-        How far the points are beyond the training domain of a surrogate, see `InternalForce.learnt`; None without a domain.
+        How far the points are beyond the training domain of a surrogate, see `InternalForce.learned`; None without a domain.
     member_deviation : ndarray, shape (n,), or None
         Greatest deviation of the committee members' stresses from those of the surrogate at each point; a committee is a set of further
         fits stored with a surrogate, whose spread estimates its error. None without a committee.
@@ -119,7 +119,7 @@ class PointState:
         self.position = force.body.points
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
-        self.deviation, self.member_deviation = force.learnt.domain_deviation(), force.learnt.member_deviation()
+        self.deviation, self.member_deviation = force.learned.domain_deviation(), force.learned.member_deviation()
         self.kept = {array.name: array.at_points(force.body) for array in force.states if array.shown}
 
     @cached_property

@@ -115,9 +115,9 @@ class Result:
             write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
 
     def figure(self) -> Figure:
-        """Return a figure of the deformed body at every level, coloured by the displacement across the loaded direction.
+        """Return a figure of the deformed body at every level, colored by the displacement across the loaded direction.
 
-        Runs with loading steps or dynamics are shown at a few outputs, see `chosen_states`; steps are coloured by the magnitude of the
+        Runs with loading steps or dynamics are shown at a few outputs, see `chosen_states`; steps are colored by the magnitude of the
         displacement, and dynamics with fracture by damage.  A solid is shown from outside and in a section through its middle.
         """
         chosen = self.chosen_states()
@@ -180,7 +180,7 @@ class Result:
         return self.states[level][1]
 
     def plot(self, field: str = "displacement", level: int = -1, limits: tuple[float, float] | None = None) -> Figure:
-        """Return a figure of the deformed body in one state, coloured by a field.
+        """Return a figure of the deformed body in one state, colored by a field.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class Result:
         level : int
             Number of the state, from 0; the last one by default.
         limits : tuple of float, optional
-            Values at the ends of the scale of colours; by default the least and the greatest value.
+            Values at the ends of the scale of colors; by default the least and the greatest value.
 
         Returns
         -------

@@ -175,7 +175,7 @@ def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
     d, cells = body.dimension, body.cells
     F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]
     state = body.points, fields["displacement"][:, :d], F
-    # Neighbours can separate only where bonds are cut or break.
+    # Neighbors can separate only where bonds are cut or break.
     if np.any(fields.get("damage", 0)) or body.separates is not None:
         cells = cells.torn(*state)
     return cells, cells.moved(*state)

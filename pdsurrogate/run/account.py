@@ -9,7 +9,7 @@ from ..solvers.conditions import Reactions
 from ..solvers.dynamics import ExplicitDynamics, Power
 from ..solvers.equilibrium import Diverging
 from ..solvers.increments import Motion
-from ..solvers.methods import EnergyMinimiser
+from ..solvers.methods import EnergyMinimizer
 from .run import Run
 
 STEPS_PER_ROW = 20
@@ -121,7 +121,7 @@ class Bookkeeping:
         self.every_step = timed or run.body.dimension == 3 or self.closes
         # Smaller energies are rounding errors: a body at rest has none, and any motion would exceed the supplied energy.
         modulus = max(law.shear_modulus for law, _ in run.force.laws)
-        self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
+        self._rounding = EnergyMinimizer.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
 
     def kinetic_energy(self) -> float:
         """Return the kinetic energy at the time of the positions if `every_step`, else from the velocities half a step before it.
@@ -242,7 +242,7 @@ class Bookkeeping:
     def entries(self) -> dict:
         """Return the entries of the run's summary about the energy account.
 
-        They are the energy supplied, the last and the greatest gap in per cent of it, and a `remark`: a warning if the gap exceeds
+        They are the energy supplied, the last and the greatest gap in percent of it, and a `remark`: a warning if the gap exceeds
         `GAP_WARNED`, a note if the force has no energy, so that no gap can be computed, else None.
         """
         account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}

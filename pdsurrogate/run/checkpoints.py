@@ -62,7 +62,7 @@ class State:
         Rows of ``summary["levels"]``, the measurements at outputs; rows of the history; rows of the table of convergence, about the search
         for equilibrium.
     beyond_data : list of dict
-        With a force learnt from test data, a row for every recorded state: the fraction of bonds or points beyond these data, and their
+        With a force learned from test data, a row for every recorded state: the fraction of bonds or points beyond these data, and their
         greatest distance from the data.
     """
 
@@ -108,7 +108,7 @@ class Checkpoints:
 
     @property
     def identity(self) -> dict:
-        """Return the entries by which a checkpoint is recognised as one of this run: scene, force and sizes of the body."""
+        """Return the entries by which a checkpoint is recognized as one of this run: scene, force and sizes of the body."""
         run = self.run
         sizes = {"n_points": self._share.size, "n_pairs": self._share.total(run.counted_pairs())}
         return {**run.contents, **sizes}

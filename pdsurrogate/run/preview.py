@@ -25,7 +25,7 @@ from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
-"""Colour of cells in no region, and the number of cells up to which their edges are drawn: with more cells the edges would cover the
+"""Color of cells in no region, and the number of cells up to which their edges are drawn: with more cells the edges would cover the
 picture."""
 
 FEW = 8
@@ -39,22 +39,22 @@ Over a side that faces the eye, the line of sight begins 0.77 cells or more from
 the second distance is less than that, and more than the half cell at which a line passes between two rows."""
 
 ARROW = 0.12
-"""Length of an arrow divided by the extent of the body. Chosen: long enough to show its direction, short enough that arrows of neighbouring
+"""Length of an arrow divided by the extent of the body. Chosen: long enough to show its direction, short enough that arrows of neighboring
 regions stay apart."""
 
 
 class _Mark(NamedTuple):
-    """Labelled part of the body in a picture: label, points, colour, place of an arrow, and its direction, or None without an arrow."""
+    """Labeled part of the body in a picture: label, points, color, place of an arrow, and its direction, or None without an arrow."""
 
     text: str
     points: np.ndarray
-    colour: tuple[float, float, float, float]
+    color: tuple[float, float, float, float]
     place: np.ndarray
     arrow: np.ndarray | None
 
 
 def preview(scene: Scene) -> Figure:
-    """Draw the undeformed body of a scene, its regions coloured and named, with arrows for displacements and loads.
+    """Draw the undeformed body of a scene, its regions colored and named, with arrows for displacements and loads.
 
     A body in three dimensions is shown from outside.
 
@@ -82,14 +82,14 @@ def preview(scene: Scene) -> Figure:
     problem = compile_scene(scene)
     with scene_errors(scene):
         marks = _marks(problem)
-    colours = np.tile(matplotlib.colors.to_rgba(PLAIN), (len(problem.body), 1))
+    colors = np.tile(matplotlib.colors.to_rgba(PLAIN), (len(problem.body), 1))
     for mark in marks:
-        colours[mark.points] = mark.colour
+        colors[mark.points] = mark.color
     with matplotlib.rc_context(figures.STYLE):
         draw = _in_space if scene.dimension == 3 else _in_the_plane
-        figure, axes = draw(problem, marks, colours)
+        figure, axes = draw(problem, marks, colors)
         axes.set_title(f"{scene.name}: {len(problem.body):,} points, spacing {scene.units.amount(problem.body.spacing, 'length', 'g')}")
-        handles: list[Artist] = [Patch(color=mark.colour, label=mark.text) for mark in marks]
+        handles: list[Artist] = [Patch(color=mark.color, label=mark.text) for mark in marks]
         handles += [Line2D([], [], color="black", lw=2, label="cut")] if scene.precuts else []
         handles += [Line2D([], [], color="black", marker="x", ls="", label="probe")] if scene.probes else []
         if handles:
@@ -98,7 +98,7 @@ def preview(scene: Scene) -> Figure:
 
 
 def _marks(problem: Problem) -> list[_Mark]:
-    """Return the labelled parts of the body in the order of drawing: materials, regions, prescribed motions and loads."""
+    """Return the labeled parts of the body in the order of drawing: materials, regions, prescribed motions and loads."""
     scene, regions = problem.scene, problem.regions
     found: list[tuple[str, np.ndarray, np.ndarray | None]] = []
     for number, part in enumerate(scene.materials):
@@ -122,8 +122,8 @@ def _marks(problem: Problem) -> list[_Mark]:
     return marks
 
 
-def _in_the_plane(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tuple[Figure, Axes]:
-    """Draw the picture of a sheet: its cells in given colours, with arrows of the labelled parts, cuts and probes."""
+def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple[Figure, Axes]:
+    """Draw the picture of a sheet: its cells in given colors, with arrows of the labeled parts, cuts and probes."""
     scene, body = problem.scene, problem.body
     polygons = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
@@ -131,9 +131,9 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> 
     size = (high - low) / extent * 5.0
     figure = Figure(figsize=(size[0] + 2.6, max(size[1] + 0.8, 1.6)), layout=ConstrainedLayoutEngine(w_pad=0.15))
     axes = figure.subplots()
-    colour, width = ("white", 0.3) if len(body) <= MOST_CELLS_WITH_EDGES else ("face", 0.2)
+    color, width = ("white", 0.3) if len(body) <= MOST_CELLS_WITH_EDGES else ("face", 0.2)
     # The stub of PolyCollection leaves out that it takes one array of polygons.
-    cells = PolyCollection(polygons, facecolors=colours, edgecolors=colour, linewidths=width)  # type: ignore[arg-type]
+    cells = PolyCollection(polygons, facecolors=colors, edgecolors=color, linewidths=width)  # type: ignore[arg-type]
     axes.add_collection(cells)
     with suppress(ValueError):  # of a body whose boundary only a load would need, and that has none
         surface = problem.regions.surface()
@@ -142,9 +142,9 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> 
         axes.plot(*zip(cut.start, cut.end, strict=True), color="black", lw=2)
     for mark in marks:
         if 0 < len(mark.points) <= FEW:
-            axes.plot(*body.points[mark.points].T, "o", color=mark.colour, ms=5)
+            axes.plot(*body.points[mark.points].T, "o", color=mark.color, ms=5)
         if mark.arrow is not None:
-            arrow = {"arrowstyle": "-|>", "color": mark.colour, "lw": 1.5, "ec": "black"}
+            arrow = {"arrowstyle": "-|>", "color": mark.color, "lw": 1.5, "ec": "black"}
             axes.annotate("", mark.place + ARROW * extent * mark.arrow, tuple(mark.place), arrowprops=arrow)
     for probe in scene.probes:
         axes.plot(*probe.at, "x", color="black", ms=6)
@@ -155,18 +155,18 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> 
     return figure, axes
 
 
-def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tuple[Figure, Axes]:
-    """Draw the picture of a solid from outside: its cells in given colours, with arrows of the labelled parts, cuts and probes."""
+def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple[Figure, Axes]:
+    """Draw the picture of a solid from outside: its cells in given colors, with arrows of the labeled parts, cuts and probes."""
     scene, body, nodes = problem.scene, problem.body, problem.body.cells.nodes
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    figures.draw_outside(axes, body.cells, nodes, colours, np.array([low, high]), zoom=0.95)
+    figures.draw_outside(axes, body.cells, nodes, colors, np.array([low, high]), zoom=0.95)
     axes.set(xticks=[], yticks=[], zticks=[])
     axes.set_axis_on()
     for mark in marks:
         if mark.arrow is not None:
-            axes.quiver(*mark.place, *(2 * ARROW * (high - low).max() * mark.arrow), color=mark.colour, lw=2, zorder=5)
+            axes.quiver(*mark.place, *(2 * ARROW * (high - low).max() * mark.arrow), color=mark.color, lw=2, zorder=5)
     for cut in (cut for cut in scene.precuts if not isinstance(cut, Precut)):
         axes.add_collection3d(Poly3DCollection([_rim(cut)], facecolors=(0, 0, 0, 0.25), edgecolors="black", zorder=6))
     tree, reach = cKDTree(body.points), float(np.linalg.norm(high - low))
@@ -183,7 +183,7 @@ def _in_space(problem: Problem, marks: list[_Mark], colours: np.ndarray) -> tupl
 def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
     """Return whether the body hides a place from the eye: whether points lie near the line of sight.
 
-    The line of sight goes from the place towards the eye and is searched up to the distance `reach`. `cell` is the side of a cell, in
+    The line of sight goes from the place toward the eye and is searched up to the distance `reach`. `cell` is the side of a cell, in
     which `SIGHT`, the distance of the line's start from the place, and `WITHIN`, the greatest distance of points from it, are measured.
     """
     way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * figures.EYE
@@ -197,4 +197,4 @@ def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
         return np.array(cut.corner) + np.array([0 * one, one, one + other, other])
     _, normal, _ = cut.plane()
     angles = np.linspace(0, 2 * np.pi, 40, endpoint=False)
-    return np.array(cut.centre) + cut.radius * np.column_stack([np.cos(angles), np.sin(angles)]) @ null_space(np.array([normal])).T
+    return np.array(cut.center) + cut.radius * np.column_stack([np.cos(angles), np.sin(angles)]) @ null_space(np.array([normal])).T

@@ -156,7 +156,7 @@ class Run:
         settings = self.problem.settings
         if settings.precision is not None or self.force.precision == "float64":
             return False
-        return all("float64" in model.honoured(settings.plane)["precision"] for model in self.problem.models)
+        return all("float64" in model.honored(settings.plane)["precision"] for model in self.problem.models)
 
     def take_double(self) -> None:
         """Replace the force by one in double precision, with the same state, broken bonds and counters."""
@@ -214,9 +214,9 @@ class Run:
     def _count_beyond_data(self, moment: Moment) -> None:
         """Add a row to ``state.beyond_data``: the fraction of bonds beyond the test data, and the greatest distance from these data.
 
-        For an energy learnt from test data the fraction is that of points. For a force that is not learnt from test data no row is added.
+        For an energy learned from test data the fraction is that of points. For a force that is not learned from test data no row is added.
         """
-        beyond = self.force.learnt.beyond_data()
+        beyond = self.force.learned.beyond_data()
         if beyond is None:
             return
         total, outside = (self.body.share.total(int(count)) for count in (len(beyond), np.count_nonzero(beyond > 0)))
@@ -262,7 +262,7 @@ def _compile_first(ranks: Communicator, model: ForceModel, problem: Problem) -> 
     if ranks.rank == 0:
         dimension = problem.body.dimension
         cells = Cells.filling((0.0,) * dimension, (8.0 if dimension == 2 else 5.0,) * dimension, 1.0)
-        points = cells.centres()
+        points = cells.centers()
         planes = (ReflectionPlane(0, 0.0, -1, (-1,) * dimension),)
         body = Body(points, np.full(len(points), cells.volume), problem.body.horizon / problem.body.spacing, 1.0, planes=planes)
         force = model.bind(body, problem.law, problem.settings)

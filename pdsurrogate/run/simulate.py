@@ -121,10 +121,10 @@ def simulate(
     scene : Scene, str or path
         A scene, or the name or file of one, see `pdsurrogate.load_scene`.
     force : str, path, ForceModel, fitted pipeline or object, optional
-        A force model, the name of one ("analytic", "nosb"), an artefact: NAME, NAME@VERSION or a path; or a fitted
+        A force model, the name of one ("analytic", "nosb"), an artifact: NAME, NAME@VERSION or a path; or a fitted
         `pdsurrogate.surrogate_pipeline`, or a scikit-learn search (such as GridSearchCV) over one; or an object with a ``bond_force`` or
         an ``energy`` (`pdsurrogate.forces.OwnBondForce`), which is assumed to describe the scene's material.
-        A built-in scene adopts the material of an artefact's card (stored description), see `pdsurrogate.artifacts.with_material`.
+        A built-in scene adopts the material of an artifact's card (stored description), see `pdsurrogate.artifacts.with_material`.
         By default `pdsurrogate.artifacts.default_force` chooses the model for the scene.
     threads : int, optional
         Number of threads of the kernels, at most the number that numba was started with; by default chosen by the size of the body.
@@ -344,7 +344,7 @@ def _advice(run: Run, error: Exception) -> list[str]:
 
 
 def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
-    """Return the force model for the `force` argument of `simulate`, and the scene, which may adopt the material of an artefact."""
+    """Return the force model for the `force` argument of `simulate`, and the scene, which may adopt the material of an artifact."""
     if force is None:
         return scene, artifacts.default_force(scene)
     if isinstance(force, str | Path):
@@ -358,7 +358,7 @@ def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
 
     if not isinstance(force, BaseEstimator):
         raise TypeError(
-            "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), a fitted "
+            "force must be a force model, the name of one, an artifact (NAME, NAME@VERSION or a path), a fitted "
             f"surrogate_pipeline, or an object with a bond_force or an energy, not {force!r}"
         )
     from ..learning.export import best_of

@@ -1,4 +1,4 @@
-"""Loop over the stages of a run's programme, from the first stage or from a checkpoint, with a change to double precision if needed."""
+"""Loop over the stages of a run's program, from the first stage or from a checkpoint, with a change to double precision if needed."""
 
 import warnings
 
@@ -24,7 +24,7 @@ class SinglePrecisionLeft(RuntimeWarning):
 
 
 def go(run: Run, resume: bool) -> None:
-    """Run the remaining stages of the programme; with `resume` begin from the checkpoint of the run."""
+    """Run the remaining stages of the program; with `resume` begin from the checkpoint of the run."""
     solver = solver_of(run)
     current = _resumed(run, solver) if resume else None
     state = run.state

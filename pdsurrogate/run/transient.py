@@ -77,7 +77,7 @@ class Transient:
         integrator.begin()
         self._limit_step()
         if self._books.every_step and run.velocities is None:
-            integrator.centre()
+            integrator.center()
         if motion.duration > MOST_STEPS * integrator.time_step:
             duration, key = run.problem.scene.units.amount(motion.duration, "time", ".3g"), self.stage.key
             many = f"the dynamics take {duration} in steps of {integrator.time_step:.3g}, more than {MOST_STEPS:.0e} of them"

@@ -24,7 +24,7 @@ MOST_INCREMENTS = 100_000
 
 def check_consistency(scene: Scene) -> None:
     """Raise ValueError if the parts of a scene, each valid alone, do not fit together, such as a shape of the plane in a solid body."""
-    checks = (_spacing, _dimension, _way_of_loading, _rigid_regions, _grips, _programme, _thickness, _amplitudes, _probes, _regions)
+    checks = (_spacing, _dimension, _way_of_loading, _rigid_regions, _grips, _program, _thickness, _amplitudes, _probes, _regions)
     for check in checks:
         check(scene)
 
@@ -121,12 +121,12 @@ def _grips(scene: Scene) -> None:
     if not math.isclose(travel, 1.0):
         raise ValueError(f"the travel of the two grips must add up to 1, not {travel:g}")
     if not scene.stretches and scene.dynamics is None:
-        raise ValueError("the programme is empty: give stretches, or dynamics")
+        raise ValueError("the program is empty: give stretches, or dynamics")
     if scene.dynamics is not None and scene.dynamics.stretch <= (scene.stretches[-1] if scene.stretches else 1.0):
         raise ValueError("dynamics.stretch must be greater than the last of stretches, where the dynamics start")
 
 
-def _programme(scene: Scene) -> None:
+def _program(scene: Scene) -> None:
     begin = 0.0
     for key, step in _entries(scene, "steps"):
         if step.largest_increment is not None and abs(step.to - begin) > MOST_INCREMENTS * step.largest_increment:

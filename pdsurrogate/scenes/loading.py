@@ -26,7 +26,7 @@ class Prescribed(StrictModel):
     rotation : float, optional
         Angle in degrees by which the region is turned, counter-clockwise seen from where the axis points to.
     about : point, optional
-        Centre of a rotation.
+        Center of a rotation.
     axis : point, optional
         Direction of the axis of a rotation in three dimensions, of any length.
     amplitude : str or table
@@ -145,7 +145,7 @@ class DynamicsSettings(StrictModel):
 
 
 class StepDynamics(DynamicsSettings):
-    """Explicit dynamics during a step of the loading programme; density, damping, viscosity and safety as in `pdsurrogate.scenes.Dynamics`.
+    """Explicit dynamics during a step of the loading program; density, damping, viscosity and safety as in `pdsurrogate.scenes.Dynamics`.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class StepDynamics(DynamicsSettings):
 
 
 class Step(StrictModel):
-    """Step of the loading programme, which moves the loading parameter t from its present value to `to`, in equilibrium or in dynamics.
+    """Step of the loading program, which moves the loading parameter t from its present value to `to`, in equilibrium or in dynamics.
 
     Attributes
     ----------

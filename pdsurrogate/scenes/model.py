@@ -110,7 +110,7 @@ class Part(StrictModel):
     material : MaterialSpec
         ``"rigid"`` for a region that moves as one body.
     force : str, optional
-        Stored force model (artefact) of this material; by default the force model of the rest of the body, or, if that model is a
+        Stored force model (artifact) of this material; by default the force model of the rest of the body, or, if that model is a
         surrogate, the surrogate of this material's law.
 
     Examples
@@ -162,7 +162,11 @@ class Hold(StrictModel):
 class SolverSpec(StrictModel):
     """Settings of the solver for equilibrium: method, tolerance, greatest number of force evaluations and greatest increment."""
 
-    method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
+    # Scene files of earlier versions write "minimiser".
+    method: Annotated[
+        Literal["automatic", "minimizer", "quasi-newton", "relaxation", "explicit"],
+        BeforeValidator(lambda name: "minimizer" if name == "minimiser" else name),
+    ] = "automatic"
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
     most_evaluations: Annotated[Whole, Field(gt=0)] = 50_000
     # Greatest strain of a bond in a first guess: at 1 a bond would vanish.
@@ -190,11 +194,11 @@ class Dynamics(DynamicsSettings):
     Attributes
     ----------
     stretch : float
-        Stretch at the end of the programme, unless the body separates before.
+        Stretch at the end of the program, unless the body separates before.
     stretch_rate : float
         Change of the stretch per unit time.
     outputs : int
-        Number of states recorded, evenly over the programme.
+        Number of states recorded, evenly over the program.
     """
 
     pace: ClassVar[str] = "stretch_rate"
@@ -330,10 +334,10 @@ class Scene(StrictModel):
         Raises
         ------
         SceneError
-            If the scene names no material: only an artefact that brings its own material can run such a scene.
+            If the scene names no material: only an artifact that brings its own material can run such a scene.
         """
         if self.material is None:
-            raise SceneError(f"scene {self.name}: material: none is given; give one, or an artefact as the force, whose material is taken")
+            raise SceneError(f"scene {self.name}: material: none is given; give one, or an artifact as the force, whose material is taken")
         return self.material.build()
 
     @property
@@ -358,8 +362,8 @@ class Scene(StrictModel):
         check_consistency(self)
 
     def __repr__(self) -> str:
-        programme, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
-        count, law = len(programme), "no material" if self.material is None else self.material.law
+        program, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
+        count, law = len(program), "no material" if self.material is None else self.material.law
         told = f"{count} {kind}{'' if count == 1 else 'es' if kind == 'stretch' else 's'}" if count else "dynamics"
         spacing = "" if self.spacing is None else f", spacing {self.units.amount(self.spacing, 'length', 'g')}"
         return f"<Scene {self.name}: {self.body.shape}{spacing}, {law}, {told}>"

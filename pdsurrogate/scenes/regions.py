@@ -35,9 +35,9 @@ RegionName = Annotated[str, AfterValidator(refused(lambda name: not _NAME.fullma
 
 
 class Disc(StrictModel):
-    """Disc: all places within a radius of its centre."""
+    """Disc: all places within a radius of its center."""
 
-    centre: Point
+    center: Point
     radius: Positive
 
 
@@ -49,9 +49,9 @@ class HalfPlane(StrictModel):
 
 
 class Ball(StrictModel):
-    """Ball: all places within a radius of its centre, in three dimensions."""
+    """Ball: all places within a radius of its center, in three dimensions."""
 
-    centre: SpacePoint
+    center: SpacePoint
     radius: Positive
 
 

@@ -82,53 +82,53 @@ class Ellipse(Outline):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.shapes.Ellipse(centre=(0.0, 0.0), semi_axes=(2.0, 1.0)).shape
+    >>> pds.shapes.Ellipse(center=(0.0, 0.0), semi_axes=(2.0, 1.0)).shape
     'ellipse'
     """
 
     shape: Literal["ellipse"] = "ellipse"
     semi_axes: tuple[Positive, Positive]
-    centre: Point = (0.0, 0.0)
+    center: Point = (0.0, 0.0)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        return (((points - np.array(self.centre)) / np.array(self.semi_axes)) ** 2).sum(axis=1) < 1
+        return (((points - np.array(self.center)) / np.array(self.semi_axes)) ** 2).sum(axis=1) < 1
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        centre, reach = np.array(self.centre), np.array(self.semi_axes)
-        return centre - reach, centre + reach
+        center, reach = np.array(self.center), np.array(self.semi_axes)
+        return center - reach, center + reach
 
     def boundary(self, cell: np.ndarray) -> np.ndarray:
-        return _around(np.array(self.centre), np.array(self.semi_axes), cell)
+        return _around(np.array(self.center), np.array(self.semi_axes), cell)
 
 
 class Circle(Outline):
-    """A circle, given by its centre and radius.
+    """A circle, given by its center and radius.
 
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> hole = pds.shapes.Circle(centre=(1.5, 0.5), radius=0.2)
+    >>> hole = pds.shapes.Circle(center=(1.5, 0.5), radius=0.2)
     >>> hole.shape
     'circle'
     """
 
     shape: Literal["circle"] = "circle"
     radius: Positive
-    centre: Point = (0.0, 0.0)
+    center: Point = (0.0, 0.0)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        return ((points - np.array(self.centre)) ** 2).sum(axis=1) < self.radius**2
+        return ((points - np.array(self.center)) ** 2).sum(axis=1) < self.radius**2
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        centre = np.array(self.centre)
-        return centre - self.radius, centre + self.radius
+        center = np.array(self.center)
+        return center - self.radius, center + self.radius
 
     def boundary(self, cell: np.ndarray) -> np.ndarray:
-        return _around(np.array(self.centre), np.full(2, self.radius), cell)
+        return _around(np.array(self.center), np.full(2, self.radius), cell)
 
 
 class Polygon(Outline):
-    """A polygon, given by its vertices in clockwise or anticlockwise order.
+    """A polygon, given by its vertices in clockwise or counterclockwise order.
 
     Examples
     --------
@@ -214,7 +214,7 @@ def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _windings(places: np.ndarray, starts: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Return how often a closed polygon, given by the `starts` and vectors `along` of its sides, winds anticlockwise around each place."""
+    """Return how often a closed polygon, given by the `starts` and vectors `along` of its sides, winds counterclockwise around a place."""
     windings = np.zeros(len(places), dtype=int)
     for start, side in zip(starts, along, strict=True):
         offsets = places - start
@@ -224,7 +224,7 @@ def _windings(places: np.ndarray, starts: np.ndarray, along: np.ndarray) -> np.n
     return windings
 
 
-def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
+def _around(center: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
     """Return nodes around an ellipse, shape (k, 2), symmetric about its axes; the polygon through the nodes has the area of the ellipse.
 
     With nodes on the curve the polygon's area would be too small, by a share of theta^2/6 for an angle of theta between nodes.  The work
@@ -234,7 +234,7 @@ def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.n
     quarter = max(3, math.ceil(math.pi * semi_axes.max() / cell.min()))
     step = math.pi / (2 * quarter)
     angles = step * np.arange(4 * quarter)
-    return centre + math.sqrt(step / math.sin(step)) * semi_axes * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return center + math.sqrt(step / math.sin(step)) * semi_axes * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def with_shape(value: Any) -> Any:

@@ -91,7 +91,7 @@ class Box(Prism):
 
 
 class Round(Prism):
-    """Base of cylinder and tube: a round body along an axis; `base` is the centre of its lower end."""
+    """Base of cylinder and tube: a round body along an axis; `base` is the center of its lower end."""
 
     length: Positive
     axis: Literal["x1", "x2", "x3"] = "x3"
@@ -100,13 +100,13 @@ class Round(Prism):
     def _straight(self, radius: float, *bores: float) -> Straight:
         """Return the circular section and axis of the body with an outer `radius` and concentric holes of the radii `bores`."""
         along = int(self.axis[1:]) - 1
-        centre = self.base[(along + 1) % 3], self.base[(along + 2) % 3]
-        outer, *inner = (Circle(radius=each, centre=centre) for each in (radius, *bores))
+        center = self.base[(along + 1) % 3], self.base[(along + 2) % 3]
+        outer, *inner = (Circle(radius=each, center=center) for each in (radius, *bores))
         return Straight(along, outer, tuple(inner), (self.base[along], self.base[along] + self.length))
 
 
 class Cylinder(Round):
-    """A round cylinder; `base` is the centre of its lower end.
+    """A round cylinder; `base` is the center of its lower end.
 
     Examples
     --------
@@ -124,7 +124,7 @@ class Cylinder(Round):
 
 
 class Tube(Round):
-    """A round tube; `base` is the centre of its lower end.
+    """A round tube; `base` is the center of its lower end.
 
     Examples
     --------
@@ -168,9 +168,9 @@ class Extrusion(Prism):
 
 
 class Sphere(Solid):
-    """A sphere, or its half, quarter or eighth: the part above the centre along x1, along x1 and x2, or along all axes.
+    """A sphere, or its half, quarter or eighth: the part above the center along x1, along x1 and x2, or along all axes.
 
-    The flat faces of a part pass through the centre; held by reflection planes they are planes of symmetry of a whole sphere.
+    The flat faces of a part pass through the center; held by reflection planes they are planes of symmetry of a whole sphere.
 
     Examples
     --------
@@ -181,7 +181,7 @@ class Sphere(Solid):
 
     shape: Literal["sphere"] = "sphere"
     radius: Positive
-    centre: SpacePoint = (0.0, 0.0, 0.0)
+    center: SpacePoint = (0.0, 0.0, 0.0)
     part: Literal["whole", "half", "quarter", "eighth"] = "whole"
 
     @property
@@ -190,14 +190,14 @@ class Sphere(Solid):
         return tuple(range(("whole", "half", "quarter", "eighth").index(self.part)))
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        offsets = points - np.array(self.centre)
+        offsets = points - np.array(self.center)
         return ((offsets**2).sum(axis=1) < self.radius**2) & (offsets[:, self.halved] > 0).all(axis=1)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        centre = np.array(self.centre)
-        lower = centre - self.radius
-        lower[list(self.halved)] = centre[list(self.halved)]
-        return lower, centre + self.radius
+        center = np.array(self.center)
+        lower = center - self.radius
+        lower[list(self.halved)] = center[list(self.halved)]
+        return lower, center + self.radius
 
 
 class FlatCut(StrictModel):
@@ -265,21 +265,21 @@ class DiscCut(FlatCut):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> cut = pds.shapes.DiscCut(centre=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
+    >>> cut = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
     >>> cut.covers([[0.3, 0.0, 1.0], [0.5, 0.0, 1.0]]).tolist()
     [True, False]
     """
 
-    centre: SpacePoint
+    center: SpacePoint
     radius: Positive
     normal: SpaceDirection
 
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
         normal = np.array(self.normal)
-        return np.array(self.centre), normal / np.linalg.norm(normal), self.radius
+        return np.array(self.center), normal / np.linalg.norm(normal), self.radius
 
     def covers(self, places: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(places - np.array(self.centre), axis=1) <= self.radius
+        return np.linalg.norm(places - np.array(self.center), axis=1) <= self.radius
 
 
 def _cut_of(value: Any) -> str:

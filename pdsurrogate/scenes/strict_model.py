@@ -37,6 +37,10 @@ Direction = Annotated[Point, AfterValidator(_not_zero)]
 SpaceDirection = Annotated[SpacePoint, AfterValidator(_not_zero)]
 
 
+BRITISH = {"centre": "center"}
+"""Keys that scene files of earlier versions spell in British English, and the keys that have replaced them."""
+
+
 class Components(tuple):
     """Components of a place, a direction or a force: two in a scene with a body in the plane, three in a scene with a solid."""
 
@@ -65,6 +69,8 @@ class StrictModel(BaseModel, metaclass=_PartType):
     @model_validator(mode="wrap")
     @classmethod
     def _explained(cls, value: Any, read: Callable[[Any], Any]) -> Any:
+        if isinstance(value, Mapping) and not {*BRITISH.values()} & {*value}:
+            value = {BRITISH.get(key, key): inner for key, inner in value.items()}
         try:
             return read(value)
         except ValidationError as error:

@@ -14,7 +14,7 @@ from .loads import AT_REST, Loads
 from .rigid import displaced, moment_of
 
 ONE_SIDED = 0.1
-"""Distance along a reflection plane, divided by the horizon, between a point and the mean position of its neighbours, beyond which the
+"""Distance along a reflection plane, divided by the horizon, between a point and the mean position of its neighbors, beyond which the
 point counts as next to a free side. The distance is 0 for a full horizon, and 0.4 horizons for half of one."""
 
 ON_A_PLANE = 1e-6
@@ -215,12 +215,12 @@ class Loading:
     def _beside_free_side(self, point: int, axis: int) -> bool:
         """Return whether a point lies next to a side of the body parallel to `axis`.
 
-        The mean position of its neighbours is then shifted, normal to `axis`, by more than `ONE_SIDED` horizons from the point.
+        The mean position of its neighbors is then shifted, normal to `axis`, by more than `ONE_SIDED` horizons from the point.
         """
         bonds = self.body.bonds
-        neighbours = bonds.neighbours[bonds.pointers[point] : bonds.pointers[point + 1]]
-        arms = self.body.all_points[neighbours] - self.body.points[point]
-        middle = np.average(arms, axis=0, weights=self.body.all_volumes[neighbours])
+        neighbors = bonds.neighbors[bonds.pointers[point] : bonds.pointers[point + 1]]
+        arms = self.body.all_points[neighbors] - self.body.points[point]
+        middle = np.average(arms, axis=0, weights=self.body.all_volumes[neighbors])
         return bool(np.linalg.norm(np.delete(middle, axis)) > ONE_SIDED * self.body.horizon)
 
     def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:

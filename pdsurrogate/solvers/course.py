@@ -225,7 +225,7 @@ class Paths:
         return bool(least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus))
 
     def response(self, displacements: np.ndarray) -> np.ndarray:
-        """Return the displacements (n, d) of the body, modelled as a network of springs, for displacements (n, d) of held components."""
+        """Return the displacements (n, d) of the body, modeled as a network of springs, for displacements (n, d) of held components."""
         return self._extend(displacements, np.zeros((len(self._loading.planes), self.body.dimension)))
 
     @cached_property

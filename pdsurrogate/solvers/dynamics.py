@@ -172,7 +172,7 @@ class ExplicitDynamics:
             self._loads.forces(self.positions, self._loaded.thickness(), self._applied)
             self.forces += self._applied
 
-    def centre(self) -> None:
+    def center(self) -> None:
         """Shift the velocities in time from the present positions back by half a step, as central differences need them."""
         self.velocities += self._half_step_of(-self.forces)
 

@@ -101,7 +101,7 @@ class Pressure:
         self._middle = Following.mean([first, *others])
         self._sides = [other - first for other in others]
         self._spread = self._middle.T
-        # Enclosed volumes are measured about a place within the body, which minimises rounding errors.
+        # Enclosed volumes are measured about a place within the body, which minimizes rounding errors.
         self._origin = surface.nodes.mean(axis=0)
         start = surface.nodes[surface.facets[facets]] - self._origin
         self._enclosed_at_rest = _enclosed(start.mean(axis=1), [start[:, end] - start[:, 0] for end in range(1, start.shape[1])])

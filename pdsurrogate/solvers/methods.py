@@ -136,8 +136,8 @@ class QuasiNewton(EquilibriumSolver):
         return q
 
 
-class EnergyMinimiser(QuasiNewton):
-    """Minimisation of the energy for equilibrium: preconditioned L-BFGS, with steps that lower the energy.
+class EnergyMinimizer(QuasiNewton):
+    """Minimization of the energy for equilibrium: preconditioned L-BFGS, with steps that lower the energy.
 
     A step is accepted if the energy falls enough or, if its change is lost in rounding, by a condition on the slope along the step.
 
@@ -146,7 +146,7 @@ class EnergyMinimiser(QuasiNewton):
     Nocedal, Math. Comput. 35 (1980) 773-782; Hager and Zhang, SIAM J. Optim. 16 (2005) 170-192 (the second condition).
     """
 
-    name = "minimiser"
+    name = "minimizer"
     NO_STEP = "no step along the direction of descent brings the energy down"
     needs_energy = True
 
@@ -160,7 +160,7 @@ class EnergyMinimiser(QuasiNewton):
     def _criterion(self, force, step, forces):
         slope, before = -self.share.dot(forces, step), self._energy(force)
         if slope >= 0:
-            # Rounding has spoilt the curvature that was gathered: the preconditioned force itself is downhill.
+            # Rounding has spoiled the curvature that was gathered: the preconditioned force itself is downhill.
             step[:] = self.preconditioner(force).solve(forces) * self.free
             self._bound(force, step)
             slope = -self.share.dot(forces, step)
@@ -288,10 +288,10 @@ class DampedExplicit(SteppingSolver):
 
 
 class Automatic(EquilibriumSolver):
-    """Solver that chooses energy minimisation for nearly incompressible bodies, else quasi-Newton, and dynamic relaxation if that fails.
+    """Solver that chooses energy minimization for nearly incompressible bodies, else quasi-Newton, and dynamic relaxation if that fails.
 
     In nearly incompressible bodies a little shear corrects a change of volume. Steps of the quasi-Newton method, whose preconditioner then
-    contains the bulk modulus, are long compared with it, and the energy, if the force has one, limits them. Bodies whose factorisation
+    contains the bulk modulus, are long compared with it, and the energy, if the force has one, limits them. Bodies whose factorization
     would exceed memory are relaxed from the outset. A faster method that has failed on a body is not tried there again (see `gave_up`).
     """
 
@@ -314,9 +314,9 @@ class Automatic(EquilibriumSolver):
         return self._method(force).preconditioner(force)
 
     def _method(self, force) -> EquilibriumSolver:
-        """Return the solver to try first on a force: the energy minimiser or the quasi-Newton method, made on first use."""
+        """Return the solver to try first on a force: the energy minimizer or the quasi-Newton method, made on first use."""
         if self._quick is None:
-            self._quick = (EnergyMinimiser if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
+            self._quick = (EnergyMinimizer if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
             self.gave_up |= not force.nearly_incompressible and self.share.total(len(self.volumes)) > self.MOST_POINTS
         return self._quick
 
@@ -337,5 +337,5 @@ class Automatic(EquilibriumSolver):
         return replace(found, evaluations=force.evaluations - began)
 
 
-SOLVERS = {solver.name: solver for solver in (Automatic, EnergyMinimiser, QuasiNewton, DynamicRelaxation, DampedExplicit)}
+SOLVERS = {solver.name: solver for solver in (Automatic, EnergyMinimizer, QuasiNewton, DynamicRelaxation, DampedExplicit)}
 """Classes of the solvers for equilibrium, by the names that a scene gives them."""

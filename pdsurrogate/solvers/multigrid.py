@@ -16,16 +16,16 @@ InnerProduct = Callable[[np.ndarray, np.ndarray], float]
 
 COARSENING = 3
 """Mean distance of points on a multigrid level, divided by that on the next finer level, along each axis. Three is usual for smoothed
-aggregation (Vanek, Mandel, Brezina 1996): smoothed boxes then overlap their neighbours only, and the matrices of all levels together have
+aggregation (Vanek, Mandel, Brezina 1996): smoothed boxes then overlap their neighbors only, and the matrices of all levels together have
 few more entries than the first."""
 
 FEW = 1_500
-"""Greatest number of unknowns of a multigrid level that is factorised instead of coarsened further. Chosen: such a factor takes
+"""Greatest number of unknowns of a multigrid level that is factorized instead of coarsened further. Chosen: such a factor takes
 18 MB at most, even if it fills in completely."""
 
 
 def factor_of(matrix: sparse.sparray):
-    """Return the sparse factorisation, without pivoting, of a symmetric positive definite matrix: an object with a method `solve`."""
+    """Return the sparse factorization, without pivoting, of a symmetric positive definite matrix: an object with a method `solve`."""
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
@@ -42,7 +42,7 @@ class Multigrid:
         Symmetric and positive definite; only bonds to images may have positive off-diagonal entries.
     points : ndarray, shape (n, d)
     spacing : float
-        Mean distance of neighbouring points.
+        Mean distance of neighboring points.
     free : ndarray of bool, shape (n,)
         False for held points, whose rows of the matrix have no off-diagonal entries.
     width : int

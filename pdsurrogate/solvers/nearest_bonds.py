@@ -18,7 +18,7 @@ from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a plane grid, and about as many off a grid.
 
-With the diagonal bonds too, a factorisation has four times the entries and costs four times as much, for a tenth fewer steps.
+With the diagonal bonds too, a factorization has four times the entries and costs four times as much, for a tenth fewer steps.
 """
 
 ELONGATION = 6.0
@@ -31,12 +31,12 @@ SHEAR_SHARE = 1 / 3
 square grid has no stiffness against shear; with equal ones it is a Laplacian, which does not couple the components."""
 
 SHIFT = 1e-6
-"""Fraction of the mean diagonal entry of a stiffness matrix that is added to its diagonal, so that the matrix can be factorised even if the
+"""Fraction of the mean diagonal entry of a stiffness matrix that is added to its diagonal, so that the matrix can be factorized even if the
 body can drift. Chosen: ten digits above rounding; the slowest mode of a sheet a thousand points across, held all around, becomes some 20 %
 stiffer, which does not harm a preconditioner."""
 
-MOST_FACTORISED = {2: 300_000, 3: 5_000}
-"""Greatest number of points, by dimension, for which a Laplacian is factorised; multigrid replaces larger factors, which fill in. Chosen:
+MOST_FACTORIZED = {2: 300_000, 3: 5_000}
+"""Greatest number of points, by dimension, for which a Laplacian is factorized; multigrid replaces larger factors, which fill in. Chosen:
 entries grow as n log n in the plane, and as n^(4/3) in three dimensions."""
 
 RAISED = 4 / 3
@@ -235,10 +235,10 @@ def drift_remover(body: Body, free: np.ndarray) -> Operator:
 
 
 def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
-    """Return the inverse of the stiffness of a network in one process: a factorisation or, for a large Laplacian, a multigrid cycle.
+    """Return the inverse of the stiffness of a network in one process: a factorization or, for a large Laplacian, a multigrid cycle.
 
     In smooth, long-wave displacements the ratio of the network's stiffness to that of the true tangent does not grow with the number of
-    points. The factorisation takes seconds for 10^5 points.
+    points. The factorization takes seconds for 10^5 points.
     """
     body, inverses = network.body, []
     balanced = drift_remover(body, free)
@@ -246,7 +246,7 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
         count = matrix.shape[0]
         column = free[:, components].reshape(count, -1)[:, 0]
         system = held_matrix(matrix, column)
-        if count == len(body) > MOST_FACTORISED[body.dimension]:
+        if count == len(body) > MOST_FACTORIZED[body.dimension]:
             inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components)).cycle
         else:
             inverse = factor_of(system).solve
@@ -294,7 +294,7 @@ def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarr
     """
     body, share, (n, d) = network.body, network.body.share, around.shape
     middle = np.stack(share.everywhere(body.points[share.own].mean(axis=0)))[share.owners]
-    # All ranks use the same unit, since each forms the motions of its neighbours as well.
+    # All ranks use the same unit, since each forms the motions of its neighbors as well.
     functions = np.column_stack([np.ones(n), (body.points - middle) / body.extent])
     motions = np.zeros((d, d + 1, n, d))
     for axis in range(d):

@@ -48,7 +48,7 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
 def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Callable[..., np.ndarray]:
     """Return a function that extends displacements of held components to the whole body, as through a network of springs.
 
-    In three dimensions the network is `laplacian_of` the body, since a factorisation of all components would need too much memory.
+    In three dimensions the network is `laplacian_of` the body, since a factorization of all components would need too much memory.
 
     Parameters
     ----------
@@ -87,11 +87,11 @@ def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Precond
     Parameters
     ----------
     force : InternalForce
-        Force with a linearised dilatation.
+        Force with a linearized dilatation.
     laplacian : callable
         Exact or approximate inverse of A: a fixed operator, symmetric and positive definite.
     """
-    share, dilatation = force.body.share, force.linearised_dilatation()
+    share, dilatation = force.body.share, force.linearized_dilatation()
     compliance, unit = force.law.shear_modulus / force.law.bulk_modulus, force.law.shear_modulus * force.body.volumes
     inverse = dilatation.polynomial(_inverse_polynomial(compliance))
 

@@ -25,7 +25,7 @@ between rounding, 1e-16, and the value of two points a thousandth of the region 
 
 
 TURNS = {2: ((0, 1),), 3: ((1, 2), (2, 0), (0, 1))}
-"""Rotations of a body, by dimension: each as the axes (a, b) of a turn from a towards b."""
+"""Rotations of a body, by dimension: each as the axes (a, b) of a turn from a toward b."""
 
 
 def displaced(motions: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -37,7 +37,7 @@ def displaced(motions: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def rigid_motions(arms: np.ndarray) -> np.ndarray:
-    """Return the displacements, shape (k, d, motions), in each infinitesimal rigid motion, of places at `arms` (k, d) from the centre.
+    """Return the displacements, shape (k, d, motions), in each infinitesimal rigid motion, of places at `arms` (k, d) from the center.
 
     The motions are d translations along the axes, and then the rotations `TURNS` by a unit angle.
     """
@@ -137,12 +137,12 @@ class RigidRegion:
     def motions(self, placed: np.ndarray) -> np.ndarray:
         """Return the displacements, shape (k, d, motions), of the region's points at places (k, d) in each linear rigid motion.
 
-        The motions are unit translations, then rotations about the centre of volume by the angle 1/`size`.
+        The motions are unit translations, then rotations about the center of volume by the angle 1/`size`.
         """
         return rigid_motions((placed - self._volumes @ placed / self._volumes.sum()) / self.size)
 
     def _placement(self, placed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the centre of volume (d,) and the rotation (d, d) of the region, from the places (k, d) of its points."""
+        """Return the center of volume (d,) and the rotation (d, d) of the region, from the places (k, d) of its points."""
         middle = self._volumes @ placed / self._volumes.sum()
         return middle, nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
 
@@ -154,7 +154,7 @@ class RigidRegion:
     def describe(self, positions: np.ndarray, forces: np.ndarray) -> dict:
         """Return, for results, the total force and moment about the origin of forces (n, d) on the region, and how the region has moved.
 
-        The displacement is that of the centre of volume; the rotation is in degrees, in three dimensions a rotation vector.
+        The displacement is that of the center of volume; the rotation is in degrees, in three dimensions a rotation vector.
         """
         placed, forces = positions[self.points], forces[self.points]
         middle, turn = self._placement(placed)
@@ -166,7 +166,7 @@ class RigidRegion:
         }
 
     def resultant(self, forces: np.ndarray) -> np.ndarray:
-        """Return the resultant of forces (k, d) on the region's points: force, and moment about the centre of volume divided by `size`."""
+        """Return the resultant of forces (k, d) on the region's points: force, and moment about the center of volume divided by `size`."""
         return np.einsum("kdm,kd->m", self._motions, forces)
 
     def expand(self, motion: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Highest frequency of a discretised body, which limits explicit time steps, and checks of equilibria for stability and continuity."""
+"""Highest frequency of a discretized body, which limits explicit time steps, and checks of equilibria for stability and continuity."""
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal

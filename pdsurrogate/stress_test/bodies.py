@@ -9,7 +9,7 @@ from ..body import Body, ReflectionPlane, grid
 from ..scenes.model import USUAL
 
 SPACING = 0.1
-"""Distance of neighbouring points in the small bodies; lengths here have no unit."""
+"""Distance of neighboring points in the small bodies; lengths here have no unit."""
 
 HORIZONS = USUAL["horizon_ratio"]
 """Horizon of the small bodies in spacings, by dimension: 3.15 (the paper's) in the plane, 1.75 (26 bonds at a point) in three
@@ -17,7 +17,7 @@ dimensions."""
 
 
 def lattice(*sides: float) -> np.ndarray:
-    """Return cell-centred points 0.1 apart, shape (n, d), in a box with one corner at the origin and given sides; x1 varies fastest."""
+    """Return cell-centered points 0.1 apart, shape (n, d), in a box with one corner at the origin and given sides; x1 varies fastest."""
     return grid((0,) * len(sides), sides, SPACING)
 
 

@@ -28,12 +28,12 @@ PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
 apply to the model."""
 
 WEAKNESSES = {
-    "zero-energy modes": "points move against their neighbours at almost no energy: the force sees deformation gradients only (Eq. (10))",
+    "zero-energy modes": "points move against their neighbors at almost no energy: the force sees deformation gradients only (Eq. (10))",
     "not conservative": "it is not the gradient of an energy (section 10): undamped motion gains energy; add damping, or use an energy",
     "moments": "pair forces across their bonds conserve linear momentum exactly, angular momentum to second order in the spacing",
     "force at rest": "the fit does not vanish at rest and leaves a force on a body that is only rotated",
     "weights do not add up": "the weights (13) of BA-NOSB do not add up to the volume of the horizon: mean stresses are 6 % off",
-    "no transverse stress": "the paper's features do not give T_mm: the scalar correction (24) leaves errors of per cents at edges",
+    "no transverse stress": "the paper's features do not give T_mm: the scalar correction (24) leaves errors of percents at edges",
     "cut horizons": "where a surface cuts all horizons, in thin bars, corrections stiffen bending; take more points, or an energy model",
     "loses stability": "the tangent of a homogeneous state has a direction without resistance, where that of the material has none",
     "stiff contrasts": "soft points near much stiffer ones become too stiff; use an energy model, or material = 'rigid'",
@@ -196,7 +196,7 @@ class Subject:
 
     @cached_property
     def law(self) -> Law:
-        """Material in which the model is tested: the law on an artefact's card, or Neo-Hookean with K = 100 mu for built-in models."""
+        """Material in which the model is tested: the law on an artifact's card, or Neo-Hookean with K = 100 mu for built-in models."""
         return NeoHookean() if self.reference in FORCES else law_of(load_card(self.reference))
 
     def sized(self, plane: Any, space: Any) -> Any:
@@ -234,8 +234,8 @@ class Subject:
         return (model or self.model).bind(body, law or self.law, settings)
 
     def takes(self, setting: str) -> tuple:
-        """Return the values of a force setting (such as "precision") that the model declares to honour; empty for an unused setting."""
-        return self.model.honoured(self.plane).get(setting, ())
+        """Return the values of a force setting (such as "precision") that the model declares to honor; empty for an unused setting."""
+        return self.model.honored(self.plane).get(setting, ())
 
     def describes(self, law: Law) -> bool:
         """Return whether the model can be used for a material law."""

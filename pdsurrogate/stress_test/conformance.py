@@ -1,7 +1,7 @@
 """Properties required of every force model, and the table `TABLE` of the tested models with the properties that they lack.
 
 The tests run every property on every row of the table, and ``pdsurrogate stress-test`` reports the results. A new force model, registered
-in `pdsurrogate.forces.FORCES` or stored as an artefact, is added by one line of `TABLE`::
+in `pdsurrogate.forces.FORCES` or stored as an artifact, is added by one line of `TABLE`::
 
     Row("yeoh", MOMENTS),
 
@@ -133,23 +133,31 @@ def _settled(force: InternalForce, positions: np.ndarray) -> np.ndarray:
 
 
 @cache
-def _bound(subject: Subject, change: str = "none", unit_of_length: float = 1.0, unit_of_stress: float = 1.0) -> InternalForce:
-    """Return the force of a subject on the `notched` body, or on this body mirrored, renumbered or in other units; bound once."""
+def _on_notched(subject: Subject) -> InternalForce:
+    """Return the force of a subject on the `notched` body."""
+    return subject.bind(notched(subject.dimension))
+
+
+@cache
+def _mirrored(subject: Subject) -> InternalForce:
+    """Return the force of a subject on the mirrored `notched` body."""
+    return subject.bind(of_points(notched(subject.dimension).points * MIRROR[: subject.dimension]))
+
+
+@cache
+def _renumbered(subject: Subject) -> tuple[InternalForce, np.ndarray]:
+    """Return the force of a subject on the `notched` body with its points renumbered, and their former numbers in the new order."""
+    points = notched(subject.dimension).points
+    order = np.random.default_rng(20240109).permutation(len(points))
+    return subject.bind(of_points(points[order])), order
+
+
+@cache
+def _in_other_units(subject: Subject, length: float, stress: float) -> InternalForce:
+    """Return the force of a subject on the `notched` body with lengths and stresses multiplied by factors."""
     body = notched(subject.dimension)
-    if change == "mirrored":
-        body = of_points(body.points * MIRROR[: subject.dimension])
-    elif change == "renumbered":
-        body = of_points(body.points[_other_order(len(body))])
-    elif change == "units":
-        volumes = unit_of_length**subject.dimension * body.volumes
-        body = Body(unit_of_length * body.points, volumes, unit_of_length * body.horizon, unit_of_length * body.spacing)
-        return subject.bind(body, subject.law.scaled(unit_of_stress))
-    return subject.bind(body)
-
-
-def _other_order(n: int) -> np.ndarray:
-    """Return a permutation of n points, the same in every call."""
-    return np.random.default_rng(20240109).permutation(n)
+    scaled = Body(length * body.points, length**subject.dimension * body.volumes, length * body.horizon, length * body.spacing)
+    return subject.bind(scaled, subject.law.scaled(stress))
 
 
 def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Callable], Case]:
@@ -163,7 +171,7 @@ def drawn(title: str, asked: str, limit: float, weakness: str) -> Callable[[Call
     def declare(function: Callable[[Subject, InternalForce, np.ndarray], float | list[float]]) -> Case:
         @wraps(function)
         def measure(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-            force = _bound(subject)
+            force = _on_notched(subject)
             errors = [np.max(function(subject, force, deformation(force.body.points))) for deformation in deformations]
             return Outcome.below(np.max(errors), limit, weakness)
 
@@ -218,7 +226,7 @@ def mirror(subject, force, positions):
     """Return the relative difference of the forces on a mirrored body and the mirrored forces on the original; the limit is 1e-9."""
     across = MIRROR[: subject.dimension]
     expected = _settled(force, positions) * across
-    return np.abs(_settled(_bound(subject, "mirrored"), positions * across) - expected).max() / _scale(force, expected)
+    return np.abs(_settled(_mirrored(subject), positions * across) - expected).max() / _scale(force, expected)
 
 
 @drawn("linear momentum", "sum of all forces below 1e-12 of their sizes", 1e-12, "accuracy")
@@ -250,8 +258,8 @@ def order_of_points(subject, force, positions):
 
     Rounding is 1e-16 for each of some thirty bonds, multiplied by K/mu where the large volumetric parts of the bond forces cancel.
     """
-    order, expected = _other_order(len(force.body)), _settled(force, positions)
-    return np.abs(_settled(_bound(subject, "renumbered"), positions[order]) - expected[order]).max() / _scale(force, expected)
+    (renumbered, order), expected = _renumbered(subject), _settled(force, positions)
+    return np.abs(_settled(renumbered, positions[order]) - expected[order]).max() / _scale(force, expected)
 
 
 @drawn("units of length and stress", "the same forces, 1e-9", 1e-9, "accuracy")
@@ -262,7 +270,7 @@ def units(subject, force, positions):
     """
     d, expected, errors = subject.dimension, _settled(force, positions), []
     for length, stress in ((1e-9, 1e9), (1e9, 1e-9)):
-        other = _bound(subject, "units", length, stress)
+        other = _in_other_units(subject, length, stress)
         found = _settled(other, length * positions) / (length ** (d - 1) * stress)
         errors.append(np.abs(found - expected).max() / _scale(force, expected))
     return errors
@@ -275,14 +283,14 @@ GRADIENTS = (
     np.array([[0.85, 0.1], [0.0, 0.9]]),
 )
 """In-plane deformation gradients of `homogeneous_stress`: tension, shear, a rotated state and compression, all within the domain of every
-shipped artefact."""
+shipped artifact."""
 
 
 @case("homogeneous deformation", "mean stress as exact as the model states")
 def homogeneous_stress(subject: Subject) -> Outcome:
     """Test the mean stress against the law's exact stress in four homogeneous states of three bodies with different weight functions.
 
-    An exact force gives the stress of the law, at the boundary too, except for rounding: 1e-13 multiplied by K/mu. For an artefact its card
+    An exact force gives the stress of the law, at the boundary too, except for rounding: 1e-13 multiplied by K/mu. For an artifact its card
     bounds the error: the stress P is twice the mean of (bond force t) (x) (bond direction n) over all directions, so its error is at most
     twice the greatest error of a bond force, which the card states for the strain of the state. A model without T_mm, the stress across a
     bond, also has errors at edges, where forces are corrected by a scalar: it is compared with the exact force under this correction. The
@@ -310,7 +318,7 @@ def _extended(F: np.ndarray) -> np.ndarray:
 
 
 def _stated_error(subject: Subject, F: np.ndarray) -> float:
-    """Return the bound of the relative stress error at a deformation gradient F from the card of an artefact; 0 for built-in models.
+    """Return the bound of the relative stress error at a deformation gradient F from the card of an artifact; 0 for built-in models.
 
     The bound is twice the greatest error of a bond force that the card states for the strain of F.
     """
@@ -491,13 +499,13 @@ IN_WORDS = {"breakable": "bonds that break"}
 """Text by which error messages name a force setting, where it is not the name of the setting itself."""
 
 
-@case("settings that a model cannot honour", "refused by name")
+@case("settings that a model cannot honor", "refused by name")
 def settings_refused(subject: Subject) -> Outcome:
     """Test that the model accepts exactly the values of force settings that it declares, and refuses others with the name of the setting.
 
     A value that is accepted, differs from the default and changes neither the forces nor the number of warnings counts as ignored.
     """
-    wrong, declared = [], subject.model.honoured(subject.plane)
+    wrong, declared = [], subject.model.honored(subject.plane)
     for key, values in SETTINGS.items():
         usual, stated, taken = _settings_outcome(subject, key, None), getattr(_bind_with(subject, key, None), key, None), {}
         for value in values:
@@ -552,7 +560,7 @@ NO_REST = dict.fromkeys(("small_loads", "force_balance", "scale_of_units"), Depa
 """Departures of a force model with which a clamped block under a load does not converge to equilibrium."""
 
 BA_NOSB = MOMENTS | {
-    # The error depends on the weights only, not on the state: 6 per cent on sheets that are ten points wide.
+    # The error depends on the weights only, not on the state: 6 percent on sheets that are ten points wide.
     "homogeneous_stress": Departure("weights do not add up", 0.07),
     # The response precedes the last step of J3, which is below 1e-8; its effect is multiplied by K/mu.
     "another_start": Departure("last step of J3", 1e-6),

@@ -1,4 +1,4 @@
-"""Hard cases with large deformations of small bodies, and with difficult discretisations, against exact solutions and finite elements.
+"""Hard cases with large deformations of small bodies, and with difficult discretizations, against exact solutions and finite elements.
 
 The difficult bodies have jittered points, points of irregular meshes, short or long horizons, points on a single bond or on none, a bond
 folded back by 180 degrees, or a notch.
@@ -14,7 +14,7 @@ from scipy.integrate import fixed_quad, simpson
 from scipy.spatial.transform import Rotation
 
 from ..body import Body, ReflectionPlane
-from ..forces import FORCES, ForceSurrogate, InternalForce, InvalidState, LearntEnergy
+from ..forces import FORCES, ForceSurrogate, InternalForce, InvalidState, LearnedEnergy
 from ..materials import Gent, Law, NeoHookean, homogeneous
 from ..results import Result
 from ..scenes import load_scene
@@ -146,7 +146,7 @@ def chain_limit(subject: Subject) -> Outcome:
     """Test Gent's law in uniaxial tension: the stress at 99 % and 102 % of its limit, and a clear error far beyond.
 
     The limit is the greatest I1bar - 3 of the law, about the square of the stretch. The two test stretches are those at which I1bar - 3 of
-    an incompressible body is 99 % and 102 % of the limit. A slightly compressible body can exceed the limit by a few per cent because
+    an incompressible body is 99 % and 102 % of the limit. A slightly compressible body can exceed the limit by a few percent because
     its volume grows. At twice the stretch of 99 % no solution exists, and the error must say where and why.
     """
     law = subject.law if isinstance(subject.law, Gent) else Gent(subject.law.shear_modulus, 100 * subject.law.shear_modulus, 30.0)
@@ -199,7 +199,7 @@ def bonded_faces(subject: Subject) -> Outcome:
     """Test the force on a cube between bonded plates at stretches 1.5 and 0.9, and 1.5 at K = 1000 mu; the greatest error counts.
 
     Neo-Hookean rubber is compared with finite elements, within 2 %: the simulated eighth of the cube, with six points a side, has a
-    discretisation error of 1 %. A surrogate of another law is compared with `bond-energy` on the same points, within 0.1 %.
+    discretization error of 1 %. A surrogate of another law is compared with `bond-energy` on the same points, within 0.1 %.
     """
     errors, ours = {}, isinstance(subject.law, NeoHookean)
     rollers = [{"region": "bottom", "x2": 0.0}, {"region": "back", "x3": 0.0}]
@@ -225,7 +225,7 @@ def torsion(subject: Subject) -> Outcome:
     """Test the torque of a cylinder twisted between bonded faces by 10 and 180 degrees, against Rivlin's exact solution.
 
     In an incompressible cylinder of any law, the shear at radius r is r times the twist per length, and plane sections stay plane: the
-    torque is 2 pi times the integral of (shear stress) r^2 dr, and K = 100 mu changes it by tenths of a per cent. With eight points across,
+    torque is 2 pi times the integral of (shear stress) r^2 dr, and K = 100 mu changes it by tenths of a percent. With eight points across,
     those at the surface lack half of their horizons and the torque is some 9 % low at any angle: it must be within a tenth, and its error
     must change by no more than 2 %.
     """
@@ -275,11 +275,11 @@ def beyond_the_domain(subject: Subject) -> Outcome:
     """Test a path from rest to twice the greatest stretch of a surrogate's domain: exact forces at its end, and conservation of energy.
 
     If the law has no state at twice the greatest stretch, the path ends at 1.5 or 1.2 times this stretch. At the end the forces must be
-    exact. Outside the domain the exact energy replaces a learnt energy: the work on the path, by Gauss's rule on 200 intervals, must equal
+    exact. Outside the domain the exact energy replaces a learned energy: the work on the path, by Gauss's rule on 200 intervals, must equal
     the stored energy to 1e-7, which a jump by the error of the fit would exceed.
     """
     model = subject.model
-    required(isinstance(model, ForceSurrogate | LearntEnergy) and model.domain is not None, "holds everywhere")
+    required(isinstance(model, ForceSurrogate | LearnedEnergy) and model.domain is not None, "holds everywhere")
     body = subject.body(8, 5)
     force = subject.bind(body)
     correction = None if force.has_energy else force.correction
@@ -373,10 +373,10 @@ def loose_points(subject: Subject) -> Outcome:
 
 @case("bond folded back through 180 degrees", "pushed back all the way, and back to rest, or a clear stop", failing="does not converge")
 def folded_bond(subject: Subject) -> Outcome:
-    """Test a point pushed through its neighbour to the far side, by 2 spacings, which folds the bond between them back by 180 degrees.
+    """Test a point pushed through its neighbor to the far side, by 2 spacings, which folds the bond between them back by 180 degrees.
 
     On the way the force must push the point back, or the evaluation must stop and say where. Then the point is released at 1.2 spacings,
-    just beyond its neighbour: the body must return to rest within a thousandth of a spacing, well above the solver's tolerance in
+    just beyond its neighbor: the body must return to rest within a thousandth of a spacing, well above the solver's tolerance in
     positions, or stop clearly.
     """
     body = subject.body(*CELLS)

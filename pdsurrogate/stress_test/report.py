@@ -22,12 +22,12 @@ BODIES = {"stress": "sheets under plane stress", "space": "solids"}
 
 
 def all_models(plane: str = "stress") -> list[str]:
-    """Return the names of all force models that support a plane ("stress", "strain" or "space"): built-in models, then artefacts.
+    """Return the names of all force models that support a plane ("stress", "strain" or "space"): built-in models, then artifacts.
 
-    An artefact without a version stands for its newest version.
+    An artifact without a version stands for its newest version.
     """
     found = dict.fromkeys(folder.parent.name for folder in list_artifacts())
-    return [name for name in (*FORCES, *found) if plane in load_surrogate(name).honours["plane"]]
+    return [name for name in (*FORCES, *found) if plane in load_surrogate(name).honors["plane"]]
 
 
 def stress_test(
@@ -69,7 +69,7 @@ def stress_test(
     planes, subjects = list(planes), []
     for reference in references or dict.fromkeys(name for plane in planes for name in all_models(plane)):
         progress(0, 1, f"reading {reference}")
-        taken = load_surrogate(reference).honours["plane"]
+        taken = load_surrogate(reference).honors["plane"]
         found = [Subject(reference, quick, plane) for plane in planes if plane in taken]
         if not found:
             asked = " or ".join(BODIES[plane] for plane in planes)

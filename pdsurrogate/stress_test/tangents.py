@@ -21,7 +21,7 @@ up to eight in three dimensions, where the body is narrow on both sides; zero-en
 
 CELLS = 12, 7
 """Points a side of the bodies whose tangents are computed, in the plane and in three dimensions. Chosen: some points in the middle have
-full horizons, and so have their neighbours; the dense tangent of more points takes longer."""
+full horizons, and so have their neighbors; the dense tangent of more points takes longer."""
 
 
 class Tangent(NamedTuple):
@@ -99,7 +99,7 @@ def share_of_rest(subject: Subject, F: np.ndarray) -> float:
 
     The undeformed material has the stiffness mu. The least stiffness is the least eigenvalue of the symmetric part of the acoustic tensor
     Q, Q a = dP(F + h a n^T)/dh n at h = 0, with the first Piola-Kirchhoff stress P, over the directions n from a point of a square or cubic
-    lattice to the adjacent points, along diagonals too. No discretisation is stiffer than its material: Neo-Hookean rubber has at least mu
+    lattice to the adjacent points, along diagonals too. No discretization is stiffer than its material: Neo-Hookean rubber has at least mu
     in every state, softening rubber has less.
     """
     d, probe, least = len(F), 1e-5, 1.0

@@ -18,7 +18,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from .. import artifacts
 from ..arguments import check_whole_number
-from ..discretisation import check_size
+from ..discretization import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
 from ..problem.materials import checked_models
@@ -32,7 +32,7 @@ from ..scenes.reading import apply_change
 from .description import FORCE, Fit, Study, scene_of
 
 SURROGATE = ("fitted", "1")
-"""Name and version of the artefact that a fit leaves in its folder."""
+"""Name and version of the artifact that a fit leaves in its folder."""
 
 OUTCOME = "outcome.json"
 """File that is written last in the folder of a run and marks it as done."""
@@ -56,7 +56,7 @@ class SceneTask:
     ----------
     scene : Scene
     force : str or None
-        Name of the force model, for an artefact with its version (or its absolute path if it cannot be found by name); None for the default
+        Name of the force model, for an artifact with its version (or its absolute path if it cannot be found by name); None for the default
         force.
     digest : str
         Digest of everything that the result depends on: the scene, the force models and the mesh.
@@ -128,7 +128,7 @@ class FitTask:
         folds = card.training["cross_validation"]
         summary = {
             "material": law.describe(),
-            "artefact": "/".join(SURROGATE),
+            "artifact": "/".join(SURROGATE),
             **card.errors["box"],
             "outcome": card.training["outcome"],
             "cross_validation": folds,
@@ -167,7 +167,7 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
         raise SceneError(f"force: must be the name or path of a force model, not {force!r}")
     scene, model = artifacts.with_material(scene, force)
     if force not in FORCES:
-        # The name with its present version; an artefact that cannot be found by name is given by its whole path.
+        # The name with its present version; an artifact that cannot be found by name is given by its whole path.
         named, which = artifacts.find_artifact(force), artifacts.parted(force)[1]
         name, force = f"{named.parent.name}@{named.name}", str(named.resolve())
         with suppress(artifacts.ArtifactError):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..arguments import check_seconds
-from ..discretisation import memory_here
+from ..discretization import memory_here
 from ..ranks import communicator
 from ..results import figures
 from ..results.files import check_writable, remove_leftovers, write_json, write_text

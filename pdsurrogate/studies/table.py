@@ -43,7 +43,7 @@ KEYS_OF_LEVELS = (
 )
 KEYS_OF_CRACKS = ("start", "peak", "tips", "broken_bonds", "failed_points", "through")
 KEYS_OF_FITS = (
-    *("material", "artefact", "stretch_range", "n_samples", "random_state", "on_surface", "off_surface", "by_strain", "at_rest"),
+    *("material", "artifact", "stretch_range", "n_samples", "random_state", "on_surface", "off_surface", "by_strain", "at_rest"),
     *("least_slope", "least_slope_exact", "least_acoustic", "least_acoustic_exact", "least_curvature", "least_curvature_exact"),
     *("shear_modulus", "outcome", "cross_validation", "cross_validated_rms", "seconds_total"),
 )
@@ -54,7 +54,7 @@ RUN, FAILURE = "run", "failure"
 """Names of the first and last column: the name of the run's folder, and the reason of its failure."""
 
 UNITS = {
-    "length": "spacing|cell_size|horizon|(greatest_)?lateral_displacement|displacements?|(.*_)?radius|semi_axes|size|length|centre|lower",
+    "length": "spacing|cell_size|horizon|(greatest_)?lateral_displacement|displacements?|(.*_)?radius|semi_axes|size|length|center|lower",
     "stress": "(peak_)?nominal_stress(_work_conjugate)?|stress|(shear|bulk)_modulus|traction|pressure",
     "force": "forces",
     "energy": "moments|(kinetic_)?energy|energy_put_in",

@@ -1,4 +1,4 @@
-"""Artefacts: what is written, what is refused, and that nothing in a file runs."""
+"""Artifacts: what is written, what is refused, and that nothing in a file runs."""
 
 import dataclasses
 import hashlib
@@ -134,14 +134,14 @@ def working_folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_folder_of_results_is_no_artefact(working_folder):
+def test_a_folder_of_results_is_no_artifact(working_folder):
     """``pdsurrogate run pure-shear --out neo-hookean`` twice: the second run silently took the analytic force."""
     (working_folder / "neo-hookean").mkdir()
     (working_folder / "neo-hookean" / "summary.json").write_text("{}")
     assert surrogate_for(LAW).name == "neo-hookean@2"
     assert load_surrogate("neo-hookean").name == "neo-hookean@2"
     for path in ("./neo-hookean", "neo-hookean/", working_folder / "neo-hookean"):
-        with pytest.raises(ArtifactError, match="no artefact there"):
+        with pytest.raises(ArtifactError, match="no artifact there"):
             load_surrogate(path)
 
 
@@ -171,13 +171,13 @@ def test_what_cannot_be_read_is_never_another_model(working_folder, damage):
     assert load_surrogate("neo-hookean@1").name == "neo-hookean@1"
 
 
-def test_a_missing_folder_of_artefacts_is_named(working_folder, monkeypatch):
+def test_a_missing_folder_of_artifacts_is_named(working_folder, monkeypatch):
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", "nowhere")
     with pytest.raises(ArtifactError, match="PDSURROGATE_ARTIFACTS is 'nowhere', which is not a folder"):
         surrogate_for(LAW)
 
 
-def test_materials_that_an_artefact_does_not_describe_are_told_apart_in_full_digits():
+def test_materials_that_an_artifact_does_not_describe_are_told_apart_in_full_digits():
     with pytest.raises(ValueError, match=r"with chain_limit = 120\.0, not 120\.00001; fit"):
         load_surrogate("gent").check_material(pds.materials.Gent(chain_limit=120.00001))
     with pytest.raises(ValueError, match=r"ogden with exponent_1, .*modulus_3, not .* modulus_1; fit"):
@@ -329,7 +329,7 @@ def test_polynomials_are_stored_too(tmp_path):
         {"coefficients": np.zeros((2, 4, 0))},
         {"coefficients": np.zeros((2, 40, 4))},
         {"feature_set": "symmetric"},
-        {"centre": np.zeros(3)},
+        {"center": np.zeros(3)},
     ):
         rewrite(path, payload_bytes({**payload, **change}))
         with pytest.raises(ArtifactError, match=r"surrogate\.npz"):
@@ -342,7 +342,7 @@ def test_polynomials_are_stored_too(tmp_path):
         (lambda text: "", "not valid JSON"),
         (lambda text: text[:200], "not valid JSON"),
         (lambda text: "[1, 2]", "not the card"),
-        (lambda text: text.replace("pdsurrogate artefact", "something else"), "not the card"),
+        (lambda text: text.replace("pdsurrogate artifact", "something else"), "not the card"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": 99'), "upgrade pdsurrogate"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": 0'), "earlier one again"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": "1"'), "schema_version: .* not '1'"),
@@ -432,7 +432,7 @@ def test_what_cannot_be_read_again_is_not_kept(stored):
     assert sorted(stored.parents[1].rglob("*")) == before
 
 
-def test_an_artefact_binds_no_law_that_has_changed_since(tmp_path):
+def test_an_artifact_binds_no_law_that_has_changed_since(tmp_path):
     """A constant within a law's expressions is in no card: forces are compared instead."""
     from pdsurrogate.materials import InvariantLaw
 
@@ -487,7 +487,7 @@ def test_shipped_bond_forces_serve_every_bulk_modulus(bulk):
         load_surrogate(name).check_material(pds.materials.NeoHookean(2.0, 2.0 * bulk))
 
 
-def test_names_and_versions_of_artefacts_that_would_be_misread(fitted, tmp_path):
+def test_names_and_versions_of_artifacts_that_would_be_misread(fitted, tmp_path):
     model, samples = fitted
     with pytest.raises(ArtifactError, match="'analytic' is not allowed: it is that of a force model"):
         pds.store(model, samples, LAW, tmp_path, "analytic", "1", "x")

@@ -41,7 +41,7 @@ def committee(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def isochoric(tmp_path_factory):
-    """A learnt isochoric energy by itself, with a hull of test data."""
+    """A learned isochoric energy by itself, with a hull of test data."""
     law = pds.materials.NeoHookean()
     samples = pds.training_samples(law, 300, (0.7, 1.8), random_state=0, target="isochoric-energy")
     samples.design["hull"] = [[1.0, 0.0, 0.5], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.5]]
@@ -55,7 +55,7 @@ def card_of(folder):
 
 
 def refused(folder, text: str, references=("",)) -> list[str]:
-    """What is said of an artefact with this for a card, of each way of reading it; None where it is taken."""
+    """What is said of an artifact with this for a card, of each way of reading it; None where it is taken."""
     (kept := folder / "card.json.kept").exists() or shutil.copy(folder / "card.json", kept)
     try:
         (folder / "card.json").write_text(text)
@@ -85,14 +85,14 @@ def changed(card: dict, path: tuple, value) -> dict:
 
 
 EDITS = [
-    (("format",), "another", "format: this is not the card of a pdsurrogate artefact"),
+    (("format",), "another", "format: this is not the card of a pdsurrogate artifact"),
     (("schema_version",), True, "schema_version: this pdsurrogate reads 2 to 3, not True: upgrade pdsurrogate for a later one"),
     (("name",), 3, r"name: Input should be a valid string \(given 3\)"),
     (("name",), "No", "name: String should match pattern"),
     (("version",), "one", "version: String should match pattern"),
     (("kind",), ..., "kind: Field required"),
     (("description",), None, "description: Input should be a valid string"),
-    (("colour",), "red", "colour: unknown key"),
+    (("color",), "red", "color: unknown key"),
     (("material", "shape", "chain_limit"), True, r"material.shape.chain_limit: Input should be a valid number \(given True\)"),
     (("features",), [], "features: must be a table"),
     (("scaling",), 3, r"scaling: must be a table \(given 3\)"),
@@ -124,7 +124,7 @@ CONTRADICTIONS = [
     (("material", "trained_with", "chain_limit"), -3.0),
     (("material", "trained_with", "chain_limit"), 61.0),
     (("material", "trained_with", "chain_limit"), ...),
-    (("material", "trained_with", "colour"), 1.0),
+    (("material", "trained_with", "color"), 1.0),
     (("material", "shape", "chain_limit"), 61.0),
     (("material", "shape"), {}),
     (("material", "shape", "x"), 1),
@@ -188,10 +188,10 @@ def test_contradictions_with_the_weights(committee):
         (("kind",), "oracle", "kind: unknown kind 'oracle'; known are bond-force-network"),
         (("kind",), "bond-force-network", "surrogate.npz holds no bond-force-network, the kind of its card: "),
         (("payloads", "surrogate.npz", "bytes"), 2**40, "surrogate.npz: the card states 1099511627776 bytes; at most"),
-        (("payloads", "surrogate.npz"), ..., "surrogate.npz: the artefact has none"),
+        (("payloads", "surrogate.npz"), ..., "surrogate.npz: the artifact has none"),
         (("payloads", "surrogate.npz", "sha256"), "0" * 64, "surrogate.npz: the file is not the one that the card describes"),
         (("material", "trained_with", "chain_limit"), "60", "the card's material.trained_with: chain_limit must be a number"),
-        (("material", "trained_with", "colour"), 1.0, "material.trained_with: gent has no parameter 'colour'"),
+        (("material", "trained_with", "color"), 1.0, "material.trained_with: gent has no parameter 'color'"),
     ):
         [said] = refused(committee, sealed(changed(card, path, value)))
         assert re.search(message, said), said
@@ -240,7 +240,7 @@ def test_what_is_edited_in_the_same_way_everywhere_is_not_believed(committee, ed
     text = json.dumps(edit((committee / "card.json").read_text()))
     for said in refused(committee, text, REFERENCES):
         assert "card.json: digest: what the card says of kind, material" in said
-        assert "is not what was stored with these weights: put back what was written, or store the artefact again" in said
+        assert "is not what was stored with these weights: put back what was written, or store the artifact again" in said
     (committee / "card.json").write_text(text)
     try:
         for load in (load_card, lambda folder: pds.load_pipeline(folder, trust=True)):
@@ -280,7 +280,7 @@ def test_what_is_stored_is_identified_by_its_own_law(isochoric, tmp_path):
     model, law = pds.load_pipeline(isochoric, trust=True), pds.materials.NeoHookean()
     samples = pds.training_samples(law, 300, (0.7, 1.8), random_state=0, target="isochoric-energy")
     text = pds.CardText("x", identification={"data": "mine.csv", "law": LAW.describe()})
-    with pytest.raises(ArtifactError, match=r"training.identification.law: must be the law that was learnt, .*neo-hookean.*, not .*gent"):
+    with pytest.raises(ArtifactError, match=r"training.identification.law: must be the law that was learned, .*neo-hookean.*, not .*gent"):
         pds.store(model, samples, law, tmp_path, "iso", "1", text)
     samples.design["hull"] = [[1.0, 0.0, 0.5], [-1.0, 0.0, -0.1], [0.0, 1.0, 0.5]]
     with pytest.raises(ArtifactError, match=r"domain.hull.1.2: .* greater than or equal to 0"):
@@ -289,7 +289,7 @@ def test_what_is_stored_is_identified_by_its_own_law(isochoric, tmp_path):
 
 
 FREE = {"name", "version", "description", "weight_function", "scaling", "training", "made_with"}
-"""Parts that no run is changed by, but for the name of the artefact; the identification is digested."""
+"""Parts that no run is changed by, but for the name of the artifact; the identification is digested."""
 
 VALUES = st.one_of(
     st.none(), st.booleans(), st.integers(-3, 3), st.floats(allow_nan=False, allow_infinity=False), st.text(max_size=3),

@@ -67,7 +67,7 @@ class Trap:
 
 
 def with_payload(files: dict, payload: bytes) -> dict:
-    """An artefact whose card was made to match a payload: what an attacker would hand out."""
+    """An artifact whose card was made to match a payload: what an attacker would hand out."""
     card = json.loads(files["card.json"])
     card["payloads"]["surrogate.npz"].update(sha256=hashlib.sha256(payload).hexdigest(), bytes=len(payload))
     return {**files, "surrogate.npz": payload, "card.json": json.dumps(card).encode()}
@@ -194,7 +194,7 @@ DAMAGE = (truncated_payload, flipped_payload, exchanged_payload, broken_card, ex
 
 def check_artifacts(folder, each: int) -> dict[str, int]:
     """Try `each` corruptions of every kind; returns how many were refused."""
-    trap, place = folder / "trap", folder / "artefact"
+    trap, place = folder / "trap", folder / "artifact"
     refused = {}
     for damage in DAMAGE:
         random = np.random.default_rng(sum(damage.__name__.encode()))
@@ -232,7 +232,7 @@ def assert_refused(refused: dict[str, int], each: int) -> None:
         assert refused[name] > 0.3 * each, name
 
 
-def test_500_corrupted_artefacts(tmp_path):
+def test_500_corrupted_artifacts(tmp_path):
     each = -(-500 // len(DAMAGE))
     assert_refused(check_artifacts(tmp_path, each), each)
 

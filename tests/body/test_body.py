@@ -13,11 +13,11 @@ def test_bonds_are_all_pairs_within_the_horizon(random):
     expected = {(i, j) for i in range(60) for j in range(60) if i != j and distance[i, j] <= 0.3}
     bonds = body.bonds
     owners = np.repeat(np.arange(60), np.diff(bonds.pointers).astype(int))
-    assert set(zip(owners.tolist(), bonds.neighbours.tolist(), strict=True)) == expected
+    assert set(zip(owners.tolist(), bonds.neighbors.tolist(), strict=True)) == expected
     assert bonds.n_directed == len(expected)
     assert set(zip(bonds.first.tolist(), bonds.second.tolist(), strict=True)) == {pair for pair in expected if pair[0] < pair[1]}
     # Every entry of a list knows its pair, and every pair its two ends.
-    ends = np.stack([owners, bonds.neighbours], axis=1)
+    ends = np.stack([owners, bonds.neighbors], axis=1)
     pairs = np.stack([bonds.first, bonds.second], axis=1)[bonds.pair_of]
     assert (np.sort(ends, axis=1) == np.sort(pairs, axis=1)).all()
     for i in range(60):
@@ -43,7 +43,7 @@ def test_images_mirror_the_points_near_a_plane():
     np.testing.assert_allclose(ghosts.points[:, 1], mirrored[:, 1])
     bonds = body.bonds
     assert (bonds.first < len(body)).all()
-    assert bonds.n_directed < len(bonds.neighbours)
+    assert bonds.n_directed < len(bonds.neighbors)
 
 
 @pytest.mark.parametrize("name", sorted(WEIGHT_FUNCTIONS))
@@ -81,7 +81,7 @@ def test_points_that_coincide_or_reach_nobody_are_refused():
     for points in (np.zeros((4, 2)), np.zeros((4, 3)), np.vstack([grid((0, 0), (1, 1), 0.25), [[0.5, 0.5]] * 4])):
         with pytest.raises(ValueError, match=r"points \d+ and \d+ coincide at "):
             Body(points, np.ones(len(points)), 1.5)  # it was built, and failed wherever its bonds were first asked for
-    with pytest.raises(ValueError, match="reaches no neighbour"):
+    with pytest.raises(ValueError, match="reaches no neighbor"):
         _ = Body(np.array([[0.0, 0.0], [3.0, 0.0]]), np.ones(2), 1.5).bonds
 
 

@@ -6,7 +6,7 @@ from meshes import write_plate
 
 from pdsurrogate.body import Body, ReflectionPlane, interpolation
 from pdsurrogate.body.local_fit import empty_rows
-from pdsurrogate.discretisation import discretise, surface_of
+from pdsurrogate.discretization import discretize, surface_of
 from pdsurrogate.forces import AnalyticBondForce, BondEnergyForce, ForceSettings
 from pdsurrogate.materials import NeoHookean, homogeneous
 from pdsurrogate.scenes import load_scene
@@ -19,14 +19,14 @@ BOW = {"shape": "polygon", "vertices": [[-1, -1], [-1 / 7, -1 / 7], [1, -1], [1,
 
 
 def circle(radius, x1, x2):
-    return {"shape": "circle", "radius": radius, "centre": [x1, x2]}
+    return {"shape": "circle", "radius": radius, "center": [x1, x2]}
 
 
 def box(lower, upper):
     return {"shape": "rectangle", "size": [upper[0] - lower[0], upper[1] - lower[1]], "lower": list(lower)}
 
 
-SEGMENT = 0.25 * np.arccos(0.6) - 0.3 * 0.4  # of a disc of radius 0.5, beyond a chord 0.3 from its centre
+SEGMENT = 0.25 * np.arccos(0.6) - 0.3 * 0.4  # of a disc of radius 0.5, beyond a chord 0.3 from its center
 
 BODIES = {
     "square": (SQUARE, [], 4.0, 1e-12),
@@ -51,8 +51,8 @@ BODIES = {
 def bodied(body, holes=(), spacing=0.1, **changes):
     """Scene of a body, the body, and its surface."""
     scene = load_scene("uniaxial", {"body": body, "holes": list(holes), "spacing": spacing, "support": "points", **changes})
-    discretised = discretise(scene)
-    return scene, discretised, surface_of(scene, *discretised)
+    discretized = discretize(scene)
+    return scene, discretized, surface_of(scene, *discretized)
 
 
 def check_closed(surface):
@@ -133,7 +133,7 @@ def test_parts_are_named_where_they_lie():
     assert not (bodied(DISC)[2].parts != "outline").any()
 
 
-@pytest.mark.parametrize("shape", [circle(0.5, 0.1, 0.2), {"shape": "ellipse", "semi_axes": [0.7, 0.3], "centre": [0.1, 0.0]}])
+@pytest.mark.parametrize("shape", [circle(0.5, 0.1, 0.2), {"shape": "ellipse", "semi_axes": [0.7, 0.3], "center": [0.1, 0.0]}])
 def test_round_facets_are_of_second_order(shape):
     """Area to rounding, length to theta^2/24 of it, where theta = h/(2 a); on the middles of facets the body is its own mirror image."""
     for spacing in (0.1, 0.05):
@@ -144,12 +144,12 @@ def test_round_facets_are_of_second_order(shape):
             assert area == pytest.approx(np.pi * 0.25, rel=1e-12)
             length, theta = np.pi, spacing / (2 * 0.5)
             assert surface.areas()[hole].sum() == pytest.approx(length, rel=theta**2 / 20)
-            distance = np.linalg.norm(surface.nodes[surface.facets[hole]] - shape["centre"], axis=-1) / 0.5 - 1
+            distance = np.linalg.norm(surface.nodes[surface.facets[hole]] - shape["center"], axis=-1) / 0.5 - 1
             assert 0 < distance.min() <= distance.max() < theta**2 / 10
         else:
             assert area == pytest.approx(np.pi * 0.21, rel=1e-12)
         assert surface.areas()[hole].max() <= 0.51 * spacing
-        middles = surface.midpoints()[hole] - shape["centre"]
+        middles = surface.midpoints()[hole] - shape["center"]
         for mirror in ([-1, 1], [1, -1]):
             images = {tuple(place) for place in np.round(middles * mirror, 9) + 0.0}
             assert images == {tuple(place) for place in np.round(middles, 9) + 0.0}
@@ -357,7 +357,7 @@ def test_nodes_of_a_mesh_at_one_place_are_one(tmp_path):
     corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1 + 1e-12, 0]]
     meshio.write(tmp_path / "two.vtu", meshio.Mesh(np.array(corners, float), [("quad", [[0, 1, 2, 3], [4, 7, 6, 5]])]))
     scene = load_scene("uniaxial", {"body": {"shape": "mesh", "file": str(tmp_path / "two.vtu")}, "spacing": 1.0, "support": "points"})
-    surface = surface_of(scene, *discretise(scene))
+    surface = surface_of(scene, *discretize(scene))
     assert len(surface.facets) == 6
     check_closed(surface)
     assert not surface.followed().any()  # two points are in one row

@@ -82,7 +82,7 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         (["evaluate", "bond-energy", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce"),
         (["evaluate", "neo-hookean@"], "unknown force 'neo-hookean@'"),
         (["artifacts", "x" * 300], "cannot be read: File name too long"),
-        (["run", "uniaxial", "--force", "./nothing"], "./nothing: no artefact there: the folder of one holds card.json"),
+        (["run", "uniaxial", "--force", "./nothing"], "./nothing: no artifact there: the folder of one holds card.json"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(arguments, message, tmp_path, monkeypatch):
@@ -123,7 +123,7 @@ def test_a_bound_left_out_is_as_far_as_the_law_goes(tmp_path):
     assert "stretches 0.6 to 2.89" in " ".join(done.output.split())
 
 
-def test_data_that_no_law_describes_make_no_artefact(tmp_path):
+def test_data_that_no_law_describes_make_no_artifact(tmp_path):
     data = tmp_path / "negative.csv"
     data.write_text("mode,stretch,nominal_stress\n" + "".join(f"uniaxial,{1 + k / 10},{-k}\n" for k in range(1, 9)))
     done = invoke("fit", "x", "--data", data, "--law", "gent", "--out", tmp_path / "a")
@@ -197,7 +197,7 @@ def test_unlike_cross_sections_are_told(tmp_path):
     assert "cross-section" not in invoke("run", "pure-shear", *FAST, "--force", "analytic").output
 
 
-def test_damaged_artefacts_are_refused(tmp_path):
+def test_damaged_artifacts_are_refused(tmp_path):
     copy = tmp_path / "a"
     shutil.copytree(SHIPPED / "neo-hookean" / "1", copy)
     payload = (copy / "surrogate.npz").read_bytes()
@@ -292,7 +292,7 @@ def test_lists():
     assert "uniaxial" in invoke("scenes").output
     assert {"neo-hookean@1", "neo-hookean@2"} <= set(invoke("artifacts").output.split())
     usage = invoke("evaluate", "--help").output
-    assert "analytic, bond-energy, or an artefact" in " ".join(usage.replace("│", " ").split())
+    assert "analytic, bond-energy, or an artifact" in " ".join(usage.replace("│", " ").split())
     assert "nosb" not in usage  # which has nothing to evaluate
 
 
@@ -304,7 +304,7 @@ def test_a_second_run_compiles_nothing(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_second_run_of_a_learnt_force_compiles_nothing(tmp_path):
+def test_a_second_run_of_a_learned_force_compiles_nothing(tmp_path):
     """In the cache that all tests share: what a network or polynomial is made of takes forty seconds to compile."""
     run_compiling(tmp_path, "neo-hookean", {})
     assert run_compiling(tmp_path, "neo-hookean", {}) == {"announced": False, "seconds": 0}

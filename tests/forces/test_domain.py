@@ -37,7 +37,7 @@ def forces(model, positions, body, law=LAW, **settings):
 
 
 def changes_along(path, steps, **settings):
-    """Greatest change of any force between neighbouring states on a path through [0, 1], over the greatest force."""
+    """Greatest change of any force between neighboring states on a path through [0, 1], over the greatest force."""
     body = sheet(width=0.8, height=0.8)
     force = PAPER.bind(body, LAW, ForceSettings(precision="float64", correction="scalar", **settings))
     found = []
@@ -148,7 +148,7 @@ def test_turned_bonds_in_the_kernel_and_in_numpy_agree(dtype):
 @pytest.mark.parametrize("outside", ["fallback", "warn", "extrapolate"])
 @pytest.mark.parametrize("name", ["neo-hookean/1", "neo-hookean/2", "neo-hookean-paper"])
 def test_bonds_without_features_get_the_exact_force_under_every_policy(name, outside):
-    """A point pushed through its neighbour to the far side: finite, restoring, and the same as the analytic bond force gives that bond."""
+    """A point pushed through its neighbor to the far side: finite, restoring, and the same as the analytic bond force gives that bond."""
     body = sheet()
     middle = int(np.linalg.norm(body.points - [0.55, 0.45], axis=1).argmin())
     positions = body.points.copy()

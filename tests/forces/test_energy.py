@@ -245,21 +245,21 @@ def test_rest_has_no_energy_and_no_force_in_single_precision():
 
 @pytest.mark.parametrize("name", ["sheet", "disc", "crack", "rollers", "jittered"])
 def test_shares_of_the_bonds_are_those_of_greatest_entropy(name, random):
-    """Against scipy's minimiser of the same convex function; the mean bond is zero inside and much shorter than before at edges."""
+    """Against scipy's minimizer of the same convex function; the mean bond is zero inside and much shorter than before at edges."""
     body = jittered(random) if name == "jittered" else BODIES[name]()
     force = bound("bond-energy", body)
     bonds, x = body.bonds, body.all_points
     for i in random.choice(len(body), 25, replace=False):
         mine = slice(int(bonds.pointers[i]), int(bonds.pointers[i + 1]))
-        xi = (x[bonds.neighbours[mine]] - x[i]) / body.horizon
-        plain = body.weigh(body.horizon * np.linalg.norm(xi, axis=1)) * body.all_volumes[bonds.neighbours[mine]]
+        xi = (x[bonds.neighbors[mine]] - x[i]) / body.horizon
+        plain = body.weigh(body.horizon * np.linalg.norm(xi, axis=1)) * body.all_volumes[bonds.neighbors[mine]]
         tilt = minimize(lambda a, w=plain, xi=xi: np.log(w @ np.exp(-xi @ a)) + 0.005 * a @ a, np.zeros(2), tol=1e-12).x
         expected = plain * np.exp(-xi @ tilt)
         shares = force.terms[0].shares.bond_shares[mine] / body.volumes[i]
         np.testing.assert_allclose(shares, expected / expected.sum(), rtol=1e-4)
         assert shares.sum() == pytest.approx(1, rel=1e-12)
         mean = np.linalg.norm(shares @ xi)
-        # At a corner no positive weights come closer than the middle between the two nearest neighbours along its edges.
+        # At a corner no positive weights come closer than the middle between the two nearest neighbors along its edges.
         assert mean < 0.01 + 0.5 * np.linalg.norm(plain @ xi) / plain.sum()
 
 

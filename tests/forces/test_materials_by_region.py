@@ -121,7 +121,7 @@ def test_a_load_along_the_interface_stretches_both_alike(name):
     force(y, out)
     np.testing.assert_allclose(force.deformation_gradients(), np.broadcast_to(F, (len(body), 2, 2)), atol=1e-12)
     J3 = plane_stress.volume_ratio(SOFT, *plane_stress.invariants(F))
-    # To 1e-7: a learnt bond force may find the thickness.
+    # To 1e-7: a learned bond force may find the thickness.
     np.testing.assert_allclose(force.volume_ratios(), J3, rtol=1e-7)
     away = np.minimum(body.points[:, 0], 5.0 - body.points[:, 0]) > REACHED * body.horizon
     # A fitted model leaves its error as a lateral stress at the free edges.
@@ -150,7 +150,7 @@ def test_homogeneous_on_either_side_of_a_straight_interface_is_exact(name, case)
     depth = np.minimum(body.points, 5.0 - body.points).min(axis=1)
     inner = depth > 2 * body.horizon
     np.testing.assert_allclose(force.deformation_gradients()[inner], exact[inner], atol=1e-10)
-    # A learnt model has another state in which tractions are equal.  Forces of an energy cancel by mirror symmetry, and the rows of a grid
+    # A learned model has another state in which tractions are equal.  Forces of an energy cancel by mirror symmetry, and the rows of a grid
     # are no mirror images about a diagonal between them.
     tolerance = 1e-9 if name in FORCES else 1e-3
     if case == "diagonal" and name in ENERGIES:

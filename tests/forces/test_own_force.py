@@ -1,4 +1,4 @@
-"""Forces that users write in Python: they run, they become artefacts, and what is wrong with one is said."""
+"""Forces that users write in Python: they run, they become artifacts, and what is wrong with one is said."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_the_forces_are_those_of_the_law(own, law):
 
 
 @pytest.mark.parametrize(("own", "law"), LAWS, ids=["force", "energy"])
-def test_it_runs_and_becomes_an_artefact(own, law, tmp_path):
+def test_it_runs_and_becomes_an_artifact(own, law, tmp_path):
     scene = pds.load_scene("uniaxial", spacing=0.1, stretches=1.5, material=law.describe())
     exact = pds.simulate(scene, "analytic").levels[0]["nominal_stress"]
     assert pds.simulate(scene, own).levels[0]["nominal_stress"] == pytest.approx(exact, rel=1e-7)

@@ -19,7 +19,7 @@ LAW = NeoHookean(2.0, 2000.0)
 EXACT = {name: FORCES[name]() for name in ("analytic", "nosb", "bond-energy")}
 STRAIN = ForceSettings(plane="strain")
 F = turn(40) @ np.array([[1.4, 0.25], [-0.1, 0.74]])
-"""A turned state of 5 per cent more volume."""
+"""A turned state of 5 percent more volume."""
 
 
 def in_space(F):
@@ -77,14 +77,14 @@ def test_the_bond_associated_stress_is_that_of_a_solid_in_its_bonds():
 
 
 @pytest.mark.parametrize("name", ["neo-hookean", "gent", "ogden", "full-network"])
-def test_learnt_forces_are_as_exact_as_under_plane_stress(name):
+def test_learned_forces_are_as_exact_as_under_plane_stress(name):
     """The error of the isochoric stress is the card's; the pressure is the law's own derivative of U."""
     card = load_card(SHIPPED / name)
     law = MaterialSpec.model_validate(card.material.trained_with).build()
     body = sheet(0.2)
     force = bound(load_surrogate(SHIPPED / name), body, law)
     assert force.precision == "float64"
-    assert not force.learnt_thickness
+    assert not force.learned_thickness
     for stretch in (0.7, 1.3, 1.8):
         gradient = turn(25) @ np.diag([stretch, 0.99 / stretch]) @ turn(-60)
         forces(force, body.points @ gradient.T)
@@ -98,16 +98,16 @@ def test_learnt_forces_are_as_exact_as_under_plane_stress(name):
         assert np.abs(force.mean_stress() - P).max() < allowed * sheared + 1e-12 * law.bulk_modulus
 
 
-def test_beyond_its_domain_a_learnt_force_is_the_exact_one_of_plane_strain():
+def test_beyond_its_domain_a_learned_force_is_the_exact_one_of_plane_strain():
     body = sheet(0.2)
-    learnt, exact = bound(load_surrogate(SHIPPED / "neo-hookean"), body), bound(EXACT["analytic"], body)
+    learned, exact = bound(load_surrogate(SHIPPED / "neo-hookean"), body), bound(EXACT["analytic"], body)
     positions = body.points * [6.0, 0.17]
-    np.testing.assert_allclose(forces(learnt, positions), forces(exact, positions), atol=1e-10 * LAW.bulk_modulus)
-    assert learnt.pairs_outside == len(body.bonds.first)
+    np.testing.assert_allclose(forces(learned, positions), forces(exact, positions), atol=1e-10 * LAW.bulk_modulus)
+    assert learned.pairs_outside == len(body.bonds.first)
 
 
 @pytest.mark.parametrize("name", ["neo-hookean-energy", "neo-hookean-paper"])
-def test_what_was_learnt_of_a_sheet_alone_is_refused(name):
+def test_what_was_learned_of_a_sheet_alone_is_refused(name):
     with pytest.raises(ValueError, match=r"plane=strain; it takes plane=stress; .*bond-energy take both"):
         bound(load_surrogate(SHIPPED / name), sheet(0.2), NeoHookean())
 

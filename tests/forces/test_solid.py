@@ -437,12 +437,12 @@ def test_impossible_states_are_refused_with_their_place():
 @pytest.mark.parametrize("name", sorted(FORCES))
 def test_models_say_whether_they_take_bodies_in_space(name):
     body, model = box((4, 4, 4)), FORCES[name]
-    if "space" in model().honours["plane"]:
+    if "space" in model().honors["plane"]:
         assert model().bind(body, LAW, ForceSettings(plane="space")).plane == "space"
         with pytest.raises(ValueError, match=r"plane=space .*: plane=stress or plane=strain"):
             model().bind(sheet(), LAW, ForceSettings(plane="space"))
         with pytest.raises(ValueError, match=r"plane=stress .*: plane=space"):
             model().bind(body, LAW, ForceSettings())
     else:
-        with pytest.raises(ValueError, match=rf"{name} .* plane=space; .*force=bond-energy, force=nosb and artefacts"):
+        with pytest.raises(ValueError, match=rf"{name} .* plane=space; .*force=bond-energy, force=nosb and artifacts"):
             model().bind(body, LAW, ForceSettings(plane="space"))

@@ -20,17 +20,17 @@ class SofteningSprings(Term):
 
     def __init__(self, binding):
         super().__init__(binding)
-        body, self._owners, self._neighbours = self.body, self.kinematics.body.bond_owners, self.body.bonds.neighbours.astype(np.int64)
-        vectors = body.all_points[self._neighbours] - body.all_points[self._owners]
+        body, self._owners, self._neighbors = self.body, self.kinematics.body.bond_owners, self.body.bonds.neighbors.astype(np.int64)
+        vectors = body.all_points[self._neighbors] - body.all_points[self._owners]
         self._length = np.linalg.norm(vectors, axis=1)
-        self._weights = STIFFNESS * body.weigh(self._length) * body.all_volumes[self._owners] * body.all_volumes[self._neighbours]
+        self._weights = STIFFNESS * body.weigh(self._length) * body.all_volumes[self._owners] * body.all_volumes[self._neighbors]
 
     def find(self, out):
         self.pass_bonds(out)
 
     def pass_bonds(self, out):
         positions, greatest = self.kinematics.positions, self.kept["greatest_stretch"]
-        between = positions[self._neighbours] - positions[self._owners]
+        between = positions[self._neighbors] - positions[self._owners]
         deformed = np.linalg.norm(between, axis=1)
         np.maximum(greatest, deformed / self._length, out=greatest)
         self._forces = (self._weights * (deformed - self._length) / greatest / deformed)[:, None] * between

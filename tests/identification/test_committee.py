@@ -79,7 +79,7 @@ def test_members_repeat_from_their_seed_and_have_half_of_the_tests(measured):
 
 @pytest.mark.slow  # eight runs
 def test_a_sheet_with_a_hole_is_within_twice_the_spread(measured, tmp_path):
-    """The pull on a sheet with a hole, by the law that made the data, and by one artefact of what was learnt from them."""
+    """The pull on a sheet with a hole, by the law that made the data, and by one artifact of what was learned from them."""
     weights = measured[1] ** -2
     model = pds.identification.EnergyRegressor().fit(*measured, weights)
     settings = FitSettings(folds=0, samples=2000).within(*model.stretch_range_)

@@ -44,7 +44,7 @@ PURE_SHEAR = np.arange(24) >= 16
 
 CHANGES = {
     "one stress times 5": (4, lambda stress, stretch: 5 * stress, ["row 5 (uniaxial, stretch 2.18571", "poorly: R^2 is 0.0"]),
-    "one below its neighbours": (5, lambda stress, stretch: 0.75 * stress, ["row 6 (uniaxial, stretch 2.45714"]),
+    "one below its neighbors": (5, lambda stress, stretch: 0.75 * stress, ["row 6 (uniaxial, stretch 2.45714"]),
     "a shift": (slice(None), lambda stress, stretch: stress + 0.1, ["all modes: the stresses look shifted by 0."]),
     "a shift of one mode": (PURE_SHEAR, lambda stress, stretch: stress + 0.1, ["pure-shear: the stresses look shifted by 0."]),
     "Cauchy stresses": (PURE_SHEAR, lambda stress, stretch: stress * stretch, ["pure-shear: the stresses look like Cauchy"]),
@@ -221,7 +221,7 @@ def test_commands_tell_and_refuse(good, written, tmp_path):
     forced = fit(wrong, "--force-fit")
     assert forced.exit_code == 0, forced.output
     assert "row 5 (uniaxial" in forced.stderr
-    assert "simulated with the artefact against tests, greatest difference by mode: uniaxial" in " ".join(forced.output.split())
+    assert "simulated with the artifact against tests, greatest difference by mode: uniaxial" in " ".join(forced.output.split())
     identification = pds.load_card(tmp_path / "artifacts" / "x").training["identification"]
     assert "row 5" in identification["refusals"][0]
     assert identification["residuals"][0]["row"] == 5
@@ -230,7 +230,7 @@ def test_commands_tell_and_refuse(good, written, tmp_path):
     assert "row 5" in json.loads(told.stdout[told.stdout.index("{") :])["laws"][0]["remarks"][0]
 
 
-def test_fit_simulates_the_tests_with_its_artefact(good, written, tmp_path):
+def test_fit_simulates_the_tests_with_its_artifact(good, written, tmp_path):
     options = ["--samples", 500, "--folds", 0, "--degree", "12,6", "--least", 0.55, "--greatest", 3.2, "--out", tmp_path / "artifacts"]
     done = invoke("fit", "x", "--data", written(good), "--law", "mooney-rivlin", "--bulk-modulus", 80, *options, "--json")
     assert done.exit_code == 0, done.output
@@ -242,7 +242,7 @@ def test_fit_simulates_the_tests_with_its_artefact(good, written, tmp_path):
     assert all(abs(row["difference"]) < 0.02 for row in found["simulated"]["against_measured"].values())
     # Equibiaxial stretches end at 3 too, and free sides of uniaxial tension at 1/sqrt 3 = 0.58.
     assert found["simulated"]["rows_outside_domain"] == 0
-    assert "outside the artefact's domain" not in done.stderr
+    assert "outside the artifact's domain" not in done.stderr
     law = pds.load_card(tmp_path / "artifacts" / "x").material.trained_with
     exact = nominal_stress(
         pds.materials.MooneyRivlin(*(law[key] for key in ("shear_modulus", "bulk_modulus", "second_share"))), good.stretches
@@ -250,15 +250,15 @@ def test_fit_simulates_the_tests_with_its_artefact(good, written, tmp_path):
     np.testing.assert_allclose(found["simulated"]["nominal_stress"], exact, atol=2e-3 * exact.max())  # the surrogate's own error
 
 
-def test_fit_tells_how_many_tests_lie_outside_the_domain_of_its_artefact(good, written, tmp_path):
-    """There the exact force is compared with itself, and the difference of 1e-14 says nothing of the artefact."""
+def test_fit_tells_how_many_tests_lie_outside_the_domain_of_its_artifact(good, written, tmp_path):
+    """There the exact force is compared with itself, and the difference of 1e-14 says nothing of the artifact."""
     options = ["--samples", 500, "--folds", 0, "--degree", "8,4", "--least", 0.4, "--greatest", 2.0, "--out", tmp_path / "artifacts"]
     done = invoke("fit", "x", "--data", written(good), "--law", "mooney-rivlin", *options, "--json")
     assert done.exit_code == 0, done.output
     found = json.loads(done.stdout[done.stdout.index("{\n") : done.stdout.rindex("\n}") + 2])
     # Of the eight stretches of each mode from 1.1 to 3 four are greater than 2; 0.4 is less than the inverse root of all.
     assert found["simulated"]["rows_outside_domain"] == 12
-    assert "12 of 24 rows lie outside the artefact's domain, stretches from 0.4 to 2: the exact force stands in" in done.stderr
+    assert "12 of 24 rows lie outside the artifact's domain, stretches from 0.4 to 2: the exact force stands in" in done.stderr
     assert "go from 0.5774 to 3: --least and --greatest" in done.stderr
 
 

@@ -160,7 +160,7 @@ def test_rubber_that_no_sum_of_powers_of_stretches_is(rubber, greatest, between,
 
 
 def test_powers_of_invariants_run_in_a_surrogate_and_in_a_scene(tmp_path):
-    """Isihara's rubber: a law with powers of invariants through a card, a learnt force, and the exact one, in the same scene."""
+    """Isihara's rubber: a law with powers of invariants through a card, a learned force, and the exact one, in the same scene."""
     stretch = np.linspace(1.05, 2.5, 12)
     X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(12))])
     law = pds.identification.EnergyRegressor(bulk_ratio=1e3).fit(X, stress_of(isihara, X)).law_

@@ -111,7 +111,7 @@ def test_a_bar_that_is_pulled_gives_the_test_back(treloar):
 
 
 @pytest.mark.parametrize(("reference", "most"), [("neo-hookean", 1e-9), ("neo-hookean-energy", 1e-4), ("neo-hookean-isochoric", 1e-4)])
-def test_artefacts_simulate_tests(reference, most):
+def test_artifacts_simulate_tests(reference, most):
     """By bond forces, an energy of sheets and one of space; the errors are those of their cards."""
     X = np.array([[1.5, np.nan], [0.7, np.nan], [2.0, 1.0], [1.0, 2.0], [2.0, 2.0]])
     law = pds.materials.NeoHookean(2.0, 200.0)
@@ -159,7 +159,7 @@ def test_ogdens_three_terms_fit_treloars_three_modes(treloar):
 def test_one_parameter_laws_with_a_limit_meet_published_values(treloar):
     # Arruda, Boyce 1993: 26.5 links.
     assert fitted("arruda-boyce", treloar, bulk_ratio=INCOMPRESSIBLE).law_.chain_links == pytest.approx(26.5, rel=0.05)
-    # An independent fit with equal weights to all digitisations with three modes: mu = 0.273 to 0.275 MPa, Jm = 84 to 87.
+    # An independent fit with equal weights to all digitizations with three modes: mu = 0.273 to 0.275 MPa, Jm = 84 to 87.
     gent = fitted("gent", treloar, np.ones(len(treloar)), INCOMPRESSIBLE).law_
     assert gent.shear_modulus == pytest.approx(0.274, rel=0.03)
     assert gent.chain_limit == pytest.approx(85.5, rel=0.05)
@@ -168,7 +168,7 @@ def test_one_parameter_laws_with_a_limit_meet_published_values(treloar):
 def test_gent_in_tension_alone_meets_published_values(treloar):
     """Hyperelastics.jl's example treloar.jl: 0.240 MPa and 79.97 by least squares, 0.245 (0.005) and 80.9 (1.2) by sampling.
 
-    Another digitisation; the standard errors of either fit are about 2 % and 1 %.
+    Another digitization; the standard errors of either fit are about 2 % and 1 %.
     """
     tension = treloar.of("uniaxial")
     gent = fitted("gent", tension, np.ones(len(tension)), INCOMPRESSIBLE).law_

@@ -1,4 +1,4 @@
-"""Vectorised elementary functions against NumPy in double precision, over the ranges their docstrings state."""
+"""Vectorized elementary functions against NumPy in double precision, over the ranges their docstrings state."""
 
 import numpy as np
 import pytest

@@ -29,7 +29,7 @@ def test_deformation_gradients_against_the_sum(make):
     bonds, x, y = body.bonds, body.all_points, kinematics.positions
     for i in range(len(body)):
         mine = slice(int(bonds.pointers[i]), int(bonds.pointers[i + 1]))
-        j = bonds.neighbours[mine]
+        j = bonds.neighbors[mine]
         bond = x[j] - x[i]
         weight = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[j]
         K = np.einsum("b,bi,bj->ij", weight, bond, bond)
@@ -45,7 +45,7 @@ def test_gradients_of_images_equal_the_sum_over_their_own_horizon():
         displacement = 0.05 * np.sin(3 * half.points) * half.points[:, ::-1]
         kinematics.place(half.points + displacement)
         kinematics.form_gradients()
-        # The whole neighbourhood of the left plane: the sheet and its full reflection.
+        # The whole neighborhood of the left plane: the sheet and its full reflection.
         reflected = half.points * [-1, 1]
         both = np.vstack([half.points, reflected])
         y = np.vstack([half.points + displacement, reflected + displacement * parity])
@@ -182,12 +182,12 @@ def test_outer_products_of_every_number_of_bonds(random, dtype, count):
     """Two bonds at a time, four in a turn, and the rest one by one."""
 
     @kernel
-    def gradient(positions, neighbours, weights, bonds, point, out):
-        vector_loads.sum_outer_products(positions, neighbours, weights, bonds, point, out)
+    def gradient(positions, neighbors, weights, bonds, point, out):
+        vector_loads.sum_outer_products(positions, neighbors, weights, bonds, point, out)
 
     positions, weights = random.standard_normal((40, 2)), random.standard_normal((60, 2)).astype(dtype)
-    neighbours, out = random.integers(0, 40, 60).astype(np.uint32), np.zeros((40, 4))
-    gradient(positions, neighbours, weights, (np.uint64(7), np.uint64(7 + count)), 3, out)
+    neighbors, out = random.integers(0, 40, 60).astype(np.uint32), np.zeros((40, 4))
+    gradient(positions, neighbors, weights, (np.uint64(7), np.uint64(7 + count)), 3, out)
     mine = slice(7, 7 + count)
-    expected = np.einsum("bi,bj->ij", positions[neighbours[mine]] - positions[3], weights[mine].astype(float))
+    expected = np.einsum("bi,bj->ij", positions[neighbors[mine]] - positions[3], weights[mine].astype(float))
     np.testing.assert_allclose(out[3], expected.T.ravel(), atol=1e-13)

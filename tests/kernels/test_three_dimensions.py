@@ -84,12 +84,12 @@ class Passes:
     def __init__(self, body):
         self.body, bonds = body, body.bonds
         owners = np.repeat(np.arange(len(body)), np.diff(bonds.pointers).astype(int))
-        vectors = body.all_points[bonds.neighbours] - body.all_points[owners]
-        factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.all_volumes[bonds.neighbours]
+        vectors = body.all_points[bonds.neighbors] - body.all_points[owners]
+        factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.all_volumes[bonds.neighbors]
         self.weighted_bonds = np.ascontiguousarray(vectors * factors[:, None])
         self.inverse_shape = np.zeros((len(body.all_points), 6))
         self.supported = np.zeros(len(body.all_points), dtype=np.uint8)
-        rows, lists = np.arange(len(body), dtype=np.uint32), (bonds.pointers, bonds.neighbours)
+        rows, lists = np.arange(len(body), dtype=np.uint32), (bonds.pointers, bonds.neighbors)
         found = self.weighted_bonds, self.inverse_shape, self.supported
         reference_state.shape_rows[3].bind(rows, *lists, body.all_points, *found, chunks=CHUNKS)()
         body.ghosts.fill_shapes(self.inverse_shape)
@@ -104,7 +104,7 @@ class Passes:
 
     def gradients(self, positions, unsupported=1.0):
         bonds, F = self.body.bonds, np.zeros((len(positions), 9))
-        arrays = positions, bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape, unsupported, F
+        arrays = positions, bonds.pointers, bonds.neighbors, self.weighted_bonds, self.inverse_shape, unsupported, F
         node_state.deformation_gradients[3].bind(*arrays, chunks=CHUNKS)()
         return F
 
@@ -117,7 +117,7 @@ class Passes:
 
     def nosb_forces(self, stresses):
         bonds, out = self.body.bonds, np.zeros_like(self.body.points)
-        arrays = stresses, bonds.pointers, bonds.neighbours, self.weighted_bonds, self.body.volumes, out
+        arrays = stresses, bonds.pointers, bonds.neighbors, self.weighted_bonds, self.body.volumes, out
         assert nosb.nosb_forces[3].bind(*arrays, chunks=CHUNKS)() == 0
         return out
 
@@ -271,7 +271,7 @@ def test_sums_of_directed_bonds(random):
     body = cube()
     bonds = body.bonds
     owners = np.repeat(np.arange(len(body)), np.diff(bonds.pointers).astype(int))
-    place = {ends: b for b, ends in enumerate(zip(owners.tolist(), bonds.neighbours.tolist(), strict=True))}
+    place = {ends: b for b, ends in enumerate(zip(owners.tolist(), bonds.neighbors.tolist(), strict=True))}
     reverse = np.array([place[j, i] for i, j in place], dtype=np.uint32)
     forces, expected, out = random.standard_normal((len(owners), 3)), np.zeros((len(body), 3)), np.zeros((len(body), 3))
     np.add.at(expected, owners, 0.7 * (forces - forces[reverse]))
@@ -295,16 +295,16 @@ def test_forces_of_a_bond_energy_are_its_derivative(random):
     sums.weigh_moments[3].bind(S, passes.inverse_shape, body.volumes, chunks=CHUNKS)()
     close(matrices(S[:n]), expected / body.volumes[:, None, None])
     # The directed bonds that end in a ghost act on it from their point.
-    towards = np.flatnonzero(bonds.neighbours >= n)
-    towards = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
-    owners = np.repeat(np.arange(n, dtype=np.uint32), np.diff(bonds.pointers).astype(int))[towards]
+    toward = np.flatnonzero(bonds.neighbors >= n)
+    toward = toward[np.argsort(bonds.neighbors[toward], kind="stable")]
+    owners = np.repeat(np.arange(n, dtype=np.uint32), np.diff(bonds.pointers).astype(int))[toward]
     pointers = np.zeros(total - n + 1, dtype=np.uint64)
-    pointers[1:] = np.cumsum(np.bincount(bonds.neighbours[towards] - n, minlength=total - n))
-    vectors = body.all_points[owners] - body.all_points[bonds.neighbours[towards]]
+    pointers[1:] = np.cumsum(np.bincount(bonds.neighbors[toward] - n, minlength=total - n))
+    vectors = body.all_points[owners] - body.all_points[bonds.neighbors[toward]]
     factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.volumes[owners]
     assert sums.sum_pair_forces[3].bind(forces, *pairs, 1.0, out, chunks=CHUNKS)() == 0
     for first, lists in (
-        (0, (bonds.pointers, bonds.neighbours, passes.weighted_bonds)),
+        (0, (bonds.pointers, bonds.neighbors, passes.weighted_bonds)),
         (n, (pointers, owners, np.ascontiguousarray(vectors * factors[:, None]))),
     ):
         arrays = S, *lists, body.all_volumes, 1.0, first, node_parts, out
@@ -320,18 +320,18 @@ def test_forces_of_a_bond_energy_are_its_derivative(random):
         assert (out[:n] * u[:n]).sum() == pytest.approx(-change, rel=1e-11, abs=1e-9)
 
 
-def test_shares_of_bonds_centre_them(random):
+def test_shares_of_bonds_center_them(random):
     """The shares of greatest entropy by Newton's method in NumPy, and what they are for: no first moment within the body."""
     body = cube()
     bonds, points = body.bonds, body.points
     strength = random.uniform(0.5, 1.5, len(bonds.first))
-    shares = np.zeros(len(bonds.neighbours))
-    arrays = np.arange(len(body), dtype=np.uint32), bonds.pointers, bonds.neighbours, bonds.pair_of, points, body.volumes, strength
+    shares = np.zeros(len(bonds.neighbors))
+    arrays = np.arange(len(body), dtype=np.uint32), bonds.pointers, bonds.neighbors, bonds.pair_of, points, body.volumes, strength
     reference_state.bond_shares[3].bind(*arrays, body.horizon, shares, chunks=CHUNKS)()
     epsilon = reference_state.LEAST_TILT_STIFFNESS
     for i in range(0, len(body), 5):
         mine = slice(int(bonds.pointers[i]), int(bonds.pointers[i + 1]))
-        x, weights = (points[bonds.neighbours[mine]] - points[i]) / body.horizon, strength[bonds.pair_of[mine]]
+        x, weights = (points[bonds.neighbors[mine]] - points[i]) / body.horizon, strength[bonds.pair_of[mine]]
         tilt = np.zeros(3)
         for _ in range(60):
             share = weights * np.exp(-x @ tilt)

@@ -233,7 +233,7 @@ def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
         pds.evaluate(GridSearchCV(search.estimator, search.param_grid, cv=2, refit=False).fit(samples.X, samples.y), LAW)
 
 
-def test_artefacts_and_names_are_evaluated_as_well(samples, tmp_path):
+def test_artifacts_and_names_are_evaluated_as_well(samples, tmp_path):
     path = pds.store(fitted(samples, pds.learning.ChebyshevRegressor(6)), samples, LAW, tmp_path, "mine", "1", "x")
     report = pds.evaluate(path, LAW, n_samples=500)
     assert report["stretch_range"] == [0.6, 2.5]
@@ -243,7 +243,7 @@ def test_artefacts_and_names_are_evaluated_as_well(samples, tmp_path):
         pds.evaluate("nosb", LAW)
 
 
-def test_a_forest_runs_from_its_artefact(samples, tmp_path):
+def test_a_forest_runs_from_its_artifact(samples, tmp_path):
     model = fitted(samples, RandomForestRegressor(50, min_samples_leaf=2, random_state=0))
     path = pds.store(model, samples, LAW, tmp_path, "forest", "1", "trees")
     scene = pds.load_scene("uniaxial", spacing=0.2, stretches=1.4, material="ogden")
@@ -450,6 +450,6 @@ def test_plain_payloads_that_are_no_spline(samples, change, message):
         SplineForce.from_payload("x", {**model.payload(), **change}, model.domain, "ogden", {})
 
 
-def test_an_unknown_artefact_is_named():
+def test_an_unknown_artifact_is_named():
     with pytest.raises(ArtifactError, match="unknown force 'robber'"):
         pds.evaluate("robber", LAW)

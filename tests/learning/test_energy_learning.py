@@ -1,4 +1,4 @@
-"""Sobolev training, the energy pipeline, its artefact, and the solvers and scenes that run on it."""
+"""Sobolev training, the energy pipeline, its artifact, and the solvers and scenes that run on it."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def surface(X):
     return np.stack([np.sin(a) * np.exp(b), np.cos(a) * np.exp(b), np.sin(a) * np.exp(b)], axis=1)
 
 
-def test_value_and_gradient_are_learnt_together(random):
+def test_value_and_gradient_are_learned_together(random):
     X, other = random.uniform(-1, 1, (300, 2)), random.uniform(-1, 1, (200, 2))
     model = pds.learning.SobolevRegressor(12, random_state=0).fit(X, surface(X))
     error = model.predict(other) - surface(other)
@@ -141,7 +141,7 @@ SCENE = {"spacing": 0.1, "stretches": [1.5, 2.0]}
 
 
 @pytest.mark.parametrize("force", ["bond-energy", "neo-hookean-energy"])
-@pytest.mark.parametrize("method", ["minimiser", "quasi-newton", "relaxation"])
+@pytest.mark.parametrize("method", ["minimizer", "quasi-newton", "relaxation"])
 def test_every_solver_finds_the_exact_stress(force, method):
     """Section 6.2 at a coarse spacing: within 0.1 % of the exact solution, in stress and lateral displacement, and with an energy."""
     result = pds.simulate(pds.load_scene("uniaxial", {"solver.method": method}, **SCENE), force)
@@ -162,14 +162,14 @@ def test_energy_of_a_level_is_the_work_done():
         assert level["energy"] == pytest.approx(3.0 * homogeneous.uniaxial(LAW, level["stretch"]).energy_density, rel=1e-6)
 
 
-def test_a_force_without_an_energy_cannot_be_minimised():
-    scene = pds.load_scene("uniaxial", {"solver.method": "minimiser"}, **SCENE)
-    with pytest.raises(pds.SceneError, match=r"solver\.method=minimiser .* an energy.*analytic"):
+def test_a_force_without_an_energy_cannot_be_minimized():
+    scene = pds.load_scene("uniaxial", {"solver.method": "minimizer"}, **SCENE)
+    with pytest.raises(pds.SceneError, match=r"solver\.method=minimizer .* an energy.*analytic"):
         pds.simulate(scene, "analytic")
 
 
-def test_minimiser_is_registered():
-    assert SOLVERS["minimiser"].name == "minimiser"
+def test_minimizer_is_registered():
+    assert SOLVERS["minimizer"].name == "minimizer"
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The learnt isochoric energy: its samples and pipeline, its kernel against NumPy, the edge of its domain, and bodies."""
+"""The learned isochoric energy: its samples and pipeline, its kernel against NumPy, the edge of its domain, and bodies."""
 
 import numpy as np
 import pytest
@@ -97,7 +97,7 @@ def test_pipelines_of_other_energies_are_refused(fitted):
         model.predict([[3.0, -1.0]])
 
 
-def test_laws_that_lock_are_learnt_as_far_as_they_go():
+def test_laws_that_lock_are_learned_as_far_as_they_go():
     law = pds.materials.Gent(chain_limit=5.0)
     low, high = pds.learning.reachable_stretches(law, (0.25, 4.0), target="isochoric-energy")
     assert low > 0.25
@@ -139,7 +139,7 @@ def test_kernel_is_the_network(ogden, plane, precision, error):
 
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("name", NAMES)
-def test_shipped_artefacts_are_as_exact_as_they_state(name, plane):
+def test_shipped_artifacts_are_as_exact_as_they_state(name, plane):
     """Energy and stress are the law's, the latter within five times the greatest error that the card states: the states are others."""
     model = load_surrogate(SHIPPED / f"{name}-isochoric")
     law = pds.materials.LAWS[name]()
@@ -202,20 +202,20 @@ def evaluated(force, positions):
 
 
 @pytest.mark.parametrize("plane", PLANES)
-def test_one_artefact_serves_every_bulk_modulus(ogden, plane):
+def test_one_artifact_serves_every_bulk_modulus(ogden, plane):
     """Forces within ten times the stated error of the exact energy's, at K = 100 and 1000 mu, and the energy within it."""
     body = block(plane)
     for bulk in (100.0, 1000.0):
         law = pds.materials.Ogden(bulk_modulus=bulk)
-        learnt, exact = (model.bind(body, law, ForceSettings(plane=plane)) for model in (ogden, pds.BondEnergyForce()))
-        found, expected = (evaluated(force, wavy(body.points)) for force in (learnt, exact))
+        learned, exact = (model.bind(body, law, ForceSettings(plane=plane)) for model in (ogden, pds.BondEnergyForce()))
+        found, expected = (evaluated(force, wavy(body.points)) for force in (learned, exact))
         assert np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
-        assert learnt.energy() == pytest.approx(exact.energy(), rel=ogden.stated["max"])
-        assert learnt.pairs_outside == 0
-        (found, energy), (expected, density) = (force.stress_and_energy() for force in (learnt, exact))
+        assert learned.energy() == pytest.approx(exact.energy(), rel=ogden.stated["max"])
+        assert learned.pairs_outside == 0
+        (found, energy), (expected, density) = (force.stress_and_energy() for force in (learned, exact))
         assert 0 < np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
         np.testing.assert_allclose(energy, density, rtol=1e-3)
-        assert (learnt.learnt.domain_deviation() < 0).all()
+        assert (learned.learned.domain_deviation() < 0).all()
 
 
 @pytest.mark.parametrize("plane", PLANES)
@@ -227,11 +227,11 @@ def test_policies_outside_the_domain(ogden, plane):
         return ogden.bind(body, LAW, ForceSettings(plane=plane, outside=outside))
 
     force = bound("fallback")
-    assert force.learnt.domain_deviation() == pytest.approx(-np.log(4.0))
+    assert force.learned.domain_deviation() == pytest.approx(-np.log(4.0))
     exact = pds.BondEnergyForce().bind(body, LAW, ForceSettings(plane=plane))
     np.testing.assert_allclose(evaluated(force, far), evaluated(exact, far), rtol=1e-9, atol=1e-9)
     assert force.pairs_outside == len(body.bonds.first)
-    assert (force.learnt.domain_deviation() > 0).all()
+    assert (force.learned.domain_deviation() > 0).all()
     np.testing.assert_allclose(force.stress_and_energy()[0], exact.stress_and_energy()[0], rtol=1e-9, atol=1e-9)
     evaluated(force, wavy(body.points))
     assert force.pairs_outside == len(body.bonds.first)
@@ -275,11 +275,11 @@ def test_fitted_from_the_command_line(tmp_path):
 def test_bonded_blocks_agree_with_the_exact_energy(scene):
     """Stress and probes of a scene within the error that the card states, and the solver's tolerance."""
     changes = {"material.law": "ogden", "spacing": 0.25, "stretches": [1.3]}
-    learnt, exact = (pds.simulate(pds.load_scene(scene, changes), force).levels[-1] for force in ("ogden-isochoric", "bond-energy"))
+    learned, exact = (pds.simulate(pds.load_scene(scene, changes), force).levels[-1] for force in ("ogden-isochoric", "bond-energy"))
     for name, force in exact["forces"].items():
-        np.testing.assert_allclose(learnt["forces"][name], force, atol=1e-4 * np.abs(list(exact["forces"].values())).max())
+        np.testing.assert_allclose(learned["forces"][name], force, atol=1e-4 * np.abs(list(exact["forces"].values())).max())
     for name, probe in exact["probes"].items():
-        np.testing.assert_allclose(learnt["probes"][name]["displacement"], probe["displacement"], atol=1e-4)
+        np.testing.assert_allclose(learned["probes"][name]["displacement"], probe["displacement"], atol=1e-4)
 
 
 @pytest.mark.parametrize("plane", PLANES)
@@ -317,7 +317,7 @@ def test_single_precision_finds_the_same_equilibrium_of_a_bonded_cube():
 
 
 def test_bodies_of_two_materials(ogden):
-    """Learnt on one side and exact on the other, or learnt on both; pairs outside are counted by material."""
+    """Learned on one side and exact on the other, or learned on both; pairs outside are counted by material."""
     body, soft, stiff = block("space"), pds.materials.Ogden(), pds.materials.NeoHookean(3.0, 300.0)
     left = body.points[:, 0] < 0.5
     neo_hookean, exact = load_surrogate(SHIPPED / "neo-hookean-isochoric"), pds.BondEnergyForce()

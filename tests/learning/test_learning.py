@@ -194,7 +194,7 @@ def test_bonds_without_shear_do_not_stop_a_training(features, rotation):
 
 @pytest.mark.parametrize("law", [pds.materials.Gent(), pds.materials.Gent(chain_limit=5.0), pds.materials.Ogden()], ids=repr)
 @pytest.mark.parametrize("stretches", [(0.9, 1.15), (1 / 1.08, 1.08), (0.99, 1.01)])
-def test_small_strains_are_learnt(law, stretches):
+def test_small_strains_are_learned(law, stretches):
     """`fit small --least 0.9 --greatest 1.15` ended in "sample 33 is not finite": states beyond the range were put on its corners."""
     samples = pds.training_samples(law, 2000, stretches)
     model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
@@ -214,8 +214,8 @@ def test_a_body_runs_on_small_strains():
     samples = pds.training_samples(law, 2000, (1 / 1.08, 1.08))
     model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.07, material="gent", precision="float64")
-    learnt, exact = (pds.simulate(scene, force) for force in (model, "analytic"))
-    assert learnt.levels[0]["nominal_stress"] == pytest.approx(exact.levels[0]["nominal_stress"], rel=1e-4)
+    learned, exact = (pds.simulate(scene, force) for force in (model, "analytic"))
+    assert learned.levels[0]["nominal_stress"] == pytest.approx(exact.levels[0]["nominal_stress"], rel=1e-4)
 
 
 def test_a_failed_training_leaves_no_fitted_pipeline(fitted):
@@ -471,8 +471,8 @@ def test_polynomial_kernels_of_every_degree(random, degrees):
     i, j = np.indices((degrees[0] + 1, degrees[1] + 1))
     coefficients = random.standard_normal((2, *i.shape)) * (i / max(degrees[0], 1) + j / max(degrees[1], 1) <= 1)
     domain = Domain(0.5, 4, 0.7, 1.4)
-    centre, half_width = np.array([0.7, 1.5]), np.array([2.2, 1.6])
-    model = PolynomialForce("random", "isochoric", np.array([0.1, -0.2]), domain, "neo-hookean", {}, centre, half_width, coefficients)
+    center, half_width = np.array([0.7, 1.5]), np.array([2.2, 1.6])
+    model = PolynomialForce("random", "isochoric", np.array([0.1, -0.2]), domain, "neo-hookean", {}, center, half_width, coefficients)
     X = pds.training_samples(LAW, 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
@@ -494,7 +494,7 @@ def test_isochoric_features_lose_nothing():
 
 
 @pytest.mark.parametrize("law", [pds.materials.NeoHookean(), pds.materials.Gent()], ids=["both", "one"])
-def test_an_output_that_only_rounding_moves_is_not_learnt(law):
+def test_an_output_that_only_rounding_moves_is_not_learned(law):
     """Neo-Hookean rubber has two constant isochoric outputs, Gent's one; scaled to unit variance their rounding would be fitted."""
     samples = pds.training_samples(law, 1500, random_state=0)
     network = pds.LevenbergMarquardtRegressor((4,), "algebraic", max_iter=100, random_state=0)

@@ -1,4 +1,4 @@
-"""The library of laws: limits, special cases, equal stretches, what a user adds, and the thickness from the learnt force."""
+"""The library of laws: limits, special cases, equal stretches, what a user adds, and the thickness from the learned force."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -269,14 +269,14 @@ def test_shipped_surrogates(name):
     [pds.materials.ArrudaBoyce(), pds.materials.Ogden(), pds.materials.FullNetwork(), pds.materials.Ogden(bulk_modulus=10.0)],
     ids=lambda law: law.name,
 )
-def test_thickness_from_the_learnt_force(law, precision, random):
+def test_thickness_from_the_learned_force(law, precision, random):
     """J3 is off by the force error over K/mu: that of the force, in units of mu, is below 5e-3 everywhere in this state."""
     body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
     samples = pds.training_samples(law, 4000, random_state=0)
     fitted = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
     model = surrogate_of(fitted, law, samples)
     force = model.bind(body, law, ForceSettings(precision=precision))
-    assert force.learnt_thickness
+    assert force.learned_thickness
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     positions = (body.points * [1.9, 0.8] + 0.02 * np.sin(5 * body.points[:, ::-1])) @ turn.T
     out = np.empty_like(positions)
@@ -339,7 +339,7 @@ def test_a_users_own_law(random):
     stretch, h = 2.0, 1e-5
     rise = [homogeneous.uniaxial(law, stretch + sign * h).energy_density for sign in (-1, 1)]
     assert homogeneous.uniaxial(law, stretch).nominal_stress == pytest.approx((rise[1] - rise[0]) / (2 * h), rel=1e-7)
-    # It is learnt and simulated as every other.
+    # It is learned and simulated as every other.
     samples = pds.training_samples(law, 2000, (0.6, 3.0), random_state=0)
     fitted = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 4)), features="isochoric").fit(samples.X, samples.y)
     model = surrogate_of(fitted, law, samples)

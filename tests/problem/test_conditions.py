@@ -108,9 +108,9 @@ def test_a_frame_that_shears_shears_what_it_holds():
 def test_a_turn_by_a_right_angle_leaves_no_stress(force):
     result = simulate(pds.load_scene("rotation", spacing=0.1), force)
     points = result.body.points
-    centre = np.array([1.0, 0.5])
+    center = np.array([1.0, 0.5])
     for level, angle in zip(range(2), (np.pi / 4, np.pi / 2), strict=True):
-        turned = (points - centre) @ rotation(angle).T + centre
+        turned = (points - center) @ rotation(angle).T + center
         np.testing.assert_allclose(points + result.displacement(level), turned, atol=1e-6)
         assert np.abs(result.states[level][1]["stress"]).max() < 1e-5
     assert max(np.abs(force).max() for force in result.levels[-1]["forces"].values()) < 1e-5

@@ -99,8 +99,8 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
     prescribed = (turned | axis, turned | axis | {"region": "left"})
     run = started(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing))
     loading, Q = run.loading, rotation(AXIS, 20.0) if dimension == 3 else rotation((0, 0, 1), 20.0)[:2, :2]
-    centre = np.array(turned["about"])
-    start = centre + (run.body.points - centre) @ Q.T + 0.01 * np.sin(3 * run.body.points[:, ::-1])
+    center = np.array(turned["about"])
+    start = center + (run.body.points - center) @ Q.T + 0.01 * np.sin(3 * run.body.points[:, ::-1])
     start[:, 0] += 0.05
     out = np.empty_like(start)
     loading.apply(0.5, run.force, start)
@@ -110,7 +110,7 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
     motions = [np.zeros((dimension, dimension + 1)) for _ in run.body.planes]
     for number in (0, 1):
         motions[number][:, :-1] = Q - np.eye(dimension)
-        motions[number][:, -1] = np.eye(dimension)[0] * 0.05 - (Q - np.eye(dimension)) @ centre
+        motions[number][:, -1] = np.eye(dimension)[0] * 0.05 - (Q - np.eye(dimension)) @ center
 
     def energy(number, spin, shift):
         turn, displacement = motions[number][:, :-1], motions[number][:, -1]

@@ -13,7 +13,7 @@ from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
 from pdsurrogate.problem.conditions import loads_of
 from pdsurrogate.solvers.loads import LoadedForce
-from pdsurrogate.solvers.methods import EnergyMinimiser
+from pdsurrogate.solvers.methods import EnergyMinimizer
 from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)
@@ -85,7 +85,7 @@ class Regions:
 
 
 def scene_of(*loads, steps=1, **options):
-    body, hole = pds.shapes.Rectangle(size=(WIDTH, HEIGHT)), pds.shapes.Circle(radius=0.2, centre=(WIDTH / 2, HEIGHT / 2))
+    body, hole = pds.shapes.Rectangle(size=(WIDTH, HEIGHT)), pds.shapes.Circle(radius=0.2, center=(WIDTH / 2, HEIGHT / 2))
     return pds.Scene(name="loads", spacing=0.1, body=body, holes=(hole,), material="neo-hookean", loads=loads, steps=steps, **options)
 
 
@@ -339,7 +339,7 @@ def test_tractions_on_both_ends_are_the_mean_stress_of_a_bar():
     free, y = np.ones_like(body.points), body.points * [1.4, 0.9]
     # The point that keeps the body from drifting takes no force: the loads are in balance, and turn the body as they need it.
     free[0] = 0
-    EnergyMinimiser(free, body.volumes, 1e-8).solve(force, y)
+    EnergyMinimizer(free, body.volumes, 1e-8).solve(force, y)
     np.testing.assert_allclose(force.internal.mean_stress(), np.diag([stress, 0]), atol=1e-6 * stress)
     middle = np.linalg.norm(body.points - [WIDTH / 2, HEIGHT / 2], axis=1) < 0.1
     assert force.internal.deformation_gradients()[middle, 0, 0].mean() == pytest.approx(1.5, rel=0.005)

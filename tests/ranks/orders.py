@@ -22,7 +22,7 @@ def names(body, numbers, total):
     return {
         "points": numbers,
         "images": ends,
-        "bonds": ends[owners] * span + ends[bonds.neighbours],
+        "bonds": ends[owners] * span + ends[bonds.neighbors],
         "pairs": ends[bonds.first] * span + ends[bonds.second],
     }
 

@@ -21,7 +21,7 @@ shape = "rectangle"
 size = [2.0, 1.4]
 [[holes]]
 shape = "circle"
-centre = [1.0, 0.7]
+center = [1.0, 0.7]
 radius = 0.3
 [material]
 law = "neo-hookean"

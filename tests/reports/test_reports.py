@@ -23,7 +23,7 @@ def test_costs_are_ordered_as_the_work_is():
         assert 0 < row["ns_bond_pass_1"] < 2 * row["ns_per_directed_bond_1"]
         assert row["disturbance_1"] >= 1
         assert row["disturbance_all"] >= 1
-    # A bond-associated gradient for each bond, of some 15 common neighbours: five to nine times the work, of which a load of nine programs
+    # A bond-associated gradient for each bond, of some 15 common neighbors: five to nine times the work, of which a load of nine programs
     # to a core has been seen to leave 1.8.
     assert rival["ns_per_directed_bond_1"] > nosb["ns_per_directed_bond_1"]
 

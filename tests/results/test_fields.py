@@ -64,7 +64,7 @@ def test_fields_of_a_homogeneous_state(name, plane):
     assert set(fields) == {*expected, "position", "displacement"}
 
 
-def test_stress_and_energy_are_those_of_the_learnt_energy_that_ran():
+def test_stress_and_energy_are_those_of_the_learned_energy_that_ran():
     """Its card states errors of some 1e-5: closer to its own derivative than to the law; far outside, the exact energy has the word."""
     body, model = sheet(), pds.load_surrogate("neo-hookean-energy")
     trace, J = (np.array([value]) for value in plane_stress.invariants(F2))

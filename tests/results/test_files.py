@@ -69,7 +69,7 @@ def test_a_kill_leaves_the_old_file_or_the_new_one(tmp_path, delay):
     assert content["data"] == [content["number"]] * 50_000
 
 
-def test_a_kill_leaves_whole_artefacts_or_none(tmp_path, monkeypatch):
+def test_a_kill_leaves_whole_artifacts_or_none(tmp_path, monkeypatch):
     for delay in (0.004, 0.03, 0.1):
         killed(ENDLESS_ARTIFACTS, delay, tmp_path, SHIPPED / "neo-hookean" / "1")
         for folder in (tmp_path / "killed").glob("[0-9]*"):
@@ -78,7 +78,7 @@ def test_a_kill_leaves_whole_artefacts_or_none(tmp_path, monkeypatch):
             for path in folder.iterdir():
                 path.unlink()
             folder.rmdir()
-    # What a kill left beside them is not taken for an artefact.
+    # What a kill left beside them is not taken for an artifact.
     leftover = tmp_path / ".killed-7-left"
     leftover.mkdir(parents=True, exist_ok=True)
     (tmp_path / "killed").mkdir(exist_ok=True)
@@ -86,7 +86,7 @@ def test_a_kill_leaves_whole_artefacts_or_none(tmp_path, monkeypatch):
         (leftover / path.name).write_bytes(path.read_bytes())
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path))
     assert leftover not in list_artifacts()
-    with pytest.raises(ValueError, match="no artefact there"):
+    with pytest.raises(ValueError, match="no artifact there"):
         find_artifact(tmp_path / "killed")
 
 

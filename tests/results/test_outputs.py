@@ -49,12 +49,12 @@ TEAR = {
 }
 
 
-def _programme() -> pds.Scene:
+def _program() -> pds.Scene:
     """Two materials, a load, a probe, equilibrium and viscous dynamics."""
     stiff = {"law": "neo-hookean", "shear_modulus": 2.0, "bulk_modulus": 200.0}
     dynamics = {"duration": 0.5, "density": 1.0, "damping": 1.0, "viscosity": 1e-3}
     return pds.Scene(
-        name="programme",
+        name="program",
         spacing=0.1,
         units=UNITS,
         body=pds.shapes.Rectangle(size=(1.0, 0.4)),
@@ -125,14 +125,14 @@ def folders(tmp_path_factory):
     place = tmp_path_factory.mktemp("runs")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        committee = _committee(place / "artefacts")
+        committee = _committee(place / "artifacts")
         law = pds.load_card(committee).material.trained_with
         runs = {
             "plane": (pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean"),
             "pushed": (pds.load_scene("uniaxial", spacing=0.25, stretches=0.98), "bond-energy"),
             "committee": (pds.load_scene("uniaxial", spacing=0.25, stretches=2.0, material=law), f"{committee}#all"),
             "pulled": (_pulled(law), committee),
-            "programme": (_programme(), "bond-energy"),
+            "program": (_program(), "bond-energy"),
             "far": (_far(), "bond-energy"),
             "tear": (pds.load_scene("tear", TEAR), "bond-energy"),
             "space": (_in_space(), "bond-energy"),

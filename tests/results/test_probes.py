@@ -5,7 +5,7 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.body.local_fit import MOST_AMPLIFICATION, fields_at, interpolation
-from pdsurrogate.discretisation import discretise
+from pdsurrogate.discretization import discretize
 from pdsurrogate.materials import plane_stress
 from pdsurrogate.results.measures import PointState, Probes
 from pdsurrogate.scenes import Probe
@@ -46,7 +46,7 @@ def test_probes_at_the_poles_of_a_sphere_do_not_blow_up_what_points_are_off():
         material="neo-hookean",
         loads=[{"region": "body", "body_force": [0.1, 0.0, 0.0]}],
     )
-    body, _, _ = discretise(scene)
+    body, _, _ = discretize(scene)
     places = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.577, 0.577, 0.577], [0.0, 0.0, 0.0]])
     values, gradients = interpolation(body, places)
     assert np.abs(values).sum(axis=1).max() < MOST_AMPLIFICATION
@@ -70,7 +70,7 @@ def test_probes_in_planes_of_symmetry_read_from_points_and_images():
         material={"law": "neo-hookean", "bulk_modulus": 20.0},
         prescribed=[{"region": face, f"x{axis}": 0.0} for axis, face in planes],
     )
-    body, _, _ = discretise(scene)
+    body, _, _ = discretize(scene)
     places = np.array([[0.75, 0.0, 0.0], [0.0, 0.5, 0.55], [0.45, 0.6, 0.0]])
     moved, tensors = fields_at(body, places)
 

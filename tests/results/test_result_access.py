@@ -157,7 +157,7 @@ def test_where_a_result_comes_from(stretched, loaded):
     assert set(summary["digests"]) == {"neo-hookean@2"}
     assert pds.Scene.model_validate(summary["scene_as_run"]) == stretched.scene
     assert pds.Scene.model_validate(loaded.summary["scene_as_run"]) == loaded.scene
-    # A learnt model is told from another by its numbers alone.
+    # A learned model is told from another by its numbers alone.
     other = pds.simulate(stretched.scene, "neo-hookean-paper").summary["digests"]["neo-hookean-paper@1"]
     assert summary["digests"]["neo-hookean@2"] != other
 
@@ -210,7 +210,7 @@ def test_what_cannot_be_read_back_is_told(stretched, tmp_path):
         pds.load_result(tmp_path)
 
 
-def test_what_a_solver_leaves_has_one_colour():
+def test_what_a_solver_leaves_has_one_color():
     """The stress of a homogeneous state differs by a millionth: it is no rainbow, and its numbers have no offset beside the bar."""
     low, high = figures.limits_of(np.array([2.3, 2.3 * (1 + 1e-6)]))
     assert high - low == pytest.approx(1e-4 * 2.3, rel=1e-3)

@@ -93,10 +93,10 @@ def test_a_scene_is_drawn_before_it_is_run(name, tmp_path):
     for entry in (*scene.prescribed, *scene.loads):
         assert entry.name or entry.region in said
     assert ("cut" in said) == bool(scene.precuts)
-    # Every region has its colour in the picture: that of the legend, on the body as well.
-    colours = {tuple(np.round(np.array(patch.get_facecolor()[:3]), 2)) for patch in figure.legends[0].get_patches()}
-    assert len(colours) == len(figure.legends[0].get_patches())
-    assert len(np.unique((picture * 50).round().reshape(-1, 3), axis=0)) > len(colours)
+    # Every region has its color in the picture: that of the legend, on the body as well.
+    colors = {tuple(np.round(np.array(patch.get_facecolor()[:3]), 2)) for patch in figure.legends[0].get_patches()}
+    assert len(colors) == len(figure.legends[0].get_patches())
+    assert len(np.unique((picture * 50).round().reshape(-1, 3), axis=0)) > len(colors)
 
 
 def test_the_page_holds_everything_and_fetches_nothing(folder):

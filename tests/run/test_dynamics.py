@@ -357,7 +357,7 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
     with pytest.raises(pds.SimulationFailed, match=message) as caught:
         simulate(scene, "ba-nosb", folder=tmp_path)
     assert "dynamics.safety" in str(caught.value)
-    # The whole programme takes some 20,000 steps.
+    # The whole program takes some 20,000 steps.
     assert caught.value.result.summary["n_steps"] < (4000 if check == "grip" else 1000)
     states = caught.value.result.states
     # Rounding decides whether the growing wave turns a bond inside out before a point, whose state has no energy and is not recorded.

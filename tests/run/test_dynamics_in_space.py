@@ -23,7 +23,7 @@ def free_block(counts, velocities, viscosity=0.0, damping=0.0, safety=0.7):
     body = Body(points, np.full(len(points), SPACING**3), 1.75 * SPACING, SPACING)
     force = FORCES["bond-energy"]().bind(body, LAW, ForceSettings(plane="space"))
     integrator = nothing_held(force, body, velocities(points), damping=damping, viscosity=viscosity, safety=safety)
-    integrator.centre()
+    integrator.center()
     return integrator
 
 
@@ -123,7 +123,7 @@ TORN = {
 """A strip between plates that are prescribed, in a stage that says its duration."""
 
 
-def test_a_programme_in_space_that_is_killed_while_bonds_break_resumes_to_the_same_bits(tmp_path, monkeypatch):
+def test_a_program_in_space_that_is_killed_while_bonds_break_resumes_to_the_same_bits(tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
 
     scene = Scene.model_validate(TORN)

@@ -171,7 +171,7 @@ def test_the_history_has_a_row_at_every_output(scene, force):
 
 
 @pytest.mark.parametrize("force", ["analytic", "bond-energy"])
-def test_more_outputs_than_steps_end_where_the_programme_does(force):
+def test_more_outputs_than_steps_end_where_the_program_does(force):
     """Every step had one output at most, so that 50 of them went on to a time of 0.69, with work counted at grips that stood still."""
     result = pds.simulate(strip(stretch=1.31, outputs=50), force)
     times = [moment.time for moment in result.states.moments[len(result.levels) :]]

@@ -57,7 +57,7 @@ def test_the_stress_of_short_bodies(cells):
 
 @pytest.mark.parametrize("cells", [1, 2])
 def test_bodies_whose_horizons_reach_images_of_images_are_refused(cells):
-    """Two spacings between reflected grips gave 0.218 kPa of 1.050, and a lateral displacement 1 % off: neighbours are missing."""
+    """Two spacings between reflected grips gave 0.218 kPa of 1.050, and a lateral displacement 1 % off: neighbors are missing."""
     with pytest.raises(SceneError, match=r"too short for a horizon of 0\.315.*take a spacing of 0\.0\d+ or less"):
         run("analytic", "spacing=0.1", f"body.size={0.1 * cells:g},1.0", "stretches=1.5")
 
@@ -517,12 +517,12 @@ def test_what_is_no_force_says_what_is_taken():
     with pytest.raises(ValueError, match="a pipeline read from a file does not say which stretches"):
         pds.simulate(scene, pickle.loads(pickle.dumps(pipeline.fit(samples.X, samples.y))))
     for force in (3, pds.AnalyticBondForce, samples):
-        with pytest.raises(TypeError, match="force must be a force model, the name of one, an artefact"):
+        with pytest.raises(TypeError, match="force must be a force model, the name of one, an artifact"):
             pds.simulate(scene, force)
 
 
 def test_a_simulation_needs_neither_scikit_learn_nor_torch():
-    """Model only what a scene needs: the imports of a run with a learnt force."""
+    """Model only what a scene needs: the imports of a run with a learned force."""
     code = """
 import sys
 import pdsurrogate as pds

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from pdsurrogate.body.local_fit import boundary_rows
-from pdsurrogate.discretisation import discretise, grip_areas, surface_of
+from pdsurrogate.discretization import discretize, grip_areas, surface_of
 from pdsurrogate.problem.regions import BodyRegions
 from pdsurrogate.scenes import Region, Scene, SceneError
 
@@ -23,10 +23,10 @@ def scene_of(body=None, spacing=0.1, **changes):
 
 
 def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
-    """Of 10 by 8 by 6 cubes, each with its 26 neighbours, images among them: those beyond x3 move with the grips in all components."""
+    """Of 10 by 8 by 6 cubes, each with its 26 neighbors, images among them: those beyond x3 move with the grips in all components."""
     scene = scene_of()
     assert (scene.dimension, scene.plane, scene.horizon_ratio) == (3, "space", 1.75)
-    body, lower, upper = discretise(scene)
+    body, lower, upper = discretize(scene)
     assert len(body) == 480
     assert body.volumes.sum() == pytest.approx(0.48, rel=1e-12)
     np.testing.assert_allclose(lower, [-0.2, 0.1, 0.0])
@@ -56,9 +56,9 @@ def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
         ),
         ({"body": {"shape": "extrusion", "thickness": 1.0, "outline": {"shape": "sphere"}}}, "body.outline: unknown shape 'sphere'"),
         ({"precuts": [{"corner": [0, 0, 0], "sides": [[1, 0, 0], [2, 0, 0]]}]}, "precuts.0: sides: they span no area"),
-        ({"precuts": [{"centre": [0, 0, 0], "radius": 1, "normal": [0, 0, 0]}]}, "precuts.0.normal: it is a direction"),
-        ({"precuts": [{"centre": [0, 0, 0], "radius": 1}]}, "precuts.0.normal: Field required"),
-        ({"regions": {"x": {"disc": {"centre": [0, 0], "radius": 1}}}}, "regions.x: disc is a region of the plane; in space give ball"),
+        ({"precuts": [{"center": [0, 0, 0], "radius": 1, "normal": [0, 0, 0]}]}, "precuts.0.normal: it is a direction"),
+        ({"precuts": [{"center": [0, 0, 0], "radius": 1}]}, "precuts.0.normal: Field required"),
+        ({"regions": {"x": {"disc": {"center": [0, 0], "radius": 1}}}}, "regions.x: disc is a region of the plane; in space give ball"),
         ({"regions": {"x": {"half_plane": {"point": [0, 0], "normal": [1, 0]}}}}, "regions.x: half_plane is a region of the plane; in"),
         ({"regions": {"x": {"box": [[0, 0], [1, 1]]}}}, "regions.x.box.0: needs 3 components for a body in space, not 2"),
         ({"regions": {"x": {"near": [0, 0, 0, 0]}}}, "regions.x.near: needs at most 3 entries, not 4"),
@@ -114,13 +114,13 @@ BODIES = {
     ),
     "half of a sphere with a bubble in its face": (
         {"shape": "sphere", "radius": 0.5, "part": "half"},
-        [{"shape": "sphere", "radius": 0.15, "centre": [0.0, 0.1, -0.1]}],
+        [{"shape": "sphere", "radius": 0.15, "center": [0.0, 0.1, -0.1]}],
         PI / 12 * (1 - 0.3**3),
         None,
         {"outline": PI / 2, "holes.0": PI * 0.045, "left": PI * (0.25 - 0.0225)},
     ),
     "quarter of a sphere": (
-        {"shape": "sphere", "radius": 0.5, "part": "quarter", "centre": [0.1, 0.2, 0.3]},
+        {"shape": "sphere", "radius": 0.5, "part": "quarter", "center": [0.1, 0.2, 0.3]},
         [],
         PI / 24,
         None,
@@ -141,7 +141,7 @@ BODIES = {
         {"left": PI * 0.16, "right": PI * 0.16, "outline": 0.8 * PI, "holes.0": 0.8 * 0.6 * PI},
     ),
     "angle with a hole": (
-        {"shape": "extrusion", "outline": ANGLE, "holes": [{"shape": "circle", "radius": 0.1, "centre": [0.25, 0.25]}], "thickness": 0.5},
+        {"shape": "extrusion", "outline": ANGLE, "holes": [{"shape": "circle", "radius": 0.1, "center": [0.25, 0.25]}], "thickness": 0.5},
         [],
         (0.75 - PI * 0.01) / 2,
         None,
@@ -160,7 +160,7 @@ BODIES = {
     "box with a slot and a bubble": (
         CUBE,
         [
-            {"shape": "sphere", "radius": 0.15, "centre": [-0.2, 0.1, 0.1]},
+            {"shape": "sphere", "radius": 0.15, "center": [-0.2, 0.1, 0.1]},
             {"shape": "box", "size": [0.3, 0.2, 2.0], "lower": [0.3, -0.1, -1.0]},
         ],
         1 - PI / 6 * 0.027 - 0.04,
@@ -177,7 +177,7 @@ def free_body(name, spacing=0.1):
     """A body that is loaded alone, which asks nothing of its faces."""
     body, holes, *exact = BODIES[name]
     scene = scene_of(body, spacing, holes=holes, loads=[{"body_force": [0, 0, 1]}], steps=1)
-    return scene, *discretise(scene), exact
+    return scene, *discretize(scene), exact
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -213,10 +213,10 @@ def test_grips_have_the_area_of_the_face_that_they_hold():
         (CUBE, [{"shape": "box", "size": [2.0, 0.21, 2.0], "lower": [-1.0, -0.1, -1.0]}], 0.79, 1e-6),
     ):
         scene = scene_of(body, holes=holes)
-        _, lower, upper = discretise(scene)
+        _, lower, upper = discretize(scene)
         assert grip_areas(scene, lower, upper) == pytest.approx({"back": area, "front": area}, rel=tolerance)
     scene = scene_of({"shape": "sphere", "radius": 0.5}, support="points")
-    _, lower, upper = discretise(scene)
+    _, lower, upper = discretize(scene)
     with pytest.raises(SceneError, match="no straight edge with material at its back end to be held by"):
         grip_areas(scene, lower, upper)
 
@@ -224,14 +224,14 @@ def test_grips_have_the_area_of_the_face_that_they_hold():
 CUTS = {  # none has a bond through its edge, where rounding would decide
     "parallelogram": {"corner": [-0.207, -0.304, 0.021], "sides": [[0.4, 0.0, 0.1], [0.1, 0.3, 0.0]]},
     "through a layer of points": {"corner": [-0.6, -0.6, 0.05], "sides": [[0.6, 0.0, 0.0], [0.0, 1.2, 0.0]]},
-    "disc": {"centre": [0.03, 0.0, 0.04], "radius": 0.31, "normal": [0.1, 0.2, 1.0]},
+    "disc": {"center": [0.03, 0.0, 0.04], "radius": 0.31, "normal": [0.1, 0.2, 1.0]},
 }
 
 
 def meets(cut, start, end):
     """Whether a segment meets a flat cut, by solving for the place where it does; a start on the plane counts as above it."""
     if "radius" in cut:
-        normal, origin = np.array(cut["normal"]), np.array(cut["centre"])
+        normal, origin = np.array(cut["normal"]), np.array(cut["center"])
     else:
         normal, origin = np.cross(*cut["sides"]), np.array(cut["corner"])
     before, after = ((place - origin) @ normal for place in (start, end))
@@ -246,9 +246,9 @@ def meets(cut, start, end):
 
 @pytest.mark.parametrize("kind", CUTS)
 def test_precuts_separate_exactly_the_bonds_that_cross_them(kind):
-    whole = discretise(scene_of(CUBE))[0]
+    whole = discretize(scene_of(CUBE))[0]
     scene = scene_of(CUBE, precuts=[CUTS[kind]])
-    body = discretise(scene)[0]
+    body = discretize(scene)[0]
     bonds = np.stack([whole.bonds.first, whole.bonds.second], axis=1)
     crossing = np.array([meets(CUTS[kind], *whole.all_points[bond]) for bond in bonds])
     assert crossing.any()
@@ -258,13 +258,13 @@ def test_precuts_separate_exactly_the_bonds_that_cross_them(kind):
 
 def test_precuts_that_cut_nothing_are_refused():
     with pytest.raises(SceneError, match=r"precuts\.0: it cuts no bond"):
-        discretise(scene_of(CUBE, precuts=[{**CUTS["disc"], "centre": [0, 0, 2.0]}]))
+        discretize(scene_of(CUBE, precuts=[{**CUTS["disc"], "center": [0, 0, 2.0]}]))
 
 
 def test_no_bond_crosses_empty_space():
     """A slot one cell wide: no bond leads from one side to the other, and those around its end stay.  A bubble of two cells, likewise."""
     slot = {"shape": "box", "size": [0.7, 2.0, 0.1], "lower": [-0.5, -1.0, 0.0]}
-    body = discretise(scene_of(CUBE, holes=[slot], horizon_ratio=2.3))[0]
+    body = discretize(scene_of(CUBE, holes=[slot], horizon_ratio=2.3))[0]
     first, second = body.all_points[body.bonds.first], body.all_points[body.bonds.second]
     share = (0.05 - first[:, 2]) / np.where(first[:, 2] == second[:, 2], np.inf, second[:, 2] - first[:, 2])
     middle = first + share[:, None] * (second - first)
@@ -272,7 +272,7 @@ def test_no_bond_crosses_empty_space():
     assert across.any()
     assert middle[across, 0].min() > 0.2 - 0.04
     bubble = {"shape": "sphere", "radius": 0.2}
-    body = discretise(scene_of(CUBE, holes=[bubble], horizon_ratio=3.0))[0]
+    body = discretize(scene_of(CUBE, holes=[bubble], horizon_ratio=3.0))[0]
     assert not (np.linalg.norm((body.all_points[body.bonds.first] + body.all_points[body.bonds.second]) / 2, axis=1) < 0.1).any()
 
 
@@ -284,7 +284,7 @@ def test_bonds_are_those_within_the_horizon():
         loads=[{"body_force": [1, 0, 0]}],
         steps=1,
     )
-    body = discretise(scene)[0]
+    body = discretize(scene)[0]
     distance = np.linalg.norm(body.all_points[:, None] - body.all_points, axis=2)
     first, second = np.nonzero(np.triu(distance <= 0.175 * (1 + 1e-9), 1))
     own = first < len(body)
@@ -342,9 +342,9 @@ def test_a_part_of_a_body_follows_its_points_as_the_whole_does():
     holes = [{"shape": "sphere", "radius": 0.5}]
     prescribed = [{"region": face, f"x{axis}": 0.0} for axis, face in enumerate(("left", "bottom", "back"), 1)]
     scene = scene_of({"shape": "sphere", "radius": 1.0, "part": "eighth"}, 0.125, holes=holes, prescribed=prescribed, steps=1)
-    eighth = discretise(scene)[0]
-    surface = surface_of(scene, *discretise(scene))
-    whole = discretise(scene_of({"shape": "sphere", "radius": 1.0}, 0.125, holes=holes, loads=[{"body_force": [0, 0, 1]}], steps=1))[0]
+    eighth = discretize(scene)[0]
+    surface = surface_of(scene, *discretize(scene))
+    whole = discretize(scene_of({"shape": "sphere", "radius": 1.0}, 0.125, holes=holes, loads=[{"body_force": [0, 0, 1]}], steps=1))[0]
     beside = np.flatnonzero(surface.nodes.min(axis=1) < 1e-9)
     beside = beside[(surface.nodes[beside] < 1e-9).sum(axis=1) == 1]
     beside = beside[np.isin(beside, surface.facets[np.char.startswith(surface.parts, "holes")])]
@@ -362,7 +362,7 @@ def test_a_part_of_a_body_follows_its_points_as_the_whole_does():
 def test_distances_to_triangles():
     """Beside a cube: to faces, edges and corners."""
     scene = scene_of(CUBE)
-    surface = surface_of(scene, *discretise(scene))
+    surface = surface_of(scene, *discretize(scene))
     places = np.random.default_rng(3).uniform(-0.8, 0.8, (200, 3))
     outside = np.linalg.norm(np.maximum(np.abs(places) - 0.5, 0), axis=1)
     inside = 0.5 - np.abs(places).max(axis=1)
@@ -381,7 +381,7 @@ def test_boundaries_follow_smooth_motions():
     errors = []
     for spacing in (0.1, 0.05):
         scene = scene_of(CUBE, spacing)
-        body, lower, upper = discretise(scene)
+        body, lower, upper = discretize(scene)
         surface = surface_of(scene, body, lower, upper)
         errors.append(np.abs(surface.interpolation @ smooth(body.points) - smooth(surface.nodes)).max())
     assert errors[0] < 6 * 0.1**2
@@ -389,15 +389,15 @@ def test_boundaries_follow_smooth_motions():
 
 
 def test_holes_whose_boundary_meets_another_have_bonds_but_no_boundary():
-    scene = scene_of(CUBE, holes=[{"shape": "sphere", "radius": 0.2, "centre": [0.5, 0.0, 0.0]}])
-    body, lower, upper = discretise(scene)
+    scene = scene_of(CUBE, holes=[{"shape": "sphere", "radius": 0.2, "center": [0.5, 0.0, 0.0]}])
+    body, lower, upper = discretize(scene)
     assert body.volumes.sum() == pytest.approx(1 - PI * 0.032 / 6, rel=1e-3)
     with pytest.raises(ValueError, match=r"^holes\.0: .*; loads and probes take holes that lie inside the body, or"):
         surface_of(scene, body, lower, upper)
 
 
 def regions_of(scene):
-    body, lower, upper = discretise(scene)
+    body, lower, upper = discretize(scene)
     return BodyRegions(scene, body, lower, upper, lambda: surface_of(scene, body, lower, upper))
 
 
@@ -406,12 +406,12 @@ def test_regions():
         BOX, regions={"corner": {"and": ["left", "top", {"edge": "front"}]}}, holes=[{**CYLINDER, "radius": 0.15, "base": [0.3, 0.5, -0.1]}]
     )
     regions = regions_of(scene)
-    points = discretise(scene)[0].points
+    points = discretize(scene)[0].points
     for said, expected in (
         ("front", points[:, 2] > 0.5),
         ("bottom", points[:, 1] < 0.2),
         ("corner", (points[:, 0] < -0.1) & (points[:, 1] > 0.8) & (points[:, 2] > 0.5)),
-        (Region(ball={"centre": [0, 0.5, 0.3], "radius": 0.2}), np.linalg.norm(points - [0, 0.5, 0.3], axis=1) <= 0.2),
+        (Region(ball={"center": [0, 0.5, 0.3], "radius": 0.2}), np.linalg.norm(points - [0, 0.5, 0.3], axis=1) <= 0.2),
         (Region(half_space={"point": [0, 0, 0.3], "normal": [0, 1, -1]}), points[:, 1] - points[:, 2] >= -0.3 - 1e-9),
         (Region(box=[[0, 0.1, 0], [0.8, 0.9, 0.2]]), (points[:, 0] > 0) & (points[:, 2] < 0.2)),
         (Region(**{"not": "front"}), points[:, 2] < 0.5),
@@ -477,7 +477,7 @@ def test_meshes(tmp_path, kind):
     path = tmp_path / "solid.vtu" if not sides else tmp_path / "solid.inp"
     meshio.write(path, meshio.Mesh(nodes, blocks, cell_sets=sets))
     scene = scene_of({"shape": "mesh", "dimension": 3, "file": str(path)}, 1 / 6)
-    body, lower, upper = discretise(scene)
+    body, lower, upper = discretize(scene)
     assert len(body) == sum(len(block[1]) for block in blocks if block is not sides)
     surface = surface_of(scene, body, lower, upper)
     np.testing.assert_allclose([lower, upper], [[0, 0, 0], [1, 1, 1]], atol=1e-12)
@@ -499,7 +499,7 @@ def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
     meshio.write(tmp_path / "two.vtu", meshio.Mesh(nodes.astype(float), [("hexahedron", [list(range(8))]), ("tetra", above)]))
     scene = scene_of({"shape": "mesh", "dimension": 3, "file": str(tmp_path / "two.vtu")}, 1.0, support="points")
     with pytest.raises(ValueError, match=r"^body\.file: faces of tetrahedra "):
-        surface_of(scene, *discretise(scene))
+        surface_of(scene, *discretize(scene))
 
 
 @pytest.mark.parametrize(
@@ -520,5 +520,5 @@ def test_meshes_that_make_no_body_in_space(tmp_path, cells, dimension, message):
     body = {"shape": "mesh", "dimension": dimension, "file": str(path)}
     grips = ({"edge": "left", "travel": 1.0}, {"edge": "right"})
     with pytest.raises(SceneError) as told:
-        discretise(scene_of(body, 1.0, **{"grips": grips, "stretches": 1.5}))
+        discretize(scene_of(body, 1.0, **{"grips": grips, "stretches": 1.5}))
     assert message in str(told.value)

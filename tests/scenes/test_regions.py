@@ -5,7 +5,7 @@ import pytest
 from meshes import write_plate
 
 import pdsurrogate as pds
-from pdsurrogate.discretisation import discretise, surface_of
+from pdsurrogate.discretization import discretize, surface_of
 from pdsurrogate.problem.regions import BodyRegions
 from pdsurrogate.scenes import Region, SceneError, load_scene
 
@@ -13,7 +13,7 @@ PLATE = {
     "name": "plate",
     "spacing": 0.1,
     "body": {"size": [2.0, 1.0]},
-    "holes": [{"shape": "circle", "radius": 0.2, "centre": [0.5, 0.5]}, {"shape": "rectangle", "size": [0.2, 0.2], "lower": [1.4, 0.4]}],
+    "holes": [{"shape": "circle", "radius": 0.2, "center": [0.5, 0.5]}, {"shape": "rectangle", "size": [0.2, 0.2], "lower": [1.4, 0.4]}],
     "material": "neo-hookean",
     "steps": [1],
     "prescribed": [{"region": "left", "x1": 0.0}],
@@ -25,7 +25,7 @@ def scene_of(**changes):
 
 
 def regions_of(scene):
-    body, lower, upper = discretise(scene)
+    body, lower, upper = discretize(scene)
     return body, BodyRegions(scene, body, lower, upper, lambda: surface_of(scene, body, lower, upper))
 
 
@@ -50,7 +50,7 @@ POINTS = {
     "an edge, said on the spot": ({"edge": "top"}, lambda x: x[:, 1] > 0.9),
     "the body": ("body", lambda x: x[:, 0] > 0),
     "a box": ({"box": [[0.1, 0.2], [0.5, 0.4]]}, lambda x: (x >= [0.1, 0.2]).all(axis=1) & (x <= [0.5, 0.4]).all(axis=1)),
-    "a disc": ({"disc": {"centre": [1, 0.5], "radius": 0.3}}, lambda x: np.linalg.norm(x - [1, 0.5], axis=1) <= 0.3 + 1e-9),
+    "a disc": ({"disc": {"center": [1, 0.5], "radius": 0.3}}, lambda x: np.linalg.norm(x - [1, 0.5], axis=1) <= 0.3 + 1e-9),
     "a half-plane": ({"half_plane": {"point": [1, 0.5], "normal": [3, 4]}}, lambda x: (x - [1, 0.5]) @ [3, 4] >= -1e-9),
     "all of several": ({"and": ["left", "bottom"]}, lambda x: (x < 0.1).all(axis=1)),
     "one of several": ({"or": ["left", {"edge": "right"}]}, lambda x: np.abs(x[:, 0] - 1) > 0.9),
@@ -79,11 +79,11 @@ def test_points_by_their_numbers_and_nearest_to_a_place(plate):
 
 
 def test_places_on_the_boundary_of_a_region_belong_to_it():
-    """To 1e-9 of the extent: the centres of cells are not where their decimal numbers are, 0.15 + 0.1 + 0.1 is above 0.35."""
+    """To 1e-9 of the extent: the centers of cells are not where their decimal numbers are, 0.15 + 0.1 + 0.1 is above 0.35."""
     body, regions = regions_of(scene_of(holes=()))
     inside = regions.points(Region(box=((0.15, 0.25), (0.35, 0.35))))
     np.testing.assert_allclose(body.points[inside], [[0.15, 0.25], [0.25, 0.25], [0.35, 0.25], [0.15, 0.35], [0.25, 0.35], [0.35, 0.35]])
-    assert len(regions.points(Region(disc={"centre": (0.55, 0.55), "radius": 0.3}))) == 29
+    assert len(regions.points(Region(disc={"center": (0.55, 0.55), "radius": 0.3}))) == 29
     assert len(regions.points(Region(half_plane={"point": (0.35, 0.0), "normal": (-1e-9, 0)}))) == 40
 
 
@@ -112,7 +112,7 @@ FACETS = {
     "the outline": ("outline", lambda x: np.isclose(x, 0).any(axis=1) | np.isclose(x, [2, 1]).any(axis=1)),
     "the body": ("body", lambda x: x[:, 0] > -1),
     "part of an edge": ({"and": ["top", {"box": [[0.5, 0], [1, 1]]}]}, lambda x: np.isclose(x[:, 1], 1) & (np.abs(x[:, 0] - 0.75) < 0.25)),
-    "a disc about a hole": ({"disc": {"centre": [0.5, 0.5], "radius": 0.3}}, lambda x: np.linalg.norm(x - [0.5, 0.5], axis=1) < 0.3),
+    "a disc about a hole": ({"disc": {"center": [0.5, 0.5], "radius": 0.3}}, lambda x: np.linalg.norm(x - [0.5, 0.5], axis=1) < 0.3),
     "all but an edge": ({"and": ["outline", {"not": "grip"}]}, lambda x: np.isclose(x, 0).any(axis=1) | np.isclose(x[:, 1], 1)),
     "a half-plane": ("lower-half", lambda x: x[:, 1] <= 0.5),
 }
@@ -139,7 +139,7 @@ def test_facets_of_holes(plate):
 
 def test_the_boundary_is_made_once_and_where_it_is_asked_for():
     scene = scene_of()
-    body, lower, upper = discretise(scene)
+    body, lower, upper = discretize(scene)
     made = []
     regions = BodyRegions(scene, body, lower, upper, lambda: made.append(1) or surface_of(scene, body, lower, upper))
     regions.points("left")
@@ -186,11 +186,11 @@ def said_of(kind, said, **changes):
             {"box": [[-1, -1], [0.02, 0.05]]},
             "prescribed.0.region: no point of the body lies in it; the nearest is point 0 at (0.05, 0.05), 0.03 away",
         ),
-        ("points", {"disc": {"centre": [2.35, 0.95], "radius": 0.1}}, "; the nearest is point 183 at (1.95, 0.95), 0.3 away"),
+        ("points", {"disc": {"center": [2.35, 0.95], "radius": 0.1}}, "; the nearest is point 183 at (1.95, 0.95), 0.3 away"),
         ("points", {"half_plane": {"point": [0, 2], "normal": [0, 3]}}, " at (0.05, 0.95), 1.05 away"),
         (
             "points",
-            {"disc": {"centre": [0.5, 0.5], "radius": 0.05}},
+            {"disc": {"center": [0.5, 0.5], "radius": 0.05}},
             "prescribed.0.region: no point of the body lies in it; the nearest is",
         ),
         (
@@ -236,7 +236,7 @@ def test_edges_that_are_not_there():
     slot = {"holes": [{"shape": "rectangle", "size": [0.5, 1.2], "lower": [-0.1, -0.1]}]}
     message = said_of("points", {"edge": "left"}, **slot)
     assert message == "prescribed.0.region: no point of the body lies in it; the nearest is point 0 at (0.45, 0.05), 0.45 away"
-    covered = {"holes": [{"shape": "circle", "radius": 0.2, "centre": [1, 0.5]}, {"shape": "circle", "radius": 0.1, "centre": [1, 0.55]}]}
+    covered = {"holes": [{"shape": "circle", "radius": 0.2, "center": [1, 0.5]}, {"shape": "circle", "radius": 0.1, "center": [1, 0.55]}]}
     assert said_of("facets", "holes.1", **covered) == "loads.0.region: there is no boundary of holes.1; there are holes.0"
 
 
@@ -309,10 +309,10 @@ def test_groups_of_a_mesh(meshed):
         ({"and": "left"}, "prescribed.0.region.and: must be a list (given 'left')"),
         ({"or": ["left", "grp"]}, "prescribed.0.region.or.1: there is no region 'grp'; did you mean grip?"),
         (
-            {"not": {"disc": {"centre": [0, 0], "radius": -1}}},
+            {"not": {"disc": {"center": [0, 0], "radius": -1}}},
             "prescribed.0.region.not.disc.radius: Input should be greater than 0 (given -1)",
         ),
-        ({"disc": {"center": [0, 0], "radius": 1}}, "region.disc.center: unknown key; did you mean centre?"),
+        ({"disc": {"center": [0, 0], "radius": 1}}, "region.disc.center: unknown key; did you mean center?"),
         ({"half_plane": {"point": [0, 0], "normal": [0, 0]}}, "region.half_plane.normal: it is a direction"),
         ({"box": [[1, 1], [0, 0]]}, "prescribed.0.region: a box is given by its corners where all coordinates are least, and greatest"),
         ({"points": [-1]}, "prescribed.0.region.points.0: Input should be greater than or equal to 0 (given -1)"),
@@ -324,7 +324,7 @@ def test_mistakes_are_told_in_one_line_with_the_authors_own_key(tmp_path, said, 
     path = tmp_path / "mine.toml"
     path.write_text(
         'name = "mine"\nspacing = 0.1\nsteps = 1\nmaterial = "neo-hookean"\nbody = {size = [2.0, 1.0]}\n'
-        'holes = [{shape = "circle", radius = 0.2, centre = [0.5, 0.5]}, {shape = "circle", radius = 0.2, centre = [1.5, 0.5]}]\n'
+        'holes = [{shape = "circle", radius = 0.2, center = [0.5, 0.5]}, {shape = "circle", radius = 0.2, center = [1.5, 0.5]}]\n'
         'prescribed = [{region = "left", x1 = 0.0}]\nregions.grip.edge = "right"\n'
     )
     load_scene(path)

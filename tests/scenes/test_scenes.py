@@ -84,7 +84,7 @@ def test_parsing_of_changes(change, key, value):
         (["solver.methd=explicit"], "solver.methd: unknown key; did you mean method?"),
         (["fracture.criticalstretch=2"], "fracture.criticalstretch: unknown key; did you mean critical_stretch?"),
         (["body.siz=1,2"], "body.siz: unknown key; did you mean size?"),
-        (["holes=[{shape='circle', radius=1, center=[0,0]}]"], "holes.0.center: unknown key; did you mean centre?"),
+        (["holes=[{shape='circle', radius=1, center=[0,0]}]"], "holes.0.center: unknown key; did you mean center?"),
         (["grips.1.hold=all"], "grips.1.hold: unknown key; did you mean holds?"),
         (["holds=[{boks=[1]}]"], "holds.0.boks: unknown key; there are box, points, components, travel"),
         (["material.shear_modulu=3"], "neo-hookean has no parameter 'shear_modulu'; did you mean shear_modulus?"),
@@ -222,7 +222,7 @@ def test_scene_files(tmp_path):
         ('edge = "top"', 'edge = "bottom"', "two opposite edges"),
         ("size = [1.0, 1.0]", "size = [1.0]", "body.size"),
         ("[body]", "[bodi]", "unknown key"),
-        ("stretches = 1.2", "", "the programme is empty: give stretches, or dynamics"),
+        ("stretches = 1.2", "", "the program is empty: give stretches, or dynamics"),
         ("= 0.1", "= = 0.1", "not valid TOML"),
         ('law = "neo-hookean"', "", "material.law: Field required"),
     ],
@@ -343,5 +343,5 @@ def test_a_material_may_be_left_to_the_force():
     stated = pds.simulate(pds.Scene.model_validate({**PLAIN, "material": card}), "gent")
     assert found.levels[0]["nominal_stress"] == stated.levels[0]["nominal_stress"]
     for force in (None, "analytic", "bond-energy", pds.AnalyticBondForce()):
-        with pytest.raises(SceneError, match=r"scene plain: material: .*; give one, or an artefact"):
+        with pytest.raises(SceneError, match=r"scene plain: material: .*; give one, or an artifact"):
             pds.simulate(scene, force)

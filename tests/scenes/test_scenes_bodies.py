@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 import pdsurrogate as pds
 from pdsurrogate.body import Cells
-from pdsurrogate.discretisation import check_size, discretise, grip_areas, memory_here
+from pdsurrogate.discretization import check_size, discretize, grip_areas, memory_here
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.scenes import Circle, Ellipse, Polygon, Precut, Rectangle, SceneError, load_scene
 from pdsurrogate.scenes.references import finite_element_level, reference_level
@@ -24,7 +24,7 @@ def scene_of(**changes):
     ("shape", "area"),
     [
         (Rectangle(size=(2.0, 1.0), lower=(-1.0, -0.5)), 2.0),
-        (Circle(radius=0.7, centre=(0.1, 0.2)), np.pi * 0.49),
+        (Circle(radius=0.7, center=(0.1, 0.2)), np.pi * 0.49),
         (Ellipse(semi_axes=(0.9, 0.4)), np.pi * 0.36),
         (Polygon(vertices=((-1, -1), (1, -1), (0, 1))), 2.0),
         (Polygon(vertices=((0, 0), (0, 1), (1, 1), (1, 0.5), (0.5, 0.5), (0.5, 0))), 0.75),  # an L, which is not convex
@@ -41,8 +41,8 @@ def test_shapes_contain_their_area(shape, area):
 
 CURVED = {
     "plate with a hole": ({"holes": [{"shape": "circle", "radius": 0.4}]}, 12 - np.pi * 0.16, (0, 0)),
-    "off the grid": ({"holes": [{"shape": "circle", "radius": 0.33, "centre": [0.217, -0.131]}]}, 12 - np.pi * 0.1089, None),
-    "disc": ({"body": {"shape": "circle", "radius": 1.03, "centre": [0.2, 0.1]}, "holes": []}, np.pi * 1.0609, (0.2, 0.1)),
+    "off the grid": ({"holes": [{"shape": "circle", "radius": 0.33, "center": [0.217, -0.131]}]}, 12 - np.pi * 0.1089, None),
+    "disc": ({"body": {"shape": "circle", "radius": 1.03, "center": [0.2, 0.1]}, "holes": []}, np.pi * 1.0609, (0.2, 0.1)),
     "triangle": (
         {"body": {"shape": "polygon", "vertices": [[0, 0], [2, 0.3], [0.7, 1.7]]}, "holes": []},
         (2 * 1.7 - 0.7 * 0.3) / 2,
@@ -84,7 +84,7 @@ def test_spacings_that_divide_give_squares_to_the_last_bit():
         cells = Cells.filling((0.0, -1.0), (3.0, 2.0), spacing)
         assert cells.sides == (spacing, spacing)
         assert cells.spacing == spacing
-        assert np.array_equal(np.unique(cells.centres()[:, 0]), (np.arange(round(3 / spacing)) + 0.5) * spacing)
+        assert np.array_equal(np.unique(cells.centers()[:, 0]), (np.arange(round(3 / spacing)) + 0.5) * spacing)
 
 
 def test_the_nearest_cells_fill_a_body_that_the_spacing_does_not_divide():
@@ -96,14 +96,14 @@ def test_the_nearest_cells_fill_a_body_that_the_spacing_does_not_divide():
     np.testing.assert_allclose(body.points.min(axis=0), body.cell / 2)
     np.testing.assert_allclose(body.points.max(axis=0), [11, 3] - body.cell / 2)
     np.testing.assert_allclose(body.ghosts.points[:, 1].min(), -2.5 * body.cell[1])
-    # The horizon takes in the neighbours that it has among squares: 28 of a point away from all edges and cuts.
+    # The horizon takes in the neighbors that it has among squares: 28 of a point away from all edges and cuts.
     inner = np.argmin(np.linalg.norm(body.points - [8.0, 1.0], axis=1))
     assert np.diff(body.bonds.pointers.astype(int))[inner] == 28
 
 
 def test_a_hole_in_cells_that_are_no_squares_takes_its_area():
     """Parts of cells and the sums of slivers go by the area of a cell: a hole off the grid, sides of 3/43 and 4/57."""
-    scene = scene_of(spacing=0.07, holes=[{"shape": "circle", "radius": 0.33, "centre": [0.217, -0.131]}])
+    scene = scene_of(spacing=0.07, holes=[{"shape": "circle", "radius": 0.33, "center": [0.217, -0.131]}])
     body = build_body(scene)
     np.testing.assert_allclose(body.cell, [3 / 43, 4 / 57])
     assert body.volumes.sum() == pytest.approx(12 - np.pi * 0.1089, abs=0.1 * scene.spacing**2)
@@ -113,7 +113,7 @@ def test_a_hole_in_cells_that_are_no_squares_takes_its_area():
 
 
 def test_a_precut_through_a_row_of_cells_that_are_no_squares():
-    """2 x 1 at 0.06: 33 x 17 cells, the cut runs through the centres of the ninth row."""
+    """2 x 1 at 0.06: 33 x 17 cells, the cut runs through the centers of the ninth row."""
     body = build_body(load_scene("tear", {"spacing": 0.06, "body.size": [2.0, 1.0], "precuts": [{"start": [-1, 0.5], "end": [3, 0.5]}]}))
     bonds, above = body.bonds, body.all_points[:, 1] > 0.5 - 1e-9
     assert len(body) == 33 * 17
@@ -145,12 +145,12 @@ def test_a_precut_through_a_row_of_points_cuts_on_one_side_of_it(spacing):
     [
         ({"holes": [{"shape": "circle", "radius": 3.0}]}, "its holes take all of it"),
         ({"holes": [{"shape": "rectangle", "size": [1.5, 4], "lower": [-1.5, -2]}, {"shape": "circle", "radius": 5}]}, "holes take all"),
-        ({"holes": [{"shape": "circle", "radius": 0.4, "centre": [9, 9]}]}, "holes.0: no point of the body lies in it"),
+        ({"holes": [{"shape": "circle", "radius": 0.4, "center": [9, 9]}]}, "holes.0: no point of the body lies in it"),
         ({"holes": [{"shape": "circle", "radius": -1}]}, "holes.0.radius: Input should be greater than 0"),
         ({"holes": [{"shape": "star"}]}, "unknown shape 'star'; there are rectangle, circle, ellipse, polygon"),
         ({"holes": [{"shape": "elipse"}]}, "holes.0: unknown shape 'elipse'; did you mean ellipse?"),
         ({"holes": [{"shape": "polygon", "vertices": [[0, 0], [1, "a"], [2, 2]]}]}, "holes.0.vertices.1.1: Input should be a valid number"),
-        ({"holes": [{"shape": "circle", "radius": 0.4, "colour": "red"}]}, "holes.0.colour: unknown key"),
+        ({"holes": [{"shape": "circle", "radius": 0.4, "color": "red"}]}, "holes.0.color: unknown key"),
         ({"holes": [{"shape": "polygon", "vertices": [[0, 0], [1, 1], [2, 2]]}]}, "the polygon has no area"),
         ({"holes": 3}, "holes: "),
         ({"precuts": [{"start": [7, 7], "end": [8, 8]}]}, "precuts.0: it cuts no bond; it lies outside the body"),
@@ -164,10 +164,10 @@ def test_a_precut_through_a_row_of_points_cuts_on_one_side_of_it(spacing):
         ({"fracture": {"critical_stretch": 2.0}}, "fracture needs dynamics"),
         ({"dynamics": {"stretch": 1.1, "stretch_rate": 1, "density": 1}}, "dynamics.stretch must be greater than the last of stretches"),
         ({"dynamics": {"stretch": 2, "stretch_rate": -1, "density": 1}}, "dynamics.stretch_rate: Input should be greater than 0"),
-        ({"stretches": []}, "the programme is empty"),
+        ({"stretches": []}, "the program is empty"),
     ],
 )
-def test_bodies_and_programmes_that_make_no_sense(changes, message):
+def test_bodies_and_programs_that_make_no_sense(changes, message):
     with pytest.raises(SceneError) as caught:
         build_body(scene_of(**changes))
     assert message in str(caught.value)
@@ -188,7 +188,7 @@ def write_mesh(path, size=0.1):
 def test_mesh_bodies(tmp_path):
     """Centroids and areas become points and volumes.
 
-    Where cells change shape a horizon is not symmetric, and a force map leaves the homogeneous state by a discretisation error:
+    Where cells change shape a horizon is not symmetric, and a force map leaves the homogeneous state by a discretization error:
     0.5 % allows for it with ten cells to a side.
     """
     write_mesh(tmp_path / "square.vtu")
@@ -220,7 +220,7 @@ def test_cross_sections_at_grips(tmp_path):
         ({"shape": "rectangle", "size": [3.0, 1.1]}, [], 1.1),
         (
             {"shape": "rectangle", "size": [3.0, 1.0]},
-            [{"shape": "circle", "radius": 0.25, "centre": [0.05, 0.5]}],
+            [{"shape": "circle", "radius": 0.25, "center": [0.05, 0.5]}],
             {"left": 1 - 2 * np.sqrt(0.25**2 - 0.05**2), "right": 1.0},
         ),
         ({"shape": "polygon", "vertices": [[0, 0], [2, 0], [2, 1], [0, 0.4]]}, [], {"left": 0.4, "right": 1.0}),
@@ -232,7 +232,7 @@ def test_cross_sections_at_grips(tmp_path):
         ),
     ):
         scene = load_scene("uniaxial", {"spacing": 0.1, "body": body, "holes": holes})
-        _, lower, upper = discretise(scene)
+        _, lower, upper = discretize(scene)
         expected = expected if isinstance(expected, dict) else {"left": expected, "right": expected}
         assert grip_areas(scene, lower, upper) == pytest.approx(expected, rel=1e-9)
 
@@ -243,7 +243,7 @@ def test_cross_sections_at_grips(tmp_path):
 def test_ends_without_a_straight_edge_are_refused(body):
     """A disc was given the area of its chord half a cell inside, which is another at every spacing."""
     scene = load_scene("uniaxial", {"spacing": 0.1, "body": body})
-    _, lower, upper = discretise(scene)
+    _, lower, upper = discretize(scene)
     with pytest.raises(SceneError, match="no straight edge with material at its left end"):
         grip_areas(scene, lower, upper)
 
@@ -371,7 +371,7 @@ def test_scenes_composed_in_python():
         spacing=0.1,
         stretches=(1.2,),
         body=Rectangle(size=(2.0, 1.0)),
-        holes=(Circle(radius=0.15, centre=(1.5, 0.5)),),
+        holes=(Circle(radius=0.15, center=(1.5, 0.5)),),
         precuts=(Precut(start=(0.0, 0.5), end=(0.5, 0.5)),),
         material="neo-hookean",
         grips=({"edge": "bottom"}, {"edge": "top", "travel": 1.0}),

@@ -1,4 +1,4 @@
-"""What brings nearly incompressible bodies to equilibrium: their linearised dilatation, its preconditioner, multigrid, and counts."""
+"""What brings nearly incompressible bodies to equilibrium: their linearized dilatation, its preconditioner, multigrid, and counts."""
 
 import numpy as np
 import pytest
@@ -37,11 +37,11 @@ def deformed(force, amount=0.03):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_the_linearised_dilatation_is_the_derivative_of_the_volume_ratios(dimension):
+def test_the_linearized_dilatation_is_the_derivative_of_the_volume_ratios(dimension):
     """Against central differences, of which the cubic part in space leaves 1e-10, in single precision; so the transpose."""
     force = block(5, dimension, 100, jitter=0.1)
     positions, random = deformed(force), np.random.default_rng(4)
-    dilatation = force.linearised_dilatation()
+    dilatation = force.linearized_dilatation()
     dilatation.take()
     moved, values, ratios = random.standard_normal(positions.shape), random.standard_normal(len(positions)), []
     for sign in (1, -1):
@@ -63,7 +63,7 @@ def test_the_preconditioner_solves_what_it_says():
     laplacian = inverse_of(laplacian_of(force.body, 2.0), free)
     stiffness = incompressible_inverse(force, laplacian)
     stiffness.update()
-    dilatation = force.linearised_dilatation()
+    dilatation = force.linearized_dilatation()
     dilatation.take()
     size = free.size
     unit = np.eye(size).reshape(size, *free.shape)
@@ -124,14 +124,14 @@ def test_evaluations_do_not_grow_with_the_bulk_modulus_or_the_size(dimension, ac
     positions = body.points.copy()
     positions[:, axis] *= 1.05
     found = Automatic(np.ones_like(positions), body.volumes, 1e-5).solve(force, positions)
-    assert found.method == "minimiser"
+    assert found.method == "minimizer"
     assert found.evaluations <= most
     assert np.abs(force.volume_ratios() - 1).max() < 5 / ratio
 
 
 @pytest.mark.parametrize("across", [6, 18])
 def test_a_displaced_plane_is_followed_evenly(across):
-    """A plane that moves by a vector takes the body along in proportion to the distance from the other, factorised or by cycles."""
+    """A plane that moves by a vector takes the body along in proportion to the distance from the other, factorized or by cycles."""
     body = block(across, 3, 100.0).body
     held, moved = np.zeros_like(body.points), np.array([0.01, 0.0, 0.03])
     found = extension_of(body, 2.0, np.ones_like(held))(held, np.array([np.zeros(3), moved]))

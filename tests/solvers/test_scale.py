@@ -10,7 +10,7 @@ from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SinglePrecisionLeft
 from pdsurrogate.solvers import equilibrium
 
-# A level may leave forces of 5e-4 of what drives the body; what is asked for is a tenth of a per cent.
+# A level may leave forces of 5e-4 of what drives the body; what is asked for is a tenth of a percent.
 PART = 1e-3
 
 

@@ -34,7 +34,7 @@ def layer(contrast, cells, plane="stress"):
         loads=({"region": "top", "traction": (5e-4, 0)},),
         probes=({"name": "top", "at": (0.5, 1.0)},),
         steps=(1.0,),
-        solver={"method": "minimiser", "tolerance": 1e-9 if contrast < 1e4 else 1e-10},
+        solver={"method": "minimizer", "tolerance": 1e-9 if contrast < 1e4 else 1e-10},
     )
 
 

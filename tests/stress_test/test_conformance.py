@@ -129,7 +129,7 @@ def test_every_shipped_model_is_in_the_table():
         assert {departure.weakness for departure in row.departures.values()} <= set(WEAKNESSES)
 
 
-class Spoilt(NOSBForce):
+class Spoiled(NOSBForce):
     """Correspondence forces with something added to every point's, and settings that are taken in silence."""
 
     added = 1e-6
@@ -138,26 +138,26 @@ class Spoilt(NOSBForce):
         return super().bind(body, law, ForceSettings(breakable=True))
 
     def terms(self, plane):
-        return (SpoiltStress,)
+        return (SpoiledStress,)
 
 
-class SpoiltStress(PointStress):
+class SpoiledStress(PointStress):
     def find(self, out):
         super().find(out)
-        out += [0.0, Spoilt.added]
+        out += [0.0, Spoiled.added]
 
 
 @pytest.mark.parametrize("added", [1e-6, np.nan])
 def test_properties_can_fail(monkeypatch, added):
     """A weight on every point is found, and so are forces that are no numbers."""
-    monkeypatch.setitem(FORCES, "nosb", Spoilt)
-    monkeypatch.setattr(Spoilt, "added", added)
+    monkeypatch.setitem(FORCES, "nosb", Spoiled)
+    monkeypatch.setattr(Spoiled, "added", added)
     for function in (rigid_rotation, objectivity, linear_momentum):
         assert function(Subject("nosb")).verdict == WEAK
 
 
 def test_settings_that_are_ignored_are_found(monkeypatch):
-    monkeypatch.setitem(FORCES, "nosb", Spoilt)
+    monkeypatch.setitem(FORCES, "nosb", Spoiled)
     silent = settings_refused(Subject("nosb"))
     assert silent.weakness == "settings ignored"
     assert "correction=scalar changes nothing" in silent.figure

@@ -68,18 +68,18 @@ QUICK_IN_SPACE = ("single_point", "checkerboard", "least_eigenvalue", "rigid_mot
 """Cases of a few seconds."""
 
 
-def test_in_space_a_learnt_energy_passes_and_nosb_shows_its_modes(monkeypatch):
+def test_in_space_a_learned_energy_passes_and_nosb_shows_its_modes(monkeypatch):
     keys = (*QUICK_IN_SPACE, "beyond_the_domain", "sudden_load", "time_step")
     monkeypatch.setattr(report_module, "CASES", tuple(case for case in CASES if case.key in keys))
     report = stress_test(["neo-hookean-isochoric", "nosb"], threads=1, quick=True)
-    learnt, sheets, nosb = report["models"]
-    assert [(model["force"], model["plane"]) for model in (learnt, sheets, nosb)] == [
+    learned, sheets, nosb = report["models"]
+    assert [(model["force"], model["plane"]) for model in (learned, sheets, nosb)] == [
         ("neo-hookean-isochoric", "space"),
         ("nosb", "stress"),
         ("nosb", "space"),
     ]
-    assert weak(learnt) == set()
-    # One point by itself, among 26 neighbours, is no such mode; NOSB stands at the limit there.
+    assert weak(learned) == set()
+    # One point by itself, among 26 neighbors, is no such mode; NOSB stands at the limit there.
     assert weak(nosb) - {"single_point"} == MODES & set(keys) - {"single_point"}
     assert planes_of(report) == ["stress", "space"]
     assert table(report, "space")[0][2:] == ["neo-hookean-isochoric", "nosb"]
@@ -140,7 +140,7 @@ def test_command(tmp_path, monkeypatch):
 
 
 def test_the_tangent_of_springs_is_what_it_is():
-    """Springs of one stiffness between all neighbours: their tangent at rest is the stiffness matrix, to differences."""
+    """Springs of one stiffness between all neighbors: their tangent at rest is the stiffness matrix, to differences."""
     body = regular(2, 5)
 
     class Springs:
@@ -164,7 +164,7 @@ def test_the_tangent_of_springs_is_what_it_is():
     assert formed.matrix.shape == (18, 18)
     assert formed.asymmetry < 1e-8
     assert np.linalg.eigvalsh(formed.symmetric)[0] > 0
-    # The diagonal of the middle point: sum of n (x) n over its 20 neighbours within 3.15 spacings in a 5 x 5 sheet.
+    # The diagonal of the middle point: sum of n (x) n over its 20 neighbors within 3.15 spacings in a 5 x 5 sheet.
     bonds = body.points - body.points[12]
     near = [k for k in range(25) if 0 < (bonds[k] ** 2).sum() ** 0.5 <= 0.315]
     block = sum(bonds[k][:, None] * bonds[k] / (bonds[k] ** 2).sum() for k in near)
@@ -172,7 +172,7 @@ def test_the_tangent_of_springs_is_what_it_is():
 
 
 def test_spring_stiffness_by_hand():
-    """4 mu V^2 sum(w)/kappa with kappa = pi delta^4/3 and w = delta/l, over the 28 neighbours within 3.15 spacings."""
+    """4 mu V^2 sum(w)/kappa with kappa = pi delta^4/3 and w = delta/l, over the 28 neighbors within 3.15 spacings."""
     distances = [1] * 4 + [2**0.5] * 4 + [2] * 4 + [5**0.5] * 8 + [8**0.5] * 4 + [3] * 4
     kappa = 3.141592653589793 / 3 * 3.15**4
     by_hand = 4 * 2.5 * sum(3.15 / distance for distance in distances) / kappa
@@ -180,7 +180,7 @@ def test_spring_stiffness_by_hand():
 
 
 def test_springs_in_space_by_hand():
-    """4 mu V^2 sum(w)/kappa with kappa = pi delta^5/3 and w = delta/l, over the 18 neighbours within 1.5 spacings."""
+    """4 mu V^2 sum(w)/kappa with kappa = pi delta^5/3 and w = delta/l, over the 18 neighbors within 1.5 spacings."""
     by_hand = 4 * 2.5 * 1.5 * (6 + 12 / 2**0.5) / (3.141592653589793 / 3 * 1.5**5) * 0.1
     assert spring_stiffness(regular(3, 3, 1.5), 2.5) == pytest.approx(by_hand)
 

@@ -10,10 +10,10 @@ import pdsurrogate as pds
 names: list[str] = pds.scene_names()
 scene: pds.Scene = pds.load_scene("uniaxial", ["spacing=0.1"])
 scene = pds.load_scene(Path("scene.yaml"), {"spacing": 0.1})
-hole = pds.shapes.Circle(centre=(0.5, 0.5), radius=0.2)
+hole = pds.shapes.Circle(center=(0.5, 0.5), radius=0.2)
 bodies = [
     pds.shapes.Rectangle(size=(1.0, 2.0)),
-    pds.shapes.Ellipse(centre=(0.0, 0.0), semi_axes=(1.0, 2.0)),
+    pds.shapes.Ellipse(center=(0.0, 0.0), semi_axes=(1.0, 2.0)),
     pds.shapes.Polygon(corners=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))),
     pds.shapes.Mesh(file=Path("part.msh")),
     pds.shapes.Box(size=(1.0, 1.0, 1.0)),
@@ -24,7 +24,7 @@ bodies = [
 ]
 cuts = [
     pds.shapes.Precut(begin=(0.0, 0.5), end=(0.2, 0.5)),
-    pds.shapes.DiscCut(centre=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), radius=0.2),
+    pds.shapes.DiscCut(center=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), radius=0.2),
     pds.shapes.ParallelogramCut(corner=(0.0, 0.0, 0.0), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))),
 ]
 left = pds.Region(edge="left")
@@ -54,7 +54,7 @@ models: list[pds.forces.ForceModel] = [
     pds.forces.BANOSBForce(),
     pds.load_surrogate("neo-hookean@1"),
 ]
-learnt = (
+learned = (
     pds.forces.NetworkForce,
     pds.forces.PolynomialForce,
     pds.forces.SplineForce,

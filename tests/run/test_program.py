@@ -1,4 +1,4 @@
-"""Programmes of steps: in equilibrium and in dynamics, automatic increments, forces by name, resuming, and what is said on failure."""
+"""Programs of steps: in equilibrium and in dynamics, automatic increments, forces by name, resuming, and what is said on failure."""
 
 import json
 
@@ -33,8 +33,8 @@ def dynamic(to, duration, outputs=1, **changes):
     return {"to": to, "outputs": outputs, "dynamics": {"duration": duration, "density": 0.01, **changes}}
 
 
-def test_what_moves_at_the_end_of_a_programme_has_its_velocity_there():
-    """With viscosity, forces look a little ahead: the last row is that of a programme that goes on alike."""
+def test_what_moves_at_the_end_of_a_program_has_its_velocity_there():
+    """With viscosity, forces look a little ahead: the last row is that of a program that goes on alike."""
     step = dynamic(0.2, 0.2, viscosity=0.02)
     short = simulate(scene_of((step,)), "bond-energy").history[-1]
     longer = simulate(scene_of((step, dynamic(0.4, 0.2, viscosity=0.02))), "bond-energy").history
@@ -97,8 +97,8 @@ def test_dynamics_follow_those_of_the_short_way():
 @pytest.mark.usefixtures("every_step")
 def test_dynamics_may_stand_anywhere():
     """Loaded slowly, let swing, pulled while it swings, and brought to rest: at the end the equilibrium that slow loading leads to."""
-    programme = (0.1, dynamic(0.1, 0.2, 2), dynamic(0.2, 0.2), 0.2)
-    result = simulate(scene_of(programme), "bond-energy")
+    program = (0.1, dynamic(0.1, 0.2, 2), dynamic(0.2, 0.2), 0.2)
+    result = simulate(scene_of(program), "bond-energy")
     slow = simulate(scene_of((0.2,)), "bond-energy")
     assert [level["step"] for level in result.levels] == [0, 1, 1, 2, 3]
     assert [level.get("time") for level in result.levels] == [None, *(pytest.approx(t, abs=0.01) for t in (0.1, 0.2, 0.4)), None]
@@ -118,7 +118,7 @@ def test_dynamics_may_stand_anywhere():
 
 
 @pytest.mark.parametrize("interrupted", [1, 3, 4])
-def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted):
+def test_a_program_resumes_to_the_same_bits(tmp_path, interrupted):
     """After an output in equilibrium within a step, in dynamics, and after dynamics."""
     scene = scene_of(({"to": 0.3, "outputs": 2}, dynamic(0.4, 0.1, 2), 0.2, 0.0), body=pds.shapes.Rectangle(size=(0.8, 0.8)))
     whole = simulate(scene, "bond-energy", folder=tmp_path / "whole")

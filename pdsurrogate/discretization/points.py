@@ -1,4 +1,4 @@
-"""Discretisation of the body of a scene: its points with volumes, and the bonds that precuts and empty space cut."""
+"""Discretization of the body of a scene: its points with volumes, and the bonds that precuts and empty space cut."""
 
 import warnings
 from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ CLEARANCE = 0.4
 above some three cells leave the material by less and remain."""
 
 STEP = 0.15
-"""Greatest distance, in cells, between neighbouring tested places on a bond. In a gap of one cell the places with `CLEARANCE` to both sides
+"""Greatest distance, in cells, between neighboring tested places on a bond. In a gap of one cell the places with `CLEARANCE` to both sides
 extend over 0.2 cells, so that at least one of them is tested."""
 
 ROOT_OF_CUBES = 1.2207440846057596
@@ -55,13 +55,13 @@ CUT_SHIFT = 1e-6
 
 STATED = 0.01
 """Relative difference between the spacing that a scene states and that of its mesh, above which there is a warning. Chosen: the spacing of
-a mesh is a mean over its cells, which nobody states to better than a per cent."""
+a mesh is a mean over its cells, which nobody states to better than a percent."""
 
 PARTS = {(2, 3): 2, (3, 4): 6}
 """Number of cells that make up a square or cube, by dimension and number of corners of a cell."""
 
 
-def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> tuple[Body, np.ndarray, np.ndarray]:
+def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> tuple[Body, np.ndarray, np.ndarray]:
     """Return the body of a scene: points outside holes, mirrored points beyond held edges, and no bonds across precuts or empty space.
 
     Parameters
@@ -85,7 +85,7 @@ def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
         points, volumes, spacing, cell, lower, upper, groups, mesh_cells = _points_of(scene)
         faces = faces_of_groups(scene, lower, upper)
         planes = reflection_planes(scene, lower, upper, faces)
-        # Measured by the smaller side, a horizon takes in the same neighbours as with squares where the sides differ by little: by the
+        # Measured by the smaller side, a horizon takes in the same neighbors as with squares where the sides differ by little: by the
         # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
         # large again.
         horizon = scene.horizon_ratio * (spacing if isinstance(scene.body, Mesh) else min(cell))
@@ -215,7 +215,7 @@ def _points_of(scene: Scene):
         return points[kept], volumes[kept], spacing, (cell,) * scene.dimension, *of_mesh
     lower, upper = scene.body.bounds()
     cells = Cells.filling(lower, upper, scene.spacing)
-    points = cells.centres()
+    points = cells.centers()
     if isinstance(scene.body, Rectangle | Box) and not scene.holes:
         return points, np.full(len(points), cells.volume), cells.spacing, cells.sides, lower, upper, {}, None
     kept = _in_material(scene, points, _within_outline(scene, points))
@@ -306,10 +306,10 @@ def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.nda
     return kept
 
 
-def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, material) -> tuple[np.ndarray, np.ndarray]:
+def _material_of_cells(centers: np.ndarray, kept: np.ndarray, cells: Cells, material) -> tuple[np.ndarray, np.ndarray]:
     """Return centroids and volumes of the material in each cell; a cell less than half full is merged into the nearest other cell.
 
-    `material(places)` flags places in material; `kept` flags the cells whose centres lie in material.
+    `material(places)` flags places in material; `kept` flags the cells whose centers lie in material.
 
     A raster of places in each cell that a boundary cuts determines its volume of material. If cells were kept or left out whole, a curved
     boundary would be a staircase, whose steps carry no stress, and a hole would be larger than it is.
@@ -318,14 +318,14 @@ def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, mate
     corners, raster = _places_in_a_cell(len(sides))
     all_there, some_there = kept.copy(), kept.copy()
     for corner in corners * sides:
-        there = material(centres + corner)
+        there = material(centers + corner)
         all_there &= there
         some_there |= there
-    points, volumes = centres.copy(), np.where(all_there, cells.volume, 0.0)
+    points, volumes = centers.copy(), np.where(all_there, cells.volume, 0.0)
     raster = raster * sides
     cut = np.flatnonzero(some_there & ~all_there)
     for some in np.array_split(cut, len(cut) * len(raster) // MOST_PLACES + 1):
-        samples = centres[some, None] + raster
+        samples = centers[some, None] + raster
         there = material(samples.reshape(-1, len(sides))).reshape(samples.shape[:2])
         for cell, sample in zip(some, (places[chosen] for places, chosen in zip(samples, there, strict=True)), strict=True):
             if len(sample):
@@ -425,7 +425,7 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
 
 
 def _directions(dimension: int) -> np.ndarray:
-    """Return unit vectors spread over all directions: 16 in two dimensions; 98 in three, towards lattice points up to two cells away."""
+    """Return unit vectors spread over all directions: 16 in two dimensions; 98 in three, toward lattice points up to two cells away."""
     if dimension == 2:
         angles = np.pi / 8 * np.arange(16)
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -438,4 +438,4 @@ def _check_precuts(scene: Scene, body: Body) -> None:
     cut = body.all_points[body.bonds.cut]
     for number, precut in enumerate(scene.precuts):
         if not body.share.any(len(cut) and precut.crosses(cut[:, 0], cut[:, 1]).any()):
-            raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body, in a hole, or between neighbouring points")
+            raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body, in a hole, or between neighboring points")

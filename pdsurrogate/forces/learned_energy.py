@@ -1,4 +1,4 @@
-"""Learnt energies: networks of two invariants, stored as plain arrays, for a sheet under plane stress or for the isochoric part."""
+"""Learned energies: networks of two invariants, stored as plain arrays, for a sheet under plane stress or for the isochoric part."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from ..kernels.network import ACTIVATIONS, GROUP, SMOOTH, pack_units
 from ..materials import PLANES, Law
 from .agreement import invariant_states, isochoric_slopes, isochoric_states, isochoric_stresses
 from .bond_energy import EnergyModel, EnergySurrogate, IsochoricEnergy
-from .learnt import CHUNK, Learnt, check_shape, greatest_deviations
+from .learned import CHUNK, Learned, check_shape, greatest_deviations
 from .pair_passes import EnergyDerivatives
 from .protocol import CompiledBondForce, Domain
 
@@ -36,8 +36,8 @@ def energy_shape(law: Law) -> dict[str, float]:
 
 
 @dataclass(frozen=True, repr=False)
-class LearntEnergy(Learnt, EnergyModel):
-    """Base class of learnt energies: a network of one hidden layer that maps two invariants to an energy.
+class LearnedEnergy(Learned, EnergyModel):
+    """Base class of learned energies: a network of one hidden layer that maps two invariants to an energy.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class LearntEnergy(Learnt, EnergyModel):
     shape : mapping
         Dimensionless parameters of the law that its energy depends on.
     stated : mapping, optional
-        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its artefact) states, and ``bulk_ratio``, K/mu
+        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and ``bulk_ratio``, K/mu
         of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
@@ -98,11 +98,11 @@ class LearntEnergy(Learnt, EnergyModel):
 
 
 @dataclass(frozen=True, repr=False)
-class EnergyNetwork(LearntEnergy, EnergySurrogate):
-    """Learnt energy psi(tr C, J) of a sheet under plane stress: a network.
+class EnergyNetwork(LearnedEnergy, EnergySurrogate):
+    """Learned energy psi(tr C, J) of a sheet under plane stress: a network.
 
     Energy and stress of the undeformed sheet vanish by construction. The features are `ENERGY_FEATURES`, the parameters are
-    those of `LearntEnergy`, and `shape` comes from `energy_shape`.
+    those of `LearnedEnergy`, and `shape` comes from `energy_shape`.
 
     Examples
     --------
@@ -164,11 +164,11 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
 
 
 @dataclass(frozen=True, repr=False)
-class IsochoricNetwork(LearntEnergy):
-    """Learnt isochoric energy W(I1bar, I2bar), a network, for plane strain and three dimensions.
+class IsochoricNetwork(LearnedEnergy):
+    """Learned isochoric energy W(I1bar, I2bar), a network, for plane strain and three dimensions.
 
     It serves every bulk modulus, since the volumetric energy U(J) comes from the law.
-    The features are `ISOCHORIC_FEATURES`, the parameters are those of `LearntEnergy`. `shape` is that of the law, and the stretches of
+    The features are `ISOCHORIC_FEATURES`, the parameters are those of `LearnedEnergy`. `shape` is that of the law, and the stretches of
     `domain` are isochoric principal stretches. The energy of an undeformed body vanishes by construction; its stress vanishes for every
     function of these invariants.
 
@@ -187,9 +187,9 @@ class IsochoricNetwork(LearntEnergy):
     feature_set: ClassVar[str] = "isochoric invariants"
     features: ClassVar[tuple[str, ...]] = ISOCHORIC_FEATURES
 
-    def honoured(self, plane: str) -> Mapping[str, tuple]:
+    def honored(self, plane: str) -> Mapping[str, tuple]:
         # In plane strain the stress across the plane is formed in double precision.
-        return self.honours if plane == "space" else {**self.honours, "precision": ("float64",)}
+        return self.honors if plane == "space" else {**self.honors, "precision": ("float64",)}
 
     def isochoric_derivatives(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return W and its derivatives by I1bar and by I2bar at given invariants (arrays of one shape), evaluated in NumPy."""
@@ -202,7 +202,7 @@ class IsochoricNetwork(LearntEnergy):
         return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
-        """Return the learnt isochoric energy for kernels; with the default ``outside`` the exact energy takes over at the domain's edge."""
+        """Return the learned isochoric energy for kernels; with the default ``outside`` the exact one takes over at the domain's edge."""
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
         block = block_function_of(kernel.network_block, isochoric_energy_signature(precision), *parts)

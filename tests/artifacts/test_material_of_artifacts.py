@@ -1,4 +1,4 @@
-"""An artefact brings its material into a scene that was told none, and is held against one that was."""
+"""An artifact brings its material into a scene that was told none, and is held against one that was."""
 
 import pytest
 from typer.testing import CliRunner
@@ -13,7 +13,7 @@ CHAIN_LIMIT = 62.82566463708167
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    """Stores a small Gent artefact, as `pdsurrogate fit` does."""
+    """Stores a small Gent artifact, as `pdsurrogate fit` does."""
     folder = tmp_path_factory.mktemp("artifacts")
 
     def make(name, law, identification=None):
@@ -79,7 +79,7 @@ def test_the_command_says_which_material_it_takes(store):
     assert 'Material of said@1: {law="gent", shear_modulus=1.0, bulk_modulus=200.0, chain_limit=62.82566463708167}' in done.output
 
 
-def test_an_artefact_that_is_off_is_said_at_every_run(tmp_path):
+def test_an_artifact_that_is_off_is_said_at_every_run(tmp_path):
     law = pds.materials.NeoHookean()
     samples = pds.training_samples(pds.materials.Gent(chain_limit=40.0), 400, (0.7, 2.0), random_state=0)
     model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(5), features="isochoric").fit(samples.X, samples.y)

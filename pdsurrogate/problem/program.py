@@ -1,4 +1,4 @@
-"""Programme of a scene: stages in equilibrium or in dynamics, the motions that it prescribes, and the measures that results report."""
+"""Program of a scene: stages in equilibrium or in dynamics, the motions that it prescribes, and the measures that results report."""
 
 import math
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ..discretisation.planes import prescribed_components
+from ..discretization.planes import prescribed_components
 from ..forces import InvalidState
 from ..scenes import Dynamics, Rectangle, Region, Scene, StepDynamics
 from ..scenes.amplitudes import amplitude_of
@@ -21,7 +21,7 @@ from .regions import BodyRegions
 
 @dataclass(frozen=True)
 class Stage:
-    """Stage of a loading programme, in equilibrium or in dynamics.
+    """Stage of a loading program, in equilibrium or in dynamics.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Stage:
 
 
 def stages_of(scene: Scene) -> tuple[Stage, ...]:
-    """Return the stages of a scene's programme.
+    """Return the stages of a scene's program.
 
     A body between grips has a stage in equilibrium for each stretch and, if the scene gives dynamics, a last stage in dynamics; any other
     body has one stage for each step of the scene.
@@ -149,7 +149,7 @@ class Prescription:
     rotation : float or None
         Angle in degrees where the factor is 1.
     about, axis : ndarray, shape (d,), or None
-        Centre of the rotation, and in three dimensions the direction of its axis.
+        Center of the rotation, and in three dimensions the direction of its axis.
     """
 
     key: str
@@ -237,7 +237,7 @@ def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) 
     """Return the prescribed motion of one entry of the scene's `prescribed`.
 
     `number` is the position of the entry in the list, `label` the name under which results report the force of this support, and `span` the
-    least and greatest loading parameter of the programme.
+    least and greatest loading parameter of the program.
     """
     entry, key = scene.prescribed[number], f"prescribed.{number}"
     values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
@@ -251,9 +251,9 @@ def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) 
 
 
 def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], t: float) -> float:
-    """Return the value of an amplitude at t; beyond the programme's `span`, its least and greatest t, the amplitude is extrapolated.
+    """Return the value of an amplitude at t; beyond the program's `span`, its least and greatest t, the amplitude is extrapolated.
 
-    Viscous forces need values slightly after the end of the programme, where the amplitude itself may be undefined. The extrapolation, by
+    Viscous forces need values slightly after the end of the program, where the amplitude itself may be undefined. The extrapolation, by
     reflection in the point at the end, keeps the velocity of parts that move there. Raise InvalidState, with the `key` of the amplitude in
     the scene, if the amplitude is undefined at `t`, or at a value within the span that the extrapolation uses.
     """

@@ -1,4 +1,4 @@
-"""Base class of learnt models, which are plain arrays with a training domain and the material that they describe, and their checks."""
+"""Base class of learned models, which are plain arrays with a training domain and the material that they describe, and their checks."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -17,13 +17,13 @@ numbers only take more memory."""
 
 
 @dataclass(frozen=True, repr=False)
-class Learnt(ForceModel):
-    """Base class of learnt force models: fields that are names or arrays, with the domain and material of the training.
+class Learned(ForceModel):
+    """Base class of learned force models: fields that are names or arrays, with the domain and material of the training.
 
     Attributes
     ----------
     kind : str
-        Kind of the model, as the card (metadata) of its artefact names it.
+        Kind of the model, as the card (metadata) of its artifact names it.
     names : mapping
         Fields that are names (such as an activation function), in the order of `payload`, with their allowed values.
     arrays : tuple of str

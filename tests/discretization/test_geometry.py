@@ -7,7 +7,7 @@ from meshes import write_bar, write_triangles
 from runs import started
 
 import pdsurrogate as pds
-from pdsurrogate.discretisation import discretise
+from pdsurrogate.discretization import discretize
 from pdsurrogate.forces import InvalidState
 from pdsurrogate.results import figures
 from pdsurrogate.solvers.conditions import FoldedOver
@@ -38,7 +38,7 @@ def cantilever(body, **fields):
 def test_a_mesh_has_its_own_spacing(tmp_path):
     """Triangles of 1/400 of the body make 800 points 0.05 apart, and the tip goes where that of a fine lattice does.
 
-    The tip of lattices at 0.1, 0.05 and 0.025 goes by 0.2485, 0.2516 and 0.2524: towards 0.2527.  A mesh of points as far apart as 0.05 is
+    The tip of lattices at 0.1, 0.05 and 0.025 goes by 0.2485, 0.2516 and 0.2524: toward 0.2527.  A mesh of points as far apart as 0.05 is
     allowed an error as large as that of a lattice at twice the spacing, 1.7 %; by a horizon of 3.15 times 0.1 it took 123 evaluations.
     """
     mesh = {"shape": "mesh", "file": str(write_triangles(tmp_path / "fine.vtu", 10))}
@@ -70,7 +70,7 @@ def test_small_cells_in_a_corner_do_not_make_the_horizon_of_a_mesh_small(tmp_pat
     nodes = np.array(squares).reshape(-1, 3)
     meshio.write(tmp_path / "graded.vtu", meshio.Mesh(nodes, [("quad", np.arange(len(nodes)).reshape(-1, 4))]))
     fields = {"material": RUBBER, "steps": (1.0,), "prescribed": ({"region": "left", **CLAMPED},)}
-    body, _, _ = discretise(pds.Scene(name="graded", body={"shape": "mesh", "file": str(tmp_path / "graded.vtu")}, **fields))
+    body, _, _ = discretize(pds.Scene(name="graded", body={"shape": "mesh", "file": str(tmp_path / "graded.vtu")}, **fields))
     assert body.spacing == pytest.approx(0.99 * 0.1 + 0.01 * 0.025)
 
 
@@ -156,7 +156,7 @@ def test_supports_on_an_axis_do_not_turn_the_body():
         spacing=0.2,
         horizon_ratio=2.15,
         body={"shape": "circle", "radius": 2.0},
-        holes=({"shape": "circle", "radius": 1.0, "centre": (0.3, 0.0)},),
+        holes=({"shape": "circle", "radius": 1.0, "center": (0.3, 0.0)},),
         material=RUBBER,
         loads=({"region": "holes", "pressure": 0.15},),
         prescribed=({"region": {"near": (1.6, 0.0)}, **CLAMPED}, {"region": {"near": (-1.5, 0.0)}, "x2": 0.0}),
@@ -302,7 +302,7 @@ def test_probes_that_the_body_hides_are_told_in_the_preview():
 
 def test_the_section_of_a_picture_is_called_deformed():
     scene = pds.load_scene("bonded-block", spacing=0.25)
-    body, _, _ = discretise(scene)
+    body, _, _ = discretize(scene)
     figure = figures.contour_figure([(body.cells, np.zeros_like(body.cells.nodes))], [np.zeros(len(body))], "u", ["at rest"])
     titles = [axis.get_title() for axis in figure.axes]
     assert any(title.startswith("deformed section, at rest at x") for title in titles)

@@ -19,7 +19,7 @@ from .solid_surfaces import boundary_of_solids, quarters
 
 EDGE = 0.8
 """Cosine of the angle between normals of facets in three dimensions above which the facets belong to one side, without an edge between.
-Chosen: 37 degrees are more than between neighbouring facets of a round surface, and less than at the edges of a box."""
+Chosen: 37 degrees are more than between neighboring facets of a round surface, and less than at the edges of a box."""
 
 
 def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> Surface:
@@ -34,7 +34,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     ----------
     scene : Scene
     body : Body
-        Its points, as discretised.
+        Its points, as discretized.
     lower, upper : ndarray, shape (d,)
         Corners of its bounding box.
 

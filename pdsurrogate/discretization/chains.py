@@ -17,7 +17,7 @@ BESIDE = 1e-6
 def same_places(places: np.ndarray, tolerance: float) -> np.ndarray:
     """Return for each place (k, d) the number of the first place of its cluster.
 
-    Two places are in one cluster if a chain of places joins them in which neighbours lie within `tolerance` of each other.
+    Two places are in one cluster if a chain of places joins them in which neighbors lie within `tolerance` of each other.
     """
     _, labels = connected(len(places), *cKDTree(places).query_pairs(tolerance, output_type="ndarray").T)
     _, first = np.unique(labels, return_index=True)
@@ -58,7 +58,7 @@ def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.n
 
 
 def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return where facets, other than neighbours in a chain, cross or touch: facet numbers (m,), fractions (m,) and places (m, 2).
+    """Return where facets, other than neighbors in a chain, cross or touch: facet numbers (m,), fractions (m,) and places (m, 2).
 
     Each meeting is listed for both of its facets; the fraction is the distance from the start of the facet divided by its length.
     """
@@ -66,9 +66,9 @@ def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance
     lengths = np.linalg.norm(along, axis=1)
     pairs = cKDTree((starts + ends) / 2).query_pairs(lengths.max() + tolerance, output_type="ndarray")
     first, second = pairs.T
-    neighbours = (ends[first] == starts[second]).all(axis=1) | (ends[second] == starts[first]).all(axis=1)
-    neighbours &= chain[first] == chain[second]
-    one, other = pairs[~neighbours & (lengths[pairs] > tolerance).all(axis=1)].T
+    neighbors = (ends[first] == starts[second]).all(axis=1) | (ends[second] == starts[first]).all(axis=1)
+    neighbors &= chain[first] == chain[second]
+    one, other = pairs[~neighbors & (lengths[pairs] > tolerance).all(axis=1)].T
 
     def touching(facet: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         share = ((places - starts[facet]) * along[facet]).sum(axis=1) / lengths[facet] ** 2

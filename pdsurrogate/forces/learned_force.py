@@ -1,4 +1,4 @@
-"""Learnt bond forces: maps from features of a bond to its force, as networks, polynomials and splines, stored as plain arrays."""
+"""Learned bond forces: maps from features of a bond to its force, as networks, polynomials and splines, stored as plain arrays."""
 
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
@@ -15,7 +15,7 @@ from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..materials import Law
 from .agreement import bond_states
 from .bond_force import AnalyticBondForce, BondStates, ForceSurrogate, bond_arrays
-from .learnt import Learnt, check_payload, check_shape, greatest_deviations
+from .learned import Learned, check_payload, check_shape, greatest_deviations
 from .protocol import CompiledBondForce, Domain
 
 LAYER = ("weights", "biases")
@@ -27,8 +27,8 @@ indices exactly up to sixteen times this number; a larger table would fit the pr
 
 
 @dataclass(frozen=True, repr=False)
-class LearntBondForce(Learnt, ForceSurrogate):
-    """Base class of learnt maps from features of a bond to its dimensionless force.
+class LearnedBondForce(Learned, ForceSurrogate):
+    """Base class of learned maps from features of a bond to its dimensionless force.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class LearntBondForce(Learnt, ForceSurrogate):
     shape : mapping
         Dimensionless parameters of the law that its bond force depends on.
     stated : mapping, optional
-        Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata of its artefact) states, and
+        Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and
         ``bulk_ratio``, K/mu of the training states; None without a card.
     members : tuple of Member, optional
         Members of its committee, in a run that reports their deviation.
@@ -108,7 +108,7 @@ class LearntBondForce(Learnt, ForceSurrogate):
         return self.bond_force(*states)
 
     def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        def force_of(model: LearntBondForce, law: Law, some: slice) -> np.ndarray:
+        def force_of(model: LearnedBondForce, law: Law, some: slice) -> np.ndarray:
             of = states.chosen(some)
             inside = of.has_stretch_tensor & (model.domain.beyond_bounds(of.stretches, of.J**2 * of.C33) <= 0)
             force = np.empty((len(inside), N_OUTPUTS))
@@ -130,8 +130,8 @@ class LearntBondForce(Learnt, ForceSurrogate):
 
 
 @dataclass(frozen=True, repr=False)
-class NetworkForce(LearntBondForce):
-    """Learnt bond force as a neural network of features of a bond.
+class NetworkForce(LearnedBondForce):
+    """Learned bond force as a neural network of features of a bond.
 
     Parameters
     ----------
@@ -194,13 +194,13 @@ class NetworkForce(LearntBondForce):
 
 
 @dataclass(frozen=True, repr=False)
-class PolynomialForce(LearntBondForce):
-    """Learnt bond force as a sum of products of Chebyshev polynomials in two features of a bond.
+class PolynomialForce(LearnedBondForce):
+    """Learned bond force as a sum of products of Chebyshev polynomials in two features of a bond.
 
     Parameters
     ----------
-    centre, half_width : ndarray, shape (2,)
-        Features are mapped to (x - centre)/half_width, which is in [-1, 1] for the training states.
+    center, half_width : ndarray, shape (2,)
+        Features are mapped to (x - center)/half_width, which is in [-1, 1] for the training states.
     coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
         Coefficients of the products T_i(x1) T_j(x2) of Chebyshev polynomials, for each of the two outputs.
 
@@ -211,12 +211,20 @@ class PolynomialForce(LearntBondForce):
     <PolynomialForce gent@1 of gent>
     """
 
-    centre: np.ndarray
+    center: np.ndarray
     half_width: np.ndarray
     coefficients: np.ndarray
 
     kind: ClassVar[str] = "bond-force-polynomial"
-    arrays: ClassVar[tuple[str, ...]] = ("centre", "half_width", "coefficients", "at_rest")
+    arrays: ClassVar[tuple[str, ...]] = ("center", "half_width", "coefficients", "at_rest")
+
+    def payload(self) -> dict[str, np.ndarray | str]:
+        return {"centre" if key == "center" else key: value for key, value in super().payload().items()}  # the name in files
+
+    @classmethod
+    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
+        renamed = {"center" if key == "centre" else key: value for key, value in payload.items()}
+        return super().from_payload(name, renamed, domain, law, shape)
 
     @property
     def size(self) -> str:
@@ -224,11 +232,11 @@ class PolynomialForce(LearntBondForce):
         return f"degree {first}" if first == second else f"degrees {first} and {second}"
 
     def outputs(self, features: np.ndarray) -> np.ndarray:
-        x, y = ((features - self.centre) / self.half_width).T
+        x, y = ((features - self.center) / self.half_width).T
         return np.stack([np.polynomial.chebyshev.chebval2d(x, y, coefficients) for coefficients in self.coefficients], axis=1)
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
-        counts, weights = polynomial.pack(self.centre, self.half_width, self.coefficients, self.at_rest, dtype)
+        counts, weights = polynomial.pack(self.center, self.half_width, self.coefficients, self.at_rest, dtype)
         block = polynomial.polynomial_block(FEATURE_SETS[self.feature_set], counts, dtype)
         return block.address, np.zeros(1, dtype=np.int64), weights, 0
 
@@ -237,7 +245,7 @@ class PolynomialForce(LearntBondForce):
         count = len(self.features)
         if count != 2:
             raise ValueError(f"a polynomial takes two features, {self.feature_set} are {count}")
-        self.check_scale("centre", "half_width")
+        self.check_scale("center", "half_width")
         shape = self.coefficients.shape
         if len(shape) != 3 or shape[0] != N_OUTPUTS:
             raise ValueError(f"coefficients have shape {shape}, not ({N_OUTPUTS}, degree + 1, degree + 1)")
@@ -246,8 +254,8 @@ class PolynomialForce(LearntBondForce):
 
 
 @dataclass(frozen=True, repr=False)
-class SplineForce(LearntBondForce):
-    """Learnt bond force as a cubic spline in two or three features of a bond, with two continuous derivatives.
+class SplineForce(LearnedBondForce):
+    """Learned bond force as a cubic spline in two or three features of a bond, with two continuous derivatives.
 
     Beyond its box the spline has the value at the edge of the box.
 

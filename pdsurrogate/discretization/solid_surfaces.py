@@ -3,7 +3,7 @@
 The boundary of a prism, such as a box, a cylinder or an extrusion, is the boundary of its section (found as in `surfaces` for the plane)
 extruded along its axis, and a cap on either end.  Holes that go all the way through along its axis are part of the section.  Other holes
 have a closed boundary of their own, and lie inside the body.  The boundary of a half, quarter or eighth of a sphere consists of curved
-faces, each an eighth of the whole sphere's surface, and flat faces within their rims; a spherical hole with its centre on a flat face is
+faces, each an eighth of the whole sphere's surface, and flat faces within their rims; a spherical hole with its center on a flat face is
 cut by that face.
 """
 
@@ -98,11 +98,11 @@ def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
     """Return the axes normal to the planes that cut off a part of a spherical hole; none for holes of other shapes.
 
     For a part of a sphere they are those of its own flat faces; for a whole sphere, those of the flat faces of the body, itself a part of
-    a sphere, on which the centre of the hole lies.
+    a sphere, on which the center of the hole lies.
     """
     if not isinstance(hole, Sphere):
         return ()
-    cut = tuple(axis for axis in _faces_of_part(body) if abs(hole.centre[axis] - body.centre[axis]) <= tolerance)
+    cut = tuple(axis for axis in _faces_of_part(body) if abs(hole.center[axis] - body.center[axis]) <= tolerance)
     return hole.halved or cut
 
 
@@ -145,7 +145,7 @@ def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: 
 
 
 def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
-    """Return the curved surface of a sphere, or of its part with greater coordinates than the centre along each of the axes `halved`.
+    """Return the curved surface of a sphere, or of its part with greater coordinates than the center along each of the axes `halved`.
 
     The result is triangles, shape (f, 3, 3).
 
@@ -186,7 +186,7 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
     found = np.einsum("tnc,fcd->ftnd", weights, faces).reshape(-1, 3, 3)
     found /= np.linalg.norm(found, axis=2, keepdims=True)
     volume = np.linalg.det(found).sum() / 6 * whole / len(faces)
-    return np.array(sphere.centre) + sphere.radius * np.cbrt(4 * np.pi / 3 / volume) * found
+    return np.array(sphere.center) + sphere.radius * np.cbrt(4 * np.pi / 3 / volume) * found
 
 
 def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, tolerance: float) -> np.ndarray:
@@ -194,9 +194,9 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
 
     `curved` are the triangles of these, shape (f, 3, 3). Two flat faces have common nodes along the line where they meet.
     """
-    centre, across = np.array(sphere.centre), [(axis + 1) % 3, (axis + 2) % 3]
+    center, across = np.array(sphere.center), [(axis + 1) % 3, (axis + 2) % 3]
     nodes = curved.reshape(-1, 3)
-    rim = np.abs(nodes[:, axis] - centre[axis]) <= tolerance
+    rim = np.abs(nodes[:, axis] - center[axis]) <= tolerance
     number = same_places(nodes, 4 * tolerance).reshape(-1, 3)
     sides = np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]])
     sides = sides[rim[sides].all(axis=1)]
@@ -206,12 +206,12 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
         if other == axis:
             continue
         along = 3 - axis - other
-        line = [end for end in (*starts, *ends) if abs(nodes[end, other] - centre[other]) <= tolerance]
+        line = [end for end in (*starts, *ends) if abs(nodes[end, other] - center[other]) <= tolerance]
         line.sort(key=lambda end: nodes[end, along])
         if len(line) % 2:  # the corner where three flat faces meet
             line.insert(0, len(nodes))
             if len(places) == len(nodes):
-                places.append(centre)
+                places.append(center)
         for low, high in zip(line[::2], line[1::2], strict=True):
             pieces_of_line = max(1, round((places[high][along] - places[low][along]) / cell[along]))
             between = [low, *range(len(places), len(places) + pieces_of_line - 1), high]
@@ -222,7 +222,7 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
     flat = np.array(places)[:, across]
     _, _, _, triangles = _triangulated(flat, sides, np.zeros(len(sides), dtype=int), cell[across])
     found = np.empty((*triangles.shape[:-1], 3))
-    found[..., across], found[..., axis] = triangles, centre[axis]
+    found[..., across], found[..., axis] = triangles, center[axis]
     return found[:, ::-1]
 
 

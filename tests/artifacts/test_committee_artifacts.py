@@ -1,4 +1,4 @@
-"""A committee in one artefact: members run by their number, and what they would give is told beside what runs."""
+"""A committee in one artifact: members run by their number, and what they would give is told beside what runs."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ BOX = (0.6, 2.0)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """An artefact of a polynomial with two members, of other moduli and of another shape."""
-    place = tmp_path_factory.mktemp("artefacts")
+    """An artifact of a polynomial with two members, of other moduli and of another shape."""
+    place = tmp_path_factory.mktemp("artifacts")
 
     def fitted(law):
         samples = pds.training_samples(law, 1500, BOX, random_state=0)
@@ -71,7 +71,7 @@ def test_the_deviation_is_that_of_the_bonds_of_a_point(folder):
         np.maximum.at(expected, ends, np.max(off, axis=0))
     np.testing.assert_allclose(state.member_deviation, expected, rtol=1e-3)
     assert point_fields(state)["member_deviation"].shape == (len(body),)
-    pairs, states = force.learnt.bonds()
+    pairs, states = force.learned.bonds()
     assert len(pairs) == len(first)
     np.testing.assert_allclose(states.stretches, np.sort(np.linalg.eigvalsh(U))[::-1] * np.ones((len(pairs), 1)), rtol=1e-9)
     for found, right in zip(states.quantities(), bonds, strict=True):
@@ -123,7 +123,7 @@ def test_cards_know_their_members(folder):
 
 @pytest.mark.parametrize(
     ("which", "message"),
-    [("#3", "has no member #3: it has members #1 to #2"), ("#0", "no artefact there"), ("#x", "no artefact there")],
+    [("#3", "has no member #3: it has members #1 to #2"), ("#0", "no artifact there"), ("#x", "no artifact there")],
 )
 def test_members_that_there_are_not(folder, which, message):
     with pytest.raises(ArtifactError, match=message):
@@ -134,7 +134,7 @@ def test_what_has_no_committee_says_so():
     for reference in ("neo-hookean@1#1", "neo-hookean#all"):
         with pytest.raises(ArtifactError, match="it has no committee; pdsurrogate fit --committee"):
             pds.load_surrogate(reference)
-    with pytest.raises(ArtifactError, match="analytic has learnt nothing and has no committee: leave out #2"):
+    with pytest.raises(ArtifactError, match="analytic has learned nothing and has no committee: leave out #2"):
         pds.load_surrogate("analytic#2")
 
 

@@ -1,5 +1,0 @@
-"""Discretisation of a scene (the input of a simulation): the points of its body, and its boundary."""
-
-from .points import discretise, grip_areas
-from .size import check_size, memory_here
-from .surfaces import surface_of
