@@ -1,6 +1,6 @@
 """The page of all files of the package: what each is for, by its own docstring, and the names that it defines.
 
-python pipelines/files.py     writes docs/files.md anew
+python pipelines/files.py     writes docs/development/files.md anew
 """
 
 import ast
@@ -9,13 +9,13 @@ from pathlib import Path
 from pdsurrogate.results.files import write_text
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "files.md"
+PAGE = ROOT / "docs" / "development" / "files.md"
 
 HEAD = """# Files of the package
 
 Every file of `pdsurrogate/`, room by room, with what it is for and the names that it defines for others. `python pipelines/files.py` makes
 this page from the docstrings; a test compares them. Which room may import which, and where each formula is, says the
-[architecture](architecture.md).
+[architecture](../architecture.md).
 """
 
 

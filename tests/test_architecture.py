@@ -170,4 +170,4 @@ def test_torch_is_loaded_on_request_alone():
 
 def test_the_page_of_files_is_that_of_the_package():
     page = runpy.run_path(str(ROOT / "pipelines" / "files.py"))["page"]()
-    assert (ROOT / "docs" / "files.md").read_text("utf-8") == page, "python pipelines/files.py makes it anew"
+    assert (ROOT / "docs" / "development" / "files.md").read_text("utf-8") == page, "python pipelines/files.py makes it anew"

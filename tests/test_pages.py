@@ -149,7 +149,7 @@ def test_every_page_with_commands_is_typed_or_too_long():
     """Indented blocks and the lines of measured pages and of contributing, which set up environments or take hours, are read alone."""
     with_commands = {
         str(page.relative_to(DOCS))
-        for room in ("tutorial", "guide", "how-to")
+        for room in ("tutorial", "guide", "development")
         for page in (DOCS / room).glob("*.md")
         if any(kind == "sh" for _, kind, _ in blocks_of(page))
     }

@@ -22,7 +22,7 @@ from .shipped import SHIPPED_CARDS
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
 """Classes of the force models that can be stored, by the entry ``kind`` of a card."""
 
-FORMAT = "pdsurrogate artifact"
+FORMAT = "pdsurrogate artefact"
 SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
 """Version of the format of new cards and payloads (an artifact's other files), and the oldest version that is read.
 
@@ -195,7 +195,7 @@ class MemberSpec(StrictModel):
 class Card(StrictModel):
     """Card of an artifact, the contents of ``card.json``: kind, material, features, training, domain, errors and files."""
 
-    format: Literal["pdsurrogate artifact"]
+    format: Literal["pdsurrogate artefact"]
     schema_version: int
     name: Annotated[str, Field(pattern=NAME_PATTERN)]
     version: Annotated[str, Field(pattern=VERSION_PATTERN)]

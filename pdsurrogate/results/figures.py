@@ -99,7 +99,7 @@ def curves_figure(
         if references:
             axis.plot(*zip(*references, strict=True), "o", mfc="none", color="black", label="reference")
         if curves:  # above: within the curves, which may go anywhere, it would lie over one
-            figure.legend(loc="outside uppercenter", ncols=3, frameon=False)
+            figure.legend(loc="outside upper center", ncols=3, frameon=False)
         axis.set(xlabel=xlabel, ylabel=ylabel)
         axis.locator_params(axis="x", nbins=MOST_TICKS)
         return figure

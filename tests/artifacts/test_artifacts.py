@@ -342,7 +342,7 @@ def test_polynomials_are_stored_too(tmp_path):
         (lambda text: "", "not valid JSON"),
         (lambda text: text[:200], "not valid JSON"),
         (lambda text: "[1, 2]", "not the card"),
-        (lambda text: text.replace("pdsurrogate artifact", "something else"), "not the card"),
+        (lambda text: text.replace("pdsurrogate artefact", "something else"), "not the card"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": 99'), "upgrade pdsurrogate"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": 0'), "earlier one again"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": "1"'), "schema_version: .* not '1'"),

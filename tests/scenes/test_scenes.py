@@ -34,6 +34,15 @@ def test_the_papers_section_6_2():
     assert scene.material.build() == NeoHookean(1.0, 100.0)
 
 
+def test_british_spelling_of_earlier_versions_is_read():
+    scene = load_scene("hole", ["holes=[{shape='circle', radius=0.2, centre=[0.5,0]}]", "solver.method=minimiser"])
+    assert scene.holes[0].center == (0.5, 0.0)
+    assert scene.solver.method == "minimizer"
+    assert pds.shapes.Circle(centre=(0.5, 0.0), radius=0.2) == scene.holes[0]
+    with pytest.raises(SceneError, match=r"holes.0.centre: unknown key; did you mean center\?"):
+        load_scene("hole", {"holes.0.centre": [0.1, 0.0]})
+
+
 def test_changes_by_key():
     scene = load_scene(
         "uniaxial", ["spacing=0.05", "stretches=1.5,2", "material.shear_modulus=3", "solver.method=explicit", "support=points"]
@@ -84,7 +93,7 @@ def test_parsing_of_changes(change, key, value):
         (["solver.methd=explicit"], "solver.methd: unknown key; did you mean method?"),
         (["fracture.criticalstretch=2"], "fracture.criticalstretch: unknown key; did you mean critical_stretch?"),
         (["body.siz=1,2"], "body.siz: unknown key; did you mean size?"),
-        (["holes=[{shape='circle', radius=1, center=[0,0]}]"], "holes.0.center: unknown key; did you mean center?"),
+        (["holes=[{shape='circle', radius=1, centrum=[0,0]}]"], "holes.0.centrum: unknown key; did you mean center?"),
         (["grips.1.hold=all"], "grips.1.hold: unknown key; did you mean holds?"),
         (["holds=[{boks=[1]}]"], "holds.0.boks: unknown key; there are box, points, components, travel"),
         (["material.shear_modulu=3"], "neo-hookean has no parameter 'shear_modulu'; did you mean shear_modulus?"),
