@@ -312,7 +312,7 @@ def test_groups_of_a_mesh(meshed):
             {"not": {"disc": {"center": [0, 0], "radius": -1}}},
             "prescribed.0.region.not.disc.radius: Input should be greater than 0 (given -1)",
         ),
-        ({"disc": {"centrum": [0, 0], "radius": 1}}, "region.disc.centrum: unknown key; did you mean center?"),
+        ({"disc": {"centr": [0, 0], "radius": 1}}, "region.disc.centr: unknown key; did you mean center?"),
         ({"half_plane": {"point": [0, 0], "normal": [0, 0]}}, "region.half_plane.normal: it is a direction"),
         ({"box": [[1, 1], [0, 0]]}, "prescribed.0.region: a box is given by its corners where all coordinates are least, and greatest"),
         ({"points": [-1]}, "prescribed.0.region.points.0: Input should be greater than or equal to 0 (given -1)"),
