@@ -93,7 +93,7 @@ def test_parsing_of_changes(change, key, value):
         (["solver.methd=explicit"], "solver.methd: unknown key; did you mean method?"),
         (["fracture.criticalstretch=2"], "fracture.criticalstretch: unknown key; did you mean critical_stretch?"),
         (["body.siz=1,2"], "body.siz: unknown key; did you mean size?"),
-        (["holes=[{shape='circle', radius=1, centrum=[0,0]}]"], "holes.0.centrum: unknown key; did you mean center?"),
+        (["holes=[{shape='circle', radius=1, centr=[0,0]}]"], "holes.0.centr: unknown key; did you mean center?"),
         (["grips.1.hold=all"], "grips.1.hold: unknown key; did you mean holds?"),
         (["holds=[{boks=[1]}]"], "holds.0.boks: unknown key; there are box, points, components, travel"),
         (["material.shear_modulu=3"], "neo-hookean has no parameter 'shear_modulu'; did you mean shear_modulus?"),
