@@ -110,10 +110,10 @@ def _marks(problem: Problem) -> list[_Mark]:
     for one in sorted(problem.prescriptions, key=lambda one: one.key.startswith("holds")):
         found.append((f"{one.holder or one.name}: {one.words}", regions.points(one.region, one.key), one.displacement))
     for number, load in enumerate(scene.loads):
-        value, label = getattr(load, load.kind), load.name or regions.label(load.region, f"loads.{number}")
-        size = f"{value:g}" if load.kind == "pressure" else f"({', '.join(f'{component:g}' for component in value)})"
+        value, label = np.array(getattr(load, load.kind)), load.name or regions.label(load.region, f"loads.{number}")
+        size = f"({', '.join(f'{component:g}' for component in value)})" if value.ndim else f"{value:g}"
         points = regions.points(load.region) if load.kind != "body_force" else np.zeros(0, dtype=int)
-        found.append((f"{label}: {load.kind.replace('_', ' ')} {size}", points, None if load.kind == "pressure" else np.array(value)))
+        found.append((f"{label}: {load.kind.replace('_', ' ')} {size}", points, value if value.ndim else None))
     palette, middle, marks = matplotlib.colormaps["tab10"], (regions.lower + regions.upper) / 2, []
     for number, (text, points, vector) in enumerate(found):
         place = problem.body.points[points].mean(axis=0) if len(points) else middle
