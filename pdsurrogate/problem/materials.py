@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
 
 import numpy as np
 
@@ -38,8 +39,9 @@ and with rigid blocks in 970."""
 
 
 def settings_of(scene: Scene) -> ForceSettings:
-    """Return the `ForceSettings` of a scene: precision, correction, rotation, outside, breakable (with fracture) and plane."""
-    return ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None, scene.plane)
+    """Return the `ForceSettings` of a scene: those of its keys that have the name of a setting, and `breakable` for a scene with fracture."""
+    keys = {setting.name: getattr(scene, setting.name) for setting in fields(ForceSettings) if setting.name != "breakable"}
+    return ForceSettings(**keys, breakable=scene.fracture is not None)
 
 
 def _warn(scene: Scene, text: str) -> None:
