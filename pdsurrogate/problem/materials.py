@@ -39,7 +39,7 @@ and with rigid blocks in 970."""
 
 
 def settings_of(scene: Scene) -> ForceSettings:
-    """Return the `ForceSettings` of a scene: those of its keys that have the name of a setting, and `breakable` for a scene with fracture."""
+    """Return the `ForceSettings` of a scene: its keys that have the name of a setting, and `breakable` if the scene has fracture."""
     keys = {setting.name: getattr(scene, setting.name) for setting in fields(ForceSettings) if setting.name != "breakable"}
     return ForceSettings(**keys, breakable=scene.fracture is not None)
 
