@@ -3,6 +3,7 @@
 python pipelines/compare_commits.py OLD NEW --figures     sections 6.2 to 6.7, tears at a coarser spacing
 python pipelines/compare_commits.py OLD NEW --conformance every property and hard case of every force model, with few explicit steps
 python pipelines/compare_commits.py OLD NEW --speed       every force model on one thread and on two, in turns
+python pipelines/compare_commits.py OLD NEW --materials   bodies of two materials, in a sheet and in a solid, in turns
 python pipelines/compare_commits.py OLD NEW --runs        whole runs of sections 6.2 and 6.5, in turns
 python pipelines/compare_commits.py OLD NEW --compile     first evaluation and first run with an empty cache
 
@@ -111,6 +112,34 @@ for line in sys.stdin:
     print(json.dumps(1e9 * (time.perf_counter() - began) / count / bonds), flush=True)
 """
 
+MATERIALS = {
+    "sheet, neo-hookean": ({"spacing": 0.02}, "neo-hookean"),
+    "sheet, bond-energy": ({"spacing": 0.02}, "bond-energy"),
+    "sheet, nosb": ({"spacing": 0.02}, "nosb"),
+    "solid, bond-energy": ({"spacing": 0.06, "body": {"shape": "box", "size": [1.0, 1.0, 1.0]}}, "bond-energy"),
+    "solid, neo-hookean-isochoric": ({"spacing": 0.06, "body": {"shape": "box", "size": [1.0, 1.0, 1.0]}}, "neo-hookean-isochoric"),
+}
+"""Changes to the scene of two materials below, and the force, of each comparison of bodies of two materials."""
+
+EVALUATION = """
+import json, sys, time
+import pdsurrogate as pds
+COMMON = {
+    "name": "two", "steps": [1.0], "solver": {"tolerance": 1e-2}, "material": {"law": "neo-hookean"}, "horizon_ratio": 2.2,
+    "materials": [{"region": {"box": [[0.5, -9.0], [9.0, 9.0]]}, "material": {"law": "neo-hookean", "shear_modulus": 3.0}}],
+    "prescribed": [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, {"region": "right", "x1": 0.1}],
+    "body": {"size": [1.0, 1.0]},
+}
+for line in sys.stdin:
+    changes, force = json.loads(line)
+    scene = COMMON | changes
+    if "shape" in scene["body"]:
+        scene = scene | {"materials": [{**scene["materials"][0], "region": {"box": [[0.5, -9.0, -9.0], [9.0, 9.0, 9.0]]}}]}
+        scene["prescribed"] = [*COMMON["prescribed"], {"region": "back", "x3": 0.0}]
+    summary = pds.simulate(pds.Scene(**scene), force).summary
+    print(json.dumps(summary["ns_per_directed_bond"]), flush=True)
+"""
+
 WHOLE = """
 import json, sys
 import pdsurrogate as pds
@@ -217,6 +246,21 @@ def compare_speed(paths: list[Path], turns: int) -> None:
         print(f"{name:20} {3 * width * width:7} {threads:7} {old:8.2f} {new:8.2f} {ratio:8.3f}", flush=True)
 
 
+def compare_materials(paths: list[Path], turns: int) -> None:
+    """Medians of the cost of a directed bond in bodies of two materials, and of the ratio within a turn."""
+    both = [start(path, EVALUATION) for path in paths]
+    for what, question in MATERIALS.items():
+        for process in both:
+            ask(process, question)
+        found = []
+        for turn in range(turns):
+            order = (0, 1) if turn % 2 else (1, 0)
+            costs = {which: ask(both[which], question) for which in order}
+            found.append((costs[0], costs[1]))
+        old, new = (median(values) for values in zip(*found, strict=True))
+        print(f"{what:30} {old:8.2f} {new:8.2f} ns   new/old {median(b / a for a, b in found):.3f}", flush=True)
+
+
 def compare_runs(paths: list[Path], turns: int) -> None:
     """Medians of the seconds that whole runs take, and of the ratio within a turn; each process goes first in every other turn."""
     both = [start(path, WHOLE) for path in paths]
@@ -252,6 +296,7 @@ def main() -> None:
     parser.add_argument("--figures", action="store_true")
     parser.add_argument("--conformance", action="store_true")
     parser.add_argument("--speed", action="store_true")
+    parser.add_argument("--materials", action="store_true")
     parser.add_argument("--runs", action="store_true")
     parser.add_argument("--compile", action="store_true")
     parser.add_argument("--turns", type=int, default=15)
@@ -263,6 +308,8 @@ def main() -> None:
             compare_conformance(paths)
         if arguments.speed:
             compare_speed(paths, arguments.turns)
+        if arguments.materials:
+            compare_materials(paths, arguments.turns)
         if arguments.runs:
             compare_runs(paths, arguments.turns)
         if arguments.compile:
