@@ -22,7 +22,7 @@ from .shipped import SHIPPED_CARDS
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
 """Classes of the force models that can be stored, by the entry ``kind`` of a card."""
 
-FORMAT = "pdsurrogate artefact"
+FORMAT = "pdsurrogate artefact"  # as in all files so far
 SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
 """Version of the format of new cards and payloads (an artifact's other files), and the oldest version that is read.
 
@@ -267,7 +267,7 @@ def read_card(path: Path) -> Card:
     except (ValueError, RecursionError) as error:
         raise ArtifactError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise ArtifactError(f"{where}: format: this is not the card of a {FORMAT}")
+        raise ArtifactError(f"{where}: format: this is not the card of a pdsurrogate artifact")
     schema = content.get("schema_version")
     if type(schema) is not int or not OLDEST_SCHEMA <= schema <= SCHEMA_VERSION:
         readable = f"this pdsurrogate reads {OLDEST_SCHEMA} to {SCHEMA_VERSION}"
