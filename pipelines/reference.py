@@ -13,15 +13,17 @@ from typing import Any
 import typer
 from pydantic import BaseModel
 
-from pdsurrogate.artifacts import card
+from pdsurrogate.artifacts import card, load_card, load_surrogate
 from pdsurrogate.cli import app
+from pdsurrogate.forces import FORCES
 from pdsurrogate.learning.settings import FitSettings
-from pdsurrogate.materials import LAWS
+from pdsurrogate.materials import LAWS, PLANES
 from pdsurrogate.results.files import write_text
 from pdsurrogate.scenes import loading, model, regions, shapes, solids
 from pdsurrogate.studies import description
 
-PAGES = Path(__file__).resolve().parents[1] / "docs" / "reference"
+ROOT = Path(__file__).resolve().parents[1]
+PAGES, SHIPPED = ROOT / "docs" / "reference", [path for path in (ROOT / "artifacts").glob("*/*") if path.is_dir()]
 
 BLOCK = re.compile(r"(<!-- (\w+) ([\w. -]+) -->\n).*?(<!-- /\2 -->)", re.DOTALL)
 """A block of a page, such as ``<!-- keys loads -->``, with the kind and the name of the table that stands in it."""
@@ -90,8 +92,11 @@ WHOLE = ("scene", "study", "card")
 PLAIN = ("features", "training", "errors")
 """Keys of a card that have a table of their own, which its schema does not name: they are checked against it and kept as plain values."""
 
-ENTRY = re.compile(r"^(\w[\w, ]*?) : .*\n((?:(?:    .*)?\n)+)", re.MULTILINE)
+ENTRY = re.compile(r"^(\*{0,2}\w[\w, ]*?)(?: : .*)?\n((?:(?:    .*)?\n)+)", re.MULTILINE)
 """An entry of the section Parameters of a docstring: names, type, and indented text."""
+
+FURTHER = "**extra_data"
+"""Name that the docstring of a model gives to keys which the model does not declare."""
 
 UNIT = re.compile(r"\s*Unit: (.+)\.$")
 
@@ -200,6 +205,8 @@ def keys(page: str, table: str) -> str:
         typed = f"[table](#{key})" if page == "card.md" and key in PLAIN else type_of(schema, anchors)
         cells = name, typed, default_in_words(default), unit, meaning
         lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    if FURTHER in documented(TABLES[page][table]):
+        lines.append(f"| further keys |  |  |  | {meaning_and_unit(TABLES[page][table], FURTHER)[0]} |")
     return "\n".join(lines)
 
 
@@ -225,6 +232,17 @@ def parameters(page: str, name: str) -> str:
         searched = "{:g} to {:g}".format(*law.bounds[field.name]) if field.name in law.bounds else ""
         cells = f"`{field.name}`", default_in_words(default), unit, bound, searched, meaning
         lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def forces(page: str, what: str) -> str:
+    """Return the table of the force models, built in and shipped, with the law and the planes that they serve."""
+    lines = ["| force model | law | plane stress | plane strain | space |", "| --- | --- | --- | --- | --- |"]
+    built_in = [(name, "every law", kind()) for name, kind in sorted(FORCES.items())]
+    shipped = [(f"{path.parent.name}@{path.name}", f"`{load_card(path).material.law}`", load_surrogate(path)) for path in sorted(SHIPPED)]
+    for name, law, force in [*built_in, *shipped]:
+        served = ["yes" if plane in force.honored(plane).get("plane", ()) else "" for plane in PLANES]
+        lines.append(f"| `{name}` | {law} | {' | '.join(served)} |")
     return "\n".join(lines)
 
 
@@ -269,7 +287,7 @@ def option_table(rows: list[tuple[str, str]]) -> str:
     return "\n".join(["| argument or option | meaning |", "| --- | --- |", *lines]) if rows else ""
 
 
-MAKERS: dict[str, Callable[[str, str], str]] = {"keys": keys, "parameters": parameters, "commands": options}
+MAKERS: dict[str, Callable[[str, str], str]] = {"keys": keys, "parameters": parameters, "forces": forces, "commands": options}
 """Functions that make the blocks of a page, by kind."""
 
 

@@ -8,11 +8,16 @@ import tomllib
 from operator import attrgetter
 from pathlib import Path
 
+import latex
+import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts.card import KINDS
 from pdsurrogate.body import WEIGHT_FUNCTIONS
+from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Polyconvex, Yeoh
+from pdsurrogate.materials.law import InvariantLaw
 from pdsurrogate.scenes.strict_model import StrictModel
 
 ROOT = Path(__file__).parents[1]
@@ -64,7 +69,7 @@ def test_every_key_has_a_meaning_and_every_number_a_unit(page, table):
 def test_docstrings_describe_keys_that_exist_and_inherited_ones_alike(page, table):
     kind = reference.TABLES[page][table]
     described = reference.documented(kind)
-    assert set(described) == set(kind.model_fields)
+    assert set(described) == {*kind.model_fields, *([reference.FURTHER] if kind.model_config["extra"] == "allow" else [])}
     for base in subclasses(StrictModel) & {*kind.__mro__}:
         assert reference.documented(base).items() <= described.items(), base.__name__
 
@@ -193,3 +198,114 @@ def test_units_of_keys_are_those_of_the_reference_of_scenes():
             assert known[key] == {"stress length²": "force", "stress time²/length²": "stress time^2/length^2"}.get(unit, unit), key
             compared += 1
     assert compared > 12
+
+
+def langevin(beta):
+    return 1 / np.tanh(beta) - 1 / beta
+
+
+def inverse_langevin(y):
+    """By bisection; the package iterates from an approximation."""
+    flat = np.atleast_1d(y)
+    found = np.array(
+        [brentq(lambda beta, value=value: langevin(beta) - value, 1e-9, 1e4, xtol=1e-14, rtol=1e-14) for value in flat.ravel()]
+    )
+    return found.reshape(flat.shape) if np.ndim(y) else float(found[0])
+
+
+def directions_of_chains():
+    """Return a quadrature over directions, Gauss's in height and even in angle; the package takes Lebedev's."""
+    heights, weights = np.polynomial.legendre.leggauss(24)
+    angles = (np.arange(24) + 0.5) * np.pi / 24
+    across = np.sqrt(1 - heights**2)[:, None]
+    r = [(across * np.cos(angles)).ravel(), (across * np.sin(angles)).ravel(), np.repeat(heights, 24)]
+    return r, np.repeat(weights, 24) / 48
+
+
+LAWS_PAGE = (REFERENCE / "laws.md").read_text()
+SECTIONS = dict(re.findall(r"^## `([\w-]+)`\n(.*?)(?=^## )", LAWS_PAGE, re.MULTILINE | re.DOTALL))
+COMPARED = [
+    NeoHookean(2.5, 25.0),
+    MooneyRivlin(0.7, 70.0, 0.3),
+    Yeoh(0.34, 50.0, -0.02, 2e-3),
+    Gent(0.4, 40.0, 60.0),
+    ArrudaBoyce(0.27, 54.0, 12.0),
+]
+COMPARED += [Ogden(), Ogden(moduli=(0.5,), exponents=(2.0,), bulk_modulus=20.0), FullNetwork(0.3, 30.0, 25.0)]
+COMPARED += [Polyconvex(moduli=(0.4, -0.1), exponents=(1.5, -2.0), first=(0.2, 0.02, 1e-3), second=(0.04, 1e-3, 1e-4))]
+
+
+def test_every_law_has_a_section():
+    assert list(SECTIONS) == re.findall(r"<!-- parameters ([\w-]+) -->", LAWS_PAGE)
+    assert set(SECTIONS) == set(reference.LAWS) == {law.name for law in COMPARED}
+
+
+def printed(law, stretches):
+    """Return W and U as the page prints them, at principal stretches, each an array."""
+    J = np.prod(stretches, axis=0)
+    isochoric = stretches / np.cbrt(J)
+    (r1, r2, r3), weights = directions_of_chains()
+    names = {"J": J, "\\bar I_1": (isochoric**2).sum(axis=0), "\\bar I_2": (isochoric**-2).sum(axis=0)}
+    names |= {f"\\bar \\lambda_{a + 1}": isochoric[a] for a in range(3)}
+    if "\\left\\langle" in SECTIONS[law.name]:
+        names = {name: value[:, None] for name, value in names.items()}
+    names |= {"r_1": r1, "r_2": r2, "r_3": r3, "mean": lambda values: (values @ weights)[:, None], "inverse_langevin": inverse_langevin}
+    symbols = re.findall(r"\$([^$]+)\$ = `(\w+)`", LAWS_PAGE.split("## `")[0] + SECTIONS[law.name])
+    names |= {symbol: getattr(law, field) for symbol, field in symbols}
+    for formula in re.findall(r"^\$\$\n(.*?)^\$\$", SECTIONS[law.name], re.MULTILINE | re.DOTALL):
+        for name, value in latex.assignments(formula):
+            names[name] = value(names)
+            if name == "\\beta_0":
+                at_rest = law.chain_links**-0.5
+                names["\\beta_0'"] = (inverse_langevin(at_rest + 1e-5) - inverse_langevin(at_rest - 1e-5)) / 2e-5
+    return np.ravel(names["W"]), np.ravel(names["U"])
+
+
+def isochoric_energy(law, stretches):
+    """Return W of a law, in units of its shear modulus, at isochoric stretches of shape (3, n)."""
+    if isinstance(law, InvariantLaw):
+        return law.isochoric((stretches**2).sum(axis=0), (stretches**-2).sum(axis=0), law.parameters)[0]
+    return law.sums((*np.log(stretches), *stretches**2), law.parameters)[0]
+
+
+@pytest.mark.parametrize("law", COMPARED, ids=lambda law: law.name)
+def test_printed_energies_are_those_of_the_law(law, random):
+    stretches = np.exp(random.uniform(-0.5, 0.5, (3, 20)))
+    J = np.prod(stretches, axis=0)
+    isochoric = stretches / np.cbrt(J)
+    W = isochoric_energy(law, isochoric)
+    U = law.volumetric(J, law.parameters)[0]
+    found = printed(law, stretches)
+    assert found[0] == pytest.approx(law.shear_modulus * W, rel=1e-7, abs=1e-9 * law.shear_modulus)
+    assert found[1] == pytest.approx(law.shear_modulus * U, rel=1e-12)
+    assert W.max() > 0.05
+
+
+@pytest.mark.parametrize("law", COMPARED, ids=lambda law: law.name)
+def test_printed_energies_have_the_moduli_of_the_law(law):
+    """Second derivatives at rest: W at constant volume has 4 mu along (1, -1/2, -1/2) times 3/4, U has K."""
+    e = 1e-3 if law.name != "full-network" else 1e-2
+    pulled = np.array([[math.exp(s), math.exp(-s / 2), math.exp(-s / 2)] for s in (-e, e)]).T
+    W, _ = printed(law, pulled)
+    assert W.sum() / e**2 == pytest.approx(3 * law.shear_modulus, rel=1e-3)
+    grown = np.array([[math.exp(s / 3)] * 3 for s in (-1e-3, 1e-3)]).T
+    _, U = printed(law, grown)
+    assert U.sum() / 1e-6 == pytest.approx(law.bulk_modulus, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["gent", "arruda-boyce", "full-network"])
+def test_stretches_at_which_laws_end_are_those_printed(name):
+    """In uniaxial tension at constant volume; the page rounds to a hundredth."""
+    law = reference.LAWS[name]()
+    (end,) = re.findall(
+        r"(?:at a stretch of|greatest isochoric stretch of \$\\sqrt\{N\}\$:) ([\d.]+) with the default", " ".join(SECTIONS[name].split())
+    )
+    for stretch, finite in ((float(end) - 0.01, True), (float(end) + 0.01, False)):
+        s = np.array([[stretch], [stretch**-0.5], [stretch**-0.5]])
+        assert np.isfinite(isochoric_energy(law, s)).all() == finite
+
+
+def test_the_glossary_is_in_alphabetical_order():
+    words = re.findall(r"^\| \*\*(.+?)\*\* \|", (REFERENCE / "glossary.md").read_text(), re.MULTILINE)
+    assert words == sorted(words, key=lambda word: word.lower().replace("-", " "))
+    assert len(words) == len(set(words)) > 50

@@ -127,6 +127,8 @@ class _Report(StrictModel):
         Errors of a bond force in states beside plane stress, which bonds meet in a simulation.
     by_strain : list of _Bin
         Errors by intervals of strain.
+    **extra_data : float
+        Further errors, as `pdsurrogate.evaluate` reports them.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -140,12 +142,14 @@ class _Report(StrictModel):
 
 
 class _Reports(StrictModel):
-    """Reports of errors by title; further titles are allowed.
+    """Reports of errors by title.
 
     Parameters
     ----------
     box : _Report
         Errors over all pairs of principal stretches in the range of the domain.
+    **extra_data : _Report
+        Errors over other states.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -179,7 +183,7 @@ class _Features(StrictModel):
 
 
 class _Identification(StrictModel):
-    """Identification of the law from test data; further fields are allowed and inform people.
+    """Identification of the law from test data.
 
     Parameters
     ----------
@@ -187,6 +191,8 @@ class _Identification(StrictModel):
         Name of the test data.
     law : dict
         Name and parameters of the identified law, equal to ``material.trained_with``.
+    **extra_data
+        Results of the identification, as `pdsurrogate.identification.report` gives them; they inform people.
     """
 
     model_config = ConfigDict(extra="allow")

@@ -47,7 +47,9 @@ class MaterialSpec(StrictModel):
     Parameters
     ----------
     law : str
-        Name of a law, or ``"rigid"``. The further keys are the law's parameters.
+        Name of a law, or ``"rigid"``.
+    **extra_data : float or list of float
+        Parameters of the law.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)

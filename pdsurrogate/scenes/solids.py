@@ -129,14 +129,14 @@ class Cylinder(Round):
 
     Parameters
     ----------
-    shape : {"cylinder"}
-        Name of the shape.
     length : float
         Length along the axis. Unit: length.
     axis : {"x1", "x2", "x3"}
         Axis along which the body extends.
     base : point
         Center of its lower end. Unit: length.
+    shape : {"cylinder"}
+        Name of the shape.
     radius : float
         Radius. Unit: length.
 
@@ -160,14 +160,14 @@ class Tube(Round):
 
     Parameters
     ----------
-    shape : {"tube"}
-        Name of the shape.
     length : float
         Length along the axis. Unit: length.
     axis : {"x1", "x2", "x3"}
         Axis along which the body extends.
     base : point
         Center of its lower end. Unit: length.
+    shape : {"tube"}
+        Name of the shape.
     inner_radius : float
         Radius of the bore, less than the outer radius. Unit: length.
     outer_radius : float

@@ -31,7 +31,9 @@ class Distribution(StrictModel):
     Parameters
     ----------
     distribution : str
-        Name of the distribution. The further keys are its parameters, named as in `scipy.stats`, such as ``loc`` and ``scale``.
+        Name of the distribution.
+    **extra_data : float
+        Parameters of the distribution, named as in `scipy.stats`, such as ``loc`` and ``scale``.
 
     Examples
     --------
@@ -91,6 +93,8 @@ class Fit(StrictModel):
     ----------
     material : MaterialSpec or str
         Material to learn.
+    **extra_data
+        Settings of the fit.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
