@@ -170,7 +170,7 @@ class Result:
         return values_of(self._fields(level), name)
 
     def field_names(self, level: int = -1) -> list[str]:
-        """Return the names of the fields of the state of number `level`, from 0; docs/reference/summary.md defines the fields."""
+        """Return the names of the fields of the state of number `level`, from 0; docs/guide/results.md defines the fields."""
         return list(self._fields(level))
 
     def _fields(self, level: int) -> dict[str, np.ndarray]:
