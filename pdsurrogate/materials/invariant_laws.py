@@ -16,9 +16,9 @@ class NeoHookean(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu. Unit: stress.
+        Shear modulus mu at rest. Unit: stress.
     bulk_modulus : float
-        K; the paper uses 100 mu throughout. Unit: stress.
+        Bulk modulus K at rest; the paper uses 100 mu throughout. Unit: stress.
 
     References
     ----------
@@ -50,9 +50,9 @@ class MooneyRivlin(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu = 2 (C10 + C01). Unit: stress.
+        Shear modulus mu at rest, 2 (C10 + C01). Unit: stress.
     bulk_modulus : float
-        K. Unit: stress.
+        Bulk modulus K at rest. Unit: stress.
     second_share : float
         C01/(C10 + C01), from 0 to 1: outside one of the two constants is negative, and large strains are unstable. The default is an
         example, not a fit. Unit: none.
@@ -96,9 +96,9 @@ class Yeoh(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu = 2 C10. Unit: stress.
+        Shear modulus mu at rest, 2 C10. Unit: stress.
     bulk_modulus : float
-        K. Unit: stress.
+        Bulk modulus K at rest. Unit: stress.
     second : float
         a = C20/C10, above -sqrt(3 third): below, the stress falls at some strain. The default is an example, not a fit. Unit: none.
     third : float
@@ -148,11 +148,11 @@ class Gent(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu. Unit: stress.
+        Shear modulus mu at rest. Unit: stress.
     bulk_modulus : float
-        K; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu. Unit: stress.
+        Bulk modulus K at rest; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu. Unit: stress.
     chain_limit : float
-        Jm; 120 in the paper's section 6.7. Unit: none.
+        Limit Jm of I1bar - 3; 120 in the paper's section 6.7. Unit: none.
 
     References
     ----------
@@ -204,11 +204,11 @@ class ArrudaBoyce(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu in the undeformed state; n kT follows from it, mu = n kT beta0/(3 y0) with y0 = 1/sqrt(N). Unit: stress.
+        Shear modulus mu at rest; n kT follows from it, mu = n kT beta0/(3 y0) with y0 = 1/sqrt(N). Unit: stress.
     bulk_modulus : float
-        K. Unit: stress.
+        Bulk modulus K at rest. Unit: stress.
     chain_links : float
-        N, links of a chain. Unit: none.
+        Number N of links of a chain. Unit: none.
 
     References
     ----------
