@@ -233,11 +233,12 @@ COMPARED = [
 ]
 COMPARED += [Ogden(), Ogden(moduli=(0.5,), exponents=(2.0,), bulk_modulus=20.0), FullNetwork(0.3, 30.0, 25.0)]
 COMPARED += [Polyconvex(moduli=(0.4, -0.1), exponents=(1.5, -2.0), first=(0.2, 0.02, 1e-3), second=(0.04, 1e-3, 1e-4))]
+COMPARED += [law() for name, law in reference.LAWS.items() if name not in {compared.name for compared in COMPARED}]
 
 
 def test_every_law_has_a_section():
     assert list(SECTIONS) == re.findall(r"<!-- parameters ([\w-]+) -->", LAWS_PAGE)
-    assert set(SECTIONS) == set(reference.LAWS) == {law.name for law in COMPARED}
+    assert set(SECTIONS) == set(reference.LAWS)
 
 
 def printed(law, stretches):
