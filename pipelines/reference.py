@@ -258,12 +258,13 @@ def commands() -> Iterator[tuple[str, typer.core.TyperCommand, Any]]:
 
 
 def records(command: typer.core.TyperCommand, context: Any) -> list[tuple[str, str]]:
-    """Return name and help of the arguments and options of a command."""
+    """Return name and help of the arguments and options of a command, alike for all versions of Typer."""
     found = []
     for parameter in command.params:
         name, text = parameter.get_help_record(context)
         name, _, value = name.partition(" ") if not name.startswith("-v") else (name, "", "")
         value = re.sub(r"^[<[](.*)[]>]$", r"\1", value) if parameter.param_type_name == "option" else ""
+        name = name if parameter.param_type_name == "option" or "." in name else name.upper()
         found.append((f"{name} {METAVARS.get(value, value)}".strip(), " ".join(text.removesuffix("  [required]").split())))
     return found
 
@@ -274,8 +275,8 @@ def options(page: str, what: str) -> str:
     common = [record for record in records(each[0][1], each[0][2]) if all(record in records(one, context) for _, one, context in each)]
     parts = [f"## All commands\n\n{option_table(records(group, top))}\n\nEvery command takes\n\n{option_table(common)}"]
     for name, command, context in each:
-        arguments = [one.get_help_record(context)[0].partition(" ")[0] for one in command.params if one.param_type_name == "argument"]
         own = [record for record in records(command, context) if record not in common]
+        arguments = [name for name, _ in own if not name.startswith("-")]
         usage = " ".join(["pdsurrogate", name, *arguments, "[OPTIONS]"])
         parts.append(f"## `{name}`\n\n{command.help}\n\n    {usage}\n\n{option_table(own)}".rstrip())
     return "\n\n".join(parts)
