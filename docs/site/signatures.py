@@ -1,0 +1,91 @@
+"""Griffe extension for the API pages: signatures of Pydantic models with plain types, and See Also sections as lists of links."""
+
+import re
+
+import griffe
+
+SEE_ALSO = re.compile(r"^See Also\n-+\n(.*?)(?=\n\n|\Z)", re.MULTILINE | re.DOTALL)
+ENTRY = re.compile(r"^(\S.*?)(?: : ?(.*))?$", re.MULTILINE)
+
+
+def _linked(match: re.Match) -> str:
+    """Return a See Also section whose names are links, one item for each entry."""
+    items = []
+    for names, text in ENTRY.findall(re.sub(r"\n +", " ", match[1])):
+        links = ", ".join(f"[`{name}`][{name}]" for name in names.split(", "))
+        items.append(f"- {links}: {text}" if text else f"- {links}")
+    return "See Also\n--------\n" + "\n".join(items)
+
+
+def _plain(expression):
+    """Return a type without the constraints of ``Annotated``, and with the types that aliases such as ``Positive`` stand for."""
+    if isinstance(expression, griffe.ExprSubscript):
+        if expression.canonical_path == "typing.Annotated":
+            return _plain(expression.slice.elements[0])
+        if expression.canonical_path == "typing.Literal":
+            return expression
+        return griffe.ExprSubscript(expression.left, _plain(expression.slice))
+    if isinstance(expression, griffe.ExprTuple):
+        return griffe.ExprTuple([_plain(element) for element in expression.elements], implicit=expression.implicit)
+    if isinstance(expression, griffe.ExprBinOp):
+        return griffe.ExprBinOp(_plain(expression.left), expression.operator, _plain(expression.right))
+    if isinstance(expression, griffe.ExprName):
+        path = expression.canonical_path
+        found = expression.parent.modules_collection[path] if path.startswith("pdsurrogate.") else None
+        if found is not None and found.is_attribute and isinstance(found.value, griffe.Expr):
+            return _plain(found.value)
+    return expression
+
+
+def _default(field):
+    """Return the default of a field, or None where a value is required; ``...`` stands for a default that a function makes."""
+    call = field.value
+    if call is None:
+        return "..." if "default_factory" in str(field.annotation) else None
+    if isinstance(call, griffe.ExprCall) and str(call.function) == "Field":
+        return call.arguments[0] if call.arguments and not isinstance(call.arguments[0], griffe.ExprKeyword) else "..."
+    return call
+
+
+def _fields(cls):
+    """Return the fields of a model and of the models it derives from by their names, the first ones first."""
+    found = {}
+    for parent in [*reversed(cls.mro()), cls]:
+        for name, member in parent.members.items():
+            if member.is_attribute and member.annotation is not None and "instance-attribute" in member.labels:
+                found[name] = member
+    return found
+
+
+class Signatures(griffe.Extension):
+    """Give Pydantic models the constructor that they have at run time, as Griffe does for dataclasses."""
+
+    def on_instance(self, *, obj, **_):
+        """Turn the names of a See Also section into links."""
+        if obj.docstring and "See Also\n" in obj.docstring.value:
+            obj.docstring.value = SEE_ALSO.sub(_linked, obj.docstring.value)
+
+    def on_package(self, *, pkg, **_):
+        """Add constructors once all classes are known."""
+        for module in [pkg, *self._modules_of(pkg)]:
+            for cls in module.classes.values():
+                if not cls.is_alias and "__init__" not in cls.members and self._is_model(cls):
+                    self._add_constructor(cls)
+
+    def _modules_of(self, module):
+        for member in module.modules.values():
+            if not member.is_alias:
+                yield member
+                yield from self._modules_of(member)
+
+    def _is_model(self, cls):
+        return any(str(getattr(base, "canonical_path", base)) == "pydantic.BaseModel" for one in [cls, *cls.mro()] for base in one.bases)
+
+    def _add_constructor(self, cls):
+        keyword = griffe.ParameterKind.keyword_only
+        fields = _fields(cls)
+        parameters = [
+            griffe.Parameter(name, annotation=_plain(field.annotation), kind=keyword, default=_default(field)) for name, field in fields.items()
+        ]
+        this = griffe.Parameter("self", kind=griffe.ParameterKind.positional_or_keyword)
+        cls.set_member("__init__", griffe.Function("__init__", parameters=griffe.Parameters(this, *parameters), returns="None"))
