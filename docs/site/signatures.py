@@ -4,15 +4,29 @@ import re
 
 import griffe
 
+import pdsurrogate
+
+HOMES = {f"pds.{name}": f"pdsurrogate.{home}.{name}" for name, home in pdsurrogate._HOMES.items()} | {
+    f"pds.{room}.{name}": f"pdsurrogate.{room}.{name}" for room, names in pdsurrogate._IN_ROOMS.items() for name in names.split()
+}
+"""Path of every public name, by the name that scripts write."""
+
 SEE_ALSO = re.compile(r"^See Also\n-+\n(.*?)(?=\n\n|\Z)", re.MULTILINE | re.DOTALL)
 ENTRY = re.compile(r"^(\S.*?)(?: : ?(.*))?$", re.MULTILINE)
+
+
+def path_of(name: str) -> str | None:
+    """Return the path of a public name such as ``pds.Scene``, or of a member of one such as ``pds.Scene.law``; None if it is neither."""
+    owner, _, member = name.rpartition(".")
+    return HOMES.get(name) or (f"{HOMES[owner]}.{member}" if owner in HOMES else None)
 
 
 def _linked(match: re.Match) -> str:
     """Return a See Also section whose names are links, one item for each entry."""
     items = []
     for names, text in ENTRY.findall(re.sub(r"\n +", " ", match[1])):
-        links = ", ".join(f"[`{name}`][{name}]" for name in names.split(", "))
+        written = [f"pds.{name.removeprefix('pdsurrogate.')}" for name in names.split(", ")]
+        links = ", ".join(f"[`{name}`][{path_of(name) or name}]" for name in written)
         items.append(f"- {links}: {text}" if text else f"- {links}")
     return "See Also\n--------\n" + "\n".join(items)
 
@@ -85,7 +99,8 @@ class Signatures(griffe.Extension):
         keyword = griffe.ParameterKind.keyword_only
         fields = _fields(cls)
         parameters = [
-            griffe.Parameter(name, annotation=_plain(field.annotation), kind=keyword, default=_default(field)) for name, field in fields.items()
+            griffe.Parameter(name, annotation=_plain(field.annotation), kind=keyword, default=_default(field))
+            for name, field in fields.items()
         ]
         this = griffe.Parameter("self", kind=griffe.ParameterKind.positional_or_keyword)
         cls.set_member("__init__", griffe.Function("__init__", parameters=griffe.Parameters(this, *parameters), returns="None"))

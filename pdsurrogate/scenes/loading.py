@@ -61,7 +61,14 @@ class Prescribed(StrictModel):
 
     @property
     def displacement(self) -> tuple[float | None, float | None, float | None]:
-        """Prescribed displacements x1, x2 and x3 at amplitude 1; None for a component without a value."""
+        """Prescribed displacements x1, x2 and x3 at amplitude 1; None for a component without a value.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Prescribed(region="left", x1=0.0).displacement
+        (0.0, None, None)
+        """
         return self.x1, self.x2, self.x3
 
 
@@ -108,7 +115,14 @@ class Load(StrictModel):
 
     @property
     def kind(self) -> str:
-        """Return the kind of the load: ``traction``, ``pressure``, ``body_force`` or ``force``."""
+        """Return the kind of the load: ``traction``, ``pressure``, ``body_force`` or ``force``.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Load(region="left", pressure=0.1).kind
+        'pressure'
+        """
         return next(kind for kind in self.kinds if getattr(self, kind) is not None)
 
     def model_post_init(self, _) -> None:

@@ -46,7 +46,14 @@ class Distribution(StrictModel):
 
     @property
     def discrete(self) -> bool:
-        """True if the values of the distribution are whole numbers."""
+        """True if the values of the distribution are whole numbers.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.studies.Distribution(distribution="randint", low=1, high=5).discrete
+        True
+        """
         from scipy import stats
 
         return isinstance(getattr(stats, self.distribution), stats.rv_discrete)
@@ -54,10 +61,20 @@ class Distribution(StrictModel):
     def build(self):
         """Return the distribution of `scipy.stats` with its parameters fixed ("frozen").
 
+        Returns
+        -------
+        scipy.stats.rv_frozen
+
         Raises
         ------
         ValueError
             For an unknown distribution, an unknown or missing parameter, or an invalid value.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> float(pds.studies.Distribution(distribution="uniform", loc=0.0, scale=2.0).build().mean())
+        1.0
         """
         from scipy import stats
 
