@@ -137,10 +137,11 @@ class StudyResult:
 
         Examples
         --------
-        >>> import tempfile
+        >>> from pathlib import Path
         >>> import pdsurrogate as pds
-        >>> keys = {"scene": "uniaxial", "force": "neo-hookean", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
-        >>> pds.study(keys, tempfile.mkdtemp(), jobs=1, threads=1).cautions()
+        >>> described = pds.Study(scene="uniaxial", parameters={"spacing": [0.25]})
+        >>> rows = [{"run": "a", "spacing": 0.25, "failure": "too coarse"}]
+        >>> pds.studies.StudyResult(described, Path("out"), rows).cautions()
         []
         """
         summaries = self._summaries()
@@ -161,11 +162,13 @@ class StudyResult:
 
         Examples
         --------
-        >>> import tempfile
+        >>> from pathlib import Path
         >>> import pdsurrogate as pds
-        >>> keys = {"scene": "uniaxial", "force": "neo-hookean", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
-        >>> pds.study(keys, tempfile.mkdtemp(), jobs=1, threads=1).figure() is None
-        False
+        >>> described = pds.Study(scene="uniaxial", parameters={"spacing": [0.25, 0.5]})
+        >>> rows = [{"run": "a", "spacing": 0.25, "stress": 1.0, "failure": None}]
+        >>> rows.append({"run": "b", "spacing": 0.5, "stress": 1.1, "failure": None})
+        >>> type(pds.studies.StudyResult(described, Path("out"), rows).figure()).__name__
+        'Figure'
         """
         units = next((summary["units"] for summary in self._summaries().values() if "units" in summary), {})
         return study_figure(self.rows, list(self.study.parameters), units)
