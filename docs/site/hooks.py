@@ -5,7 +5,6 @@ import re
 import sys
 from pathlib import Path
 
-import griffe
 from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File
@@ -13,9 +12,9 @@ from mkdocs.structure.files import File
 sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.insert(0, str(Path(__file__).parent))
 
+import api_pages
 from signatures import HOMES, path_of
 
-ROOT = Path(__file__).parents[2]
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 NUMBER = re.compile(r"\\tag\{(\d+)\}")
 LEFT = re.compile(r"\\|&(?!#?\w+;)|linebreak=")
@@ -58,62 +57,16 @@ def _linked(match: re.Match) -> str:
     return f'<autoref identifier="{path}" optional>{match[0]}</autoref>' if path else match[0]
 
 
-def _api_pages():
-    """The text of the page of every room with public names, by its name, and the rows of all of them for the index."""
-    package = griffe.load("pdsurrogate", search_paths=[ROOT])
-    public = set(HOMES.values()) | {package[path.partition(".")[2]].canonical_path for path in HOMES.values()}
-    rooms = {}
-    for name, path in sorted(HOMES.items(), key=lambda item: item[0].lower()):
-        rooms.setdefault(path.split(".")[1], []).append((name, path))
-    for room in sorted(rooms):
-        rows, sections, bases = [], [], {}
-        for name, path in rooms[room]:
-            thing = package[path.partition(".")[2]]
-            what = " ".join(thing.docstring.value.split("\n\n")[0].split())
-            rows.append(f"| [`{name}`][{path}] | {what} |")
-            above = thing.mro() if thing.is_class else []
-            own = {base.canonical_path: base.name for base in above if base.canonical_path not in public and _has_members(base)}
-            bases |= own
-            derived = own or any(base.canonical_path in public for base in above)
-            sections.append(_section(path, name, show_bases=bool(derived)))
-        if bases:
-            sections.append("The classes above derive from the following ones, which are no public names but define members of theirs.")
-            sections += [_section(path, name, show_bases=False) for path, name in sorted(bases.items(), key=lambda base: base[1])]
-        about = package[room].docstring.value
-        yield room, "\n\n".join([f"# pdsurrogate.{room}", about, _table(rows), *sections]), rows
-
-
-def _has_members(cls):
-    """Whether a class has public methods or properties with a description."""
-    functions = [member for name, member in cls.members.items() if not name.startswith(("_", "model_"))]
-    return any(member.docstring and (member.is_function or "property" in member.labels) for member in functions)
-
-
-def _section(path, heading, show_bases):
-    """What makes mkdocstrings describe a name."""
-    return (
-        f"::: {path}\n    options: {{heading: {heading}, toc_label: {heading.rpartition('.')[2]}, show_bases: {str(show_bases).lower()}}}"
-    )
-
-
-def _table(rows):
-    return "\n".join(["| name | what it is |", "| --- | --- |", *rows])
-
-
 def on_files(files, config):
     """Add the pages of public names, from the table by which the package finds them."""
-    for room, text, rows in _api_pages():
-        files.append(File.generated(config, f"{API}/{room}.md", content=text))
-        config.extra.setdefault("rooms", {})[room] = rows
+    for name, text in api_pages.pages():
+        files.append(File.generated(config, f"{API}/{name}.md", content=text))
     return files
 
 
 def on_page_markdown(markdown, page, config, files):
     """Append the list of all public names to their first page."""
-    if page.file.src_uri != f"{API}/index.md":
-        return markdown
-    rooms = config.extra["rooms"]
-    return "\n\n".join([markdown, *(f"## [pdsurrogate.{room}]({room}.md)\n\n{_table(rooms[room])}" for room in rooms)])
+    return f"{markdown}\n\n{api_pages.index()}" if page.file.src_uri == f"{API}/index.md" else markdown
 
 
 def on_page_content(content, page, config, files):

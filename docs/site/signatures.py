@@ -11,6 +11,9 @@ HOMES = {f"pds.{name}": f"pdsurrogate.{home}.{name}" for name, home in pdsurroga
 }
 """Path of every public name, by the name that scripts write."""
 
+TYPE = re.compile(r"^(\*{0,2}\w[\w, *]* : )(.*)$", re.MULTILINE)
+"""Line of a docstring with a parameter and its type."""
+
 SEE_ALSO = re.compile(r"^See Also\n-+\n(.*?)(?=\n\n|\Z)", re.MULTILINE | re.DOTALL)
 ENTRY = re.compile(r"^(\S.*?)(?: : ?(.*))?$", re.MULTILINE)
 
@@ -75,9 +78,14 @@ class Signatures(griffe.Extension):
     """Give Pydantic models the constructor that they have at run time, as Griffe does for dataclasses."""
 
     def on_instance(self, *, obj, **_):
-        """Turn the names of a See Also section into links."""
-        if obj.docstring and "See Also\n" in obj.docstring.value:
-            obj.docstring.value = SEE_ALSO.sub(_linked, obj.docstring.value)
+        """Turn the names of a See Also section into links, and keep types in words as they are written.
+
+        Griffe would read "ndarray, shape (n,)" as Python, a tuple with a call, if its spaces did not prevent it.
+        """
+        if obj.docstring:
+            text = SEE_ALSO.sub(_linked, obj.docstring.value)
+            text = TYPE.sub(lambda match: match[1] + re.sub(", (?!optional)", ",\N{NO-BREAK SPACE}", match[2]), text)
+            obj.docstring.value = text.replace("shape (", "shape\N{NO-BREAK SPACE}(")
 
     def on_package(self, *, pkg, **_):
         """Add constructors once all classes are known."""
