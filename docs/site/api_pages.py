@@ -30,10 +30,10 @@ def index() -> str:
 def pages():
     """Yield the name of each room and the text of its page: its public names, and other classes that these derive from, take or return."""
     things, package = _things()
-    needed = {room: [one for name in _names_in(room) for one in _needed(things[name])] for room in ROOMS}
+    needed = {room: {path for name in _names_in(room) for path in _needed(things[name])} for room in ROOMS}
     for room in ROOMS:
         sections = [_section(HOMES[name], name, 2, any(map(_is_described, _bases(things[name])))) for name in _names_in(room)]
-        others = {one.canonical_path for found in needed.values() for one in found if _page_of(one, needed) == room}
+        others = {path for found in needed.values() for path in found if _page_of(path, needed) == room}
         if others:
             sections.append("## Other classes\n\nThe names above derive from these classes, take them or return them.")
             sections += [_section(path, path.rpartition(".")[2], 3, False) for path in sorted(others)]
@@ -82,18 +82,18 @@ def _types(thing):
 
 
 def _needed(thing):
-    """Return the classes that are not public and that a name derives from, takes or returns, with those that their constructors take."""
-    todo, found = [thing], {}
+    """Return the paths of the classes, other than public ones, that a name derives from, takes or returns, and of those that they take."""
+    todo, found = [thing], set()
     while todo:
         thing = todo.pop()
         for one in [*filter(_is_described, _bases(thing)), *_types(thing)]:
             if one.canonical_path not in found and one.canonical_path not in _public():
-                found[one.canonical_path] = one
+                found.add(one.canonical_path)
                 todo.append(one)
-    return found.values()
+    return found
 
 
-def _page_of(one, needed) -> str:
+def _page_of(path: str, needed) -> str:
     """Return the room on whose page a class is: the only one that needs it, or else its own."""
-    rooms = [room for room, found in needed.items() if one in found]
-    return rooms[0] if len(rooms) == 1 else one.canonical_path.split(".")[1]
+    rooms = [room for room, found in needed.items() if path in found]
+    return rooms[0] if len(rooms) == 1 else path.split(".")[1]
