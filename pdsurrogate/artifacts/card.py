@@ -83,7 +83,17 @@ def _looked_at(part: type[StrictModel]) -> WrapValidator:
 
 
 class _Errors(StrictModel):
-    """Relative errors of a surrogate over a set of states: RMS error, greatest error, and for energies the RMS error of the energy."""
+    """Relative errors of a surrogate over a set of states.
+
+    Parameters
+    ----------
+    rms : float
+        RMS error of the bond force or stress, divided by the RMS of the exact one. Unit: none.
+    max : float
+        Greatest error, divided by the same RMS. Unit: none.
+    energy_rms : float, optional
+        For an energy its RMS error, divided by the RMS of the exact energy. Unit: none.
+    """
 
     rms: Share
     max: Share
@@ -91,11 +101,35 @@ class _Errors(StrictModel):
 
 
 class _Bin(_Errors):
+    """Relative errors of a surrogate over the states of one interval of strain.
+
+    Parameters
+    ----------
+    strain : pair of float
+        Bounds of the greatest principal strain. Unit: none.
+    """
+
     strain: tuple[Share, Share]
 
 
 class _Report(StrictModel):
-    """Errors of a surrogate as `pdsurrogate.evaluate` reports them; fields that are not declared here are finite numbers."""
+    """Errors of a surrogate as `pdsurrogate.evaluate` reports them; fields that are not declared here are finite numbers.
+
+    Parameters
+    ----------
+    stretch_range : pair of float
+        Least and greatest principal stretch of the states. Unit: none.
+    n_samples : int
+        Number of states.
+    on_surface : _Errors
+        Errors in states of plane stress; for an isochoric energy in states of constant volume.
+    off_surface : _Errors, optional
+        Errors of a bond force in states beside plane stress, which bonds meet in a simulation.
+    by_strain : list of _Bin
+        Errors by intervals of strain.
+    **extra_data : float
+        Further errors, as `pdsurrogate.evaluate` reports them.
+    """
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Finite]
@@ -108,7 +142,15 @@ class _Report(StrictModel):
 
 
 class _Reports(StrictModel):
-    """Reports of errors by title; the report ``box``, over all pairs of principal stretches in the domain's range, is required."""
+    """Reports of errors by title.
+
+    Parameters
+    ----------
+    box : _Report
+        Errors over all pairs of principal stretches in the range of the domain.
+    **extra_data : _Report
+        Errors over other states.
+    """
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, _Report]
@@ -117,6 +159,22 @@ class _Reports(StrictModel):
 
 
 class _Features(StrictModel):
+    """Inputs and outputs of a surrogate.
+
+    Parameters
+    ----------
+    set : str
+        Name of the feature set.
+    names : list of str
+        Features, in their order.
+    come_from : list of str
+        Quantities from which the features are computed; the key in cards is ``from``.
+    targets : list of str
+        Quantities that the surrogate predicts.
+    units : str
+        Units of features and targets, in words.
+    """
+
     set: str
     names: tuple[str, ...]
     come_from: Annotated[tuple[str, ...], Field(alias="from")]
@@ -125,7 +183,17 @@ class _Features(StrictModel):
 
 
 class _Identification(StrictModel):
-    """Identification of the law from test data: programs read the declared fields, `data` and `law`; further fields inform people."""
+    """Identification of the law from test data.
+
+    Parameters
+    ----------
+    data : str
+        Name of the test data.
+    law : dict
+        Name and parameters of the identified law, equal to ``material.trained_with``.
+    **extra_data
+        Results of the identification, as `pdsurrogate.identification.report` gives them; they inform people.
+    """
 
     model_config = ConfigDict(extra="allow")
 
@@ -134,7 +202,27 @@ class _Identification(StrictModel):
 
 
 class _Training(StrictModel):
-    """How the surrogate was trained: a simulation reads only `identification`, the fit of the law to test data; the rest informs people."""
+    """How the surrogate was trained; a simulation reads only `identification`, the rest informs people.
+
+    Parameters
+    ----------
+    design : dict
+        How the training samples were drawn: name of the design, number, range of stretches, seed and further settings.
+    regressor : str
+        Class of the regressor.
+    parameters : dict
+        Parameters of the regressor.
+    outcome : dict
+        Iterations and losses of the training, as far as the regressor has them.
+    cross_validation : list of dict
+        Relative errors by fold; empty without a cross-validation.
+    search : list of dict
+        Settings that were compared, with their errors; empty without a comparison.
+    identification : _Identification, optional
+        Fit of the law to test data, if the law was identified.
+    resampling : dict, optional
+        Error of the spline that stands for a regressor without compiled code.
+    """
 
     design: dict[str, Any]
     regressor: str
@@ -152,9 +240,17 @@ Training = Annotated[dict[str, Any], _looked_at(_Training)]
 
 
 class Material(StrictModel):
-    """Entry of a card for the material: the law, its parameters in training, and the dimensionless parameters that determine the force.
+    """Entry of a card for the material.
 
-    The dimensionless parameters `shape` do not change when all moduli are scaled.
+    Parameters
+    ----------
+    law : str
+        Name of the law.
+    trained_with : dict
+        Name and parameters of the law in training.
+    shape : dict of float
+        Dimensionless parameters on which the force depends, which a scene's material must have; they do not change when all moduli are
+        scaled. Unit: none.
     """
 
     law: str
@@ -163,7 +259,17 @@ class Material(StrictModel):
 
 
 class Payload(StrictModel):
-    """Entry of a card for a file of the artifact: contents in words, SHA-256, and size in bytes."""
+    """Entry of a card for a file of the artifact.
+
+    Parameters
+    ----------
+    contains : str
+        Contents, in words.
+    sha256 : str
+        SHA-256 of the file, which is checked before the file is read.
+    bytes : int
+        Size of the file in bytes.
+    """
 
     contains: str
     sha256: Annotated[str, Field(pattern=SHA256)]
@@ -171,7 +277,22 @@ class Payload(StrictModel):
 
 
 class DomainSpec(StrictModel):
-    """Entry of a card for the domain of states in which the surrogate holds; see `pdsurrogate.forces.Domain`."""
+    """Entry of a card for the domain of states in which the surrogate holds; see `pdsurrogate.forces.Domain`.
+
+    Parameters
+    ----------
+    least_stretch : float
+        Least principal stretch. Unit: none.
+    greatest_stretch : float
+        Greatest principal stretch. Unit: none.
+    least_bulk : float
+        Least squared volume ratio. Unit: none.
+    greatest_bulk : float
+        Greatest squared volume ratio. Unit: none.
+    hull : list of triples of float, optional
+        Convex hull of the test data behind the surrogate: half-planes (n1, n2, d), n1 log l1 + n2 log l2 <= d, of the two greater of three
+        principal stretches l of product 1. Unit: none.
+    """
 
     least_stretch: Positive
     greatest_stretch: Positive
@@ -185,6 +306,15 @@ class MemberSpec(StrictModel):
 
     A member is a further surrogate in the artifact. The deviations of the members' forces from that of the main surrogate estimate the
     uncertainty of the force.
+
+    Parameters
+    ----------
+    material : Material
+        Law of the member.
+    domain : DomainSpec
+        Domain of the member.
+    errors : dict
+        Errors of the member.
     """
 
     material: Material
@@ -193,7 +323,46 @@ class MemberSpec(StrictModel):
 
 
 class Card(StrictModel):
-    """Card of an artifact, the contents of ``card.json``: kind, material, features, training, domain, errors and files."""
+    """Card of an artifact, the contents of ``card.json``.
+
+    Parameters
+    ----------
+    format : str
+        Marks the file as a card; the word keeps its British spelling.
+    schema_version : int
+        Version of the format.
+    name : str
+        Name of the artifact: lower-case letters, digits and ``._-``.
+    version : str
+        Version of the artifact: up to three whole numbers with dots between.
+    kind : str
+        Kind of force model: bond-force-network, bond-force-polynomial, bond-force-spline, energy-network or isochoric-network.
+    description : str
+        Purpose of the artifact, in a sentence.
+    material : Material
+        Material that the surrogate has learned.
+    weight_function : str
+        Weight functions of bonds with which the surrogate may be used, in words.
+    features : dict
+        Inputs and outputs of the surrogate.
+    scaling : dict
+        Scaling of features and targets in training.
+    training : dict
+        How the surrogate was trained.
+    domain : DomainSpec
+        States in which the surrogate holds.
+    errors : dict
+        Errors against the exact force or energy.
+    made_with : dict of str
+        Versions of the packages with which the artifact was made.
+    payloads : dict of Payload
+        The other files of the artifact by name.
+    members : list of MemberSpec
+        Members of the committee.
+    digest : str, optional
+        SHA-256 of the entries on which a run depends; a card whose entries do not agree with it is refused. Cards of schema version 2 have
+        none.
+    """
 
     format: Literal["pdsurrogate artefact"]
     schema_version: int

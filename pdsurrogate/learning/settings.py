@@ -43,20 +43,24 @@ def _as_text(value: Any) -> Any:
 class FitSettings(StrictModel):
     """Settings with which a surrogate is fitted to a law; each is an option of the command ``pdsurrogate fit``. None stands for a default.
 
-    Attributes
+    Parameters
     ----------
     energy : bool
         Whether a network is fitted to the isochoric energy of the law instead of its bond force.
     features : str, optional
-        See `pdsurrogate.surrogate_pipeline`; by default "isochoric" for a polynomial and "symmetric" for a network.
-    degree, units : int, sequence of int or str, optional
-        Degrees of a polynomial, or hidden units of a network, layer by layer; in text separated by commas.
+        Feature set of a bond force: ``"isochoric"``, the default of polynomials; ``"symmetric"``, the default of networks; or ``"paper"``.
+    degree : int, sequence of int or str, optional
+        Degrees of a polynomial in its features; in text separated by commas. By default 12,6.
+    units : int, sequence of int or str, optional
+        Hidden units of a network, layer by layer; in text separated by commas. They choose a network in the place of a polynomial.
     activation : str, optional
-        Activation of a network, by default "algebraic".
+        Activation of a network: ``"algebraic"``, the default, ``"logistic"``, ``"tanh"`` or ``"relu"``.
     samples : int, optional
         Number of samples, by default 8000, or 1000 for an energy.
-    least, greatest : float, optional
-        Principal stretches of the samples, by default 0.5 (0.25 for an energy) and 4, or as far as the law is finite.
+    least : float, optional
+        Least principal stretch of the samples; by default 0.5 (0.25 for an energy), or as far as the law is finite. Unit: none.
+    greatest : float, optional
+        Greatest principal stretch of the samples; by default 4, or as far as the law is finite. Unit: none.
     iterations : int, optional
         Most iterations of the training of a network, by default 1000, or 500 for an energy.
     folds : int

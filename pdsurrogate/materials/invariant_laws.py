@@ -16,9 +16,9 @@ class NeoHookean(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu, any unit of stress.
+        Shear modulus mu at rest. Unit: stress.
     bulk_modulus : float
-        K, same unit; the paper uses 100 mu throughout.
+        Bulk modulus K at rest; the paper uses 100 mu throughout. Unit: stress.
 
     References
     ----------
@@ -50,12 +50,12 @@ class MooneyRivlin(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu = 2 (C10 + C01), any unit of stress.
+        Shear modulus mu at rest, 2 (C10 + C01). Unit: stress.
     bulk_modulus : float
-        K, same unit.
+        Bulk modulus K at rest. Unit: stress.
     second_share : float
-        C01/(C10 + C01), in [0, 1]: outside it one of the two constants is negative, and large strains are unstable. The default is
-        an example, not a fit.
+        C01/(C10 + C01), from 0 to 1: outside one of the two constants is negative, and large strains are unstable. The default is an
+        example, not a fit. Unit: none.
 
     References
     ----------
@@ -96,12 +96,13 @@ class Yeoh(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu = 2 C10, any unit of stress.
+        Shear modulus mu at rest, 2 C10. Unit: stress.
     bulk_modulus : float
-        K, same unit.
-    second, third : float
-        C20/C10 and C30/C10.  The stress rises with the stretch at all strains only if third >= 0 and second > -sqrt(3 third).
-        The defaults are an example that is well within these bounds, not a fit.
+        Bulk modulus K at rest. Unit: stress.
+    second : float
+        a = C20/C10, above -sqrt(3 third): below, the stress falls at some strain. The default is an example, not a fit. Unit: none.
+    third : float
+        b = C30/C10, at least 0. The default is an example, not a fit. Unit: none.
 
     References
     ----------
@@ -147,11 +148,11 @@ class Gent(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu, any unit of stress.
+        Shear modulus mu at rest. Unit: stress.
     bulk_modulus : float
-        K, same unit; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu.
+        Bulk modulus K at rest; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu. Unit: stress.
     chain_limit : float
-        Jm; 120 in the paper's section 6.7.
+        Limit Jm of I1bar - 3; 120 in the paper's section 6.7. Unit: none.
 
     References
     ----------
@@ -203,11 +204,11 @@ class ArrudaBoyce(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu in the undeformed state, any unit of stress; n kT follows from it, mu = n kT beta0/(3 y0) with y0 = 1/sqrt(N).
+        Shear modulus mu at rest; n kT follows from it, mu = n kT beta0/(3 y0) with y0 = 1/sqrt(N). Unit: stress.
     bulk_modulus : float
-        K, same unit.
+        Bulk modulus K at rest. Unit: stress.
     chain_links : float
-        N, links of a chain; above 1.
+        Number N of links of a chain. Unit: none.
 
     References
     ----------

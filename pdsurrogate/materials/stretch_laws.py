@@ -37,13 +37,13 @@ class Ogden(PrincipalStretchLaw):
     Parameters
     ----------
     shear_modulus : float, optional
-        mu = sum_k mu_k alpha_k / 2; it follows from the terms, and if given must equal this sum.
+        Shear modulus mu at rest. It follows from the terms, as sum_k mu_k alpha_k / 2, and if given must equal this sum. Unit: stress.
     bulk_modulus : float, optional
-        K, same unit; 100 mu by default.
+        Bulk modulus K at rest; 100 mu by default. Unit: stress.
     moduli : tuple of float
-        mu_k, any unit of stress; each has the sign of its exponent, without which large strains are unstable.
+        Moduli mu_k, one to eight; each has the sign of its exponent, without which large strains are unstable. Unit: stress.
     exponents : tuple of float
-        alpha_k, as many; none is 0.
+        Exponents alpha_k, as many; none is 0. Unit: none.
 
     References
     ----------
@@ -144,13 +144,18 @@ class Polyconvex(Ogden):
     Parameters
     ----------
     shear_modulus : float, optional
-        mu = sum_k mu_k alpha_k / 2 + 2 a_1 + 3 sqrt 3 b_1; it follows from the terms, and if given must equal this.
+        Shear modulus mu at rest. It follows from the terms, as sum_k mu_k alpha_k / 2 + 2 a_1 + 3 sqrt 3 b_1, and if given must equal this
+        sum. Unit: stress.
     bulk_modulus : float, optional
-        K, same unit; 100 mu by default.
-    moduli, exponents : tuple of float
-        mu_k, any unit of stress, and alpha_k, as many; none by default.
-    first, second : tuple of float
-        a_k and b_k of k = 1, 2, 3, same unit; fewer are followed by zeros.
+        Bulk modulus K at rest; 100 mu by default. Unit: stress.
+    moduli : tuple of float
+        Moduli mu_k, up to eight; each has the sign of its exponent. Unit: stress.
+    exponents : tuple of float
+        Exponents alpha_k, as many, of size 1 or more. Unit: none.
+    first : tuple of float
+        Constants a_1, a_2, a_3, not negative; fewer are followed by zeros. Unit: stress.
+    second : tuple of float
+        Constants b_1, b_2, b_3, not negative; fewer are followed by zeros. Unit: stress.
 
     References
     ----------
@@ -250,11 +255,11 @@ class FullNetwork(PrincipalStretchLaw):
     Parameters
     ----------
     shear_modulus : float
-        mu in the undeformed state, any unit of stress; n kT follows from it.
+        Shear modulus mu at rest; n kT follows from it. Unit: stress.
     bulk_modulus : float
-        K, same unit.
+        Bulk modulus K at rest. Unit: stress.
     chain_links : float
-        N, links of a chain; above 1. The default locks at a stretch of sqrt(60) = 7.7, just beyond Treloar's greatest, 7.6.
+        Number N of links of a chain. The default locks at a stretch of sqrt(60) = 7.7, just beyond Treloar's greatest, 7.6. Unit: none.
 
     References
     ----------

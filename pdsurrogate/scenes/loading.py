@@ -15,22 +15,22 @@ class Prescribed(StrictModel):
     """Prescribed displacements of a region: for each component a value times an amplitude; components without a value are free.
 
     If the region is given by ``near`` (see `pdsurrogate.Region`) and several points are equally near, their mean displacement is
-    prescribed.
-    A rotation prescribes all components; the displacements x1, x2 and x3 are added to it.
+    prescribed. A rotation prescribes all components; the displacements x1, x2 and x3 are added to it.
 
-    Attributes
+    Parameters
     ----------
     region : str or Region
+        What is held or moved.
     x1, x2, x3 : float, optional
-        Displacement at amplitude 1; 0 holds the component. Bodies in the plane have no x3.
+        Displacement at amplitude 1 along this axis; 0 holds the component. Bodies in the plane have no x3. Unit: length.
     rotation : float, optional
-        Angle in degrees by which the region is turned, counter-clockwise seen from where the axis points to.
+        Angle at amplitude 1 by which the region is turned, counter-clockwise seen from where the axis points to. Unit: degrees.
     about : point, optional
-        Center of a rotation.
-    axis : point, optional
-        Direction of the axis of a rotation in three dimensions, of any length.
+        Center of the rotation. Unit: length.
+    axis : vector, optional
+        Direction of the axis of the rotation of a solid, of any length. Unit: none.
     amplitude : str or table
-        Dependence of the values on the loading parameter t.
+        Factor of the values, as a function of the loading parameter t. Unit: none.
     name : str, optional
         Name under which results report the force; by default the name of the region.
 
@@ -75,23 +75,23 @@ class Prescribed(StrictModel):
 class Load(StrictModel):
     """Load on a region, times an amplitude: exactly one of a traction, a pressure, a body force and a total force.
 
-    Attributes
+    Parameters
     ----------
     region : str or Region
-        Where the load acts; a body force by default acts on the whole body.
-    traction : point, optional
-        Dead force per undeformed area of the boundary (nominal).
+        Where the load acts. Only a body force may leave it out: it then acts on the whole body.
+    traction : vector, optional
+        Force per undeformed area of the boundary, of constant direction. Unit: stress.
     pressure : float, optional
-        Pressure on the deformed boundary, whose direction follows it.
+        Pressure on the deformed boundary, whose normal it follows; a positive value pushes into the body. Unit: stress.
+    body_force : vector, optional
+        Force per undeformed volume. Unit: stress/length.
+    force : vector, optional
+        Total force on the points of the region, shared equally among them; in the plane per unit thickness. Unit: force.
     thickness : {"deformed", "undeformed"}, optional
         For a pressure under plane stress: whether it acts on the deformed thickness of the sheet (true pressure, the default), or on the
         undeformed thickness.
-    body_force : point, optional
-        Force per undeformed volume.
-    force : point, optional
-        Total force on the points of the region, shared equally among them; in the plane per unit thickness.
     amplitude : str or table
-        Dependence of the load on the loading parameter t.
+        Factor of the load, as a function of the loading parameter t. Unit: none.
     name : str, optional
         Name under which results report the force of the load; by default the name of the region.
 
@@ -138,18 +138,18 @@ class Load(StrictModel):
 class DynamicsSettings(StrictModel):
     """Settings of explicit dynamics, common to `StepDynamics` (during a step) and `Dynamics` (after the last stretch in equilibrium).
 
-    Attributes
+    Parameters
     ----------
     density : float
-        Mass per volume, in stress * time^2 / length^2; with kPa and cm, 1e-4 is 1000 kg/m^3 and time is in seconds.
+        Mass per undeformed volume; with kPa, cm and s, 1e-4 is 1000 kg/m^3. Unit: stress time^2/length^2.
     damping : float
-        Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v, forces f), per unit time.
+        Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v, forces f). Unit: 1/time.
     viscosity : float, optional
-        Retardation time of a Kelvin-Voigt solid: it damps waves as short as bonds, which material sends when it recoils behind a crack.
-        By default 0.7 spacings divided by the speed of shear waves with fracture, else 0.
+        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which material sends when it recoils behind a crack.
+        By default 0.7 spacings divided by the speed of shear waves with fracture, else 0. Unit: time.
     safety : float
-        Ratio of the time step to the critical time step. The default, 0.7, stays stable if the tangent becomes twice as stiff between two
-        estimates of the highest frequency (0.7^2 = 1/2).
+        Time step divided by the critical time step. The default stays stable if the tangent becomes twice as stiff between two estimates
+        of the highest frequency (0.7^2 = 1/2). Unit: none.
     """
 
     density: Positive
@@ -159,12 +159,22 @@ class DynamicsSettings(StrictModel):
 
 
 class StepDynamics(DynamicsSettings):
-    """Explicit dynamics during a step of the loading program; density, damping, viscosity and safety as in `pdsurrogate.scenes.Dynamics`.
+    """Explicit dynamics during a step of the loading program.
 
-    Attributes
+    Parameters
     ----------
+    density : float
+        Mass per undeformed volume; with kPa, cm and s, 1e-4 is 1000 kg/m^3. Unit: stress time^2/length^2.
+    damping : float
+        Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v, forces f). Unit: 1/time.
+    viscosity : float, optional
+        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which material sends when it recoils behind a crack.
+        By default 0.7 spacings divided by the speed of shear waves with fracture, else 0. Unit: time.
+    safety : float
+        Time step divided by the critical time step. The default stays stable if the tangent becomes twice as stiff between two estimates
+        of the highest frequency (0.7^2 = 1/2). Unit: none.
     duration : float
-        Duration of the step; the loading parameter changes linearly from its value at the end of the step before to `Step.to`.
+        Duration of the step, in which the loading parameter changes linearly. Unit: time.
 
     Examples
     --------
@@ -182,14 +192,14 @@ class StepDynamics(DynamicsSettings):
 class Step(StrictModel):
     """Step of the loading program, which moves the loading parameter t from its present value to `to`, in equilibrium or in dynamics.
 
-    Attributes
+    Parameters
     ----------
     to : float
-        Value of t at the end of the step. An unchanged value holds the body; a smaller value unloads it.
+        Value of t at the end of the step. An unchanged value holds the body; a smaller value unloads it. Unit: none.
     outputs : int
-        Number of states recorded evenly during the step, the last state at its end.
+        Number of states that are recorded at even distances of t or time, the last at the end of the step.
     largest_increment : float, optional
-        Greatest change of t between two equilibria.
+        Greatest change of t between two equilibria. Unit: none.
     dynamics : StepDynamics, optional
         Settings of explicit dynamics; without them the step is in equilibrium.
 
@@ -217,6 +227,13 @@ class Step(StrictModel):
 
 class Probe(StrictModel):
     """A place in the undeformed body whose displacement, stress and deformation gradient are reported at every output.
+
+    Parameters
+    ----------
+    name : str
+        Name of the probe in results: letters, digits and ``_.-``, at most 64 characters.
+    at : point
+        The place. Unit: length.
 
     Examples
     --------

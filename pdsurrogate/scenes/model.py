@@ -42,7 +42,15 @@ LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
 
 
 class MaterialSpec(StrictModel):
-    """Material in a scene: the name of a material law with its parameters, or ``"rigid"``."""
+    """Material in a scene: the name of a material law with its parameters, or ``"rigid"``.
+
+    Parameters
+    ----------
+    law : str
+        Name of a law, or ``"rigid"``.
+    **extra_data : float or list of float
+        Parameters of the law.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -104,13 +112,14 @@ class MaterialSpec(StrictModel):
 class Part(StrictModel):
     """Region of the body that is rigid, or has another material than the rest of the body.
 
-    Attributes
+    Parameters
     ----------
     region : str or Region
-    material : MaterialSpec
-        ``"rigid"`` for a region that moves as one body.
+        Where the body has this material.
+    material : MaterialSpec or str
+        The material or the name of its law; ``"rigid"`` for a region that moves as one body.
     force : str, optional
-        Stored force model (artifact) of this material; by default the force model of the rest of the body, or, if that model is a
+        Artifact that is the force model of this material. By default the force model of the rest of the body, or, if that model is a
         surrogate, the surrogate of this material's law.
 
     Examples
@@ -131,10 +140,16 @@ class Part(StrictModel):
 
 
 class Grip(StrictModel):
-    """A grip or roller along one edge of the body.
+    """Grip along one edge of the body, or face of a solid.
 
-    ``holds`` is "all" for a grip that holds every displacement component, "normal" for a roller, which holds the one across the edge.
-    ``travel`` is this grip's share of the elongation of the body, outwards: two grips of 0.5 pull symmetrically.
+    Parameters
+    ----------
+    edge : {"left", "right", "bottom", "top", "back", "front"}
+        Edge of the bounding box; ``"back"`` and ``"front"`` are faces of solids, normal to x3.
+    holds : {"all", "normal"}
+        Components that the grip holds: ``"all"`` for a clamp, ``"normal"`` for a roller, along which the edge may slide.
+    travel : float
+        Share of the elongation of the body by which this grip moves outward; the shares of both grips add up to 1. Unit: none.
     """
 
     edge: Face
@@ -143,10 +158,18 @@ class Grip(StrictModel):
 
 
 class Hold(StrictModel):
-    """Points held by a plain Dirichlet condition, component by component.
+    """Points that are held besides the grips, given by either `box` or `points`.
 
-    Either ``box`` or ``points``, a list of point numbers, gives the points. All components are held unless ``components`` names some. The
-    points move by the vector ``travel`` times the elongation of the body, or stay in place without ``travel``.
+    Parameters
+    ----------
+    box : pair of points, optional
+        Two opposite corners of a box that contains the points, the first with the least coordinates. Unit: length.
+    points : list of int, optional
+        Numbers of the points, from 0.
+    components : list of {"x1", "x2", "x3"}, optional
+        Components of the displacement that are held; by default all.
+    travel : vector, optional
+        Displacement of the points, divided by the elongation of the body; by default they stay in place. Unit: none.
     """
 
     box: tuple[Vector, Vector] | None = None
@@ -160,7 +183,22 @@ class Hold(StrictModel):
 
 
 class SolverSpec(StrictModel):
-    """Settings of the solver for equilibrium: method, tolerance, greatest number of force evaluations and greatest increment."""
+    """Settings of the solver for equilibrium.
+
+    Parameters
+    ----------
+    method : {"automatic", "minimizer", "quasi-newton", "relaxation", "explicit"}
+        Method: ``"automatic"`` chooses between the next three; ``"minimizer"`` minimizes the energy, which the force must have;
+        ``"quasi-newton"`` is L-BFGS on the residual force; ``"relaxation"`` is adaptive dynamic relaxation; ``"explicit"`` is damped
+        explicit stepping with a fixed time step, as in the paper.
+    tolerance : float
+        Greatest residual: the largest force per volume that is left, times the spacing, divided by the shear modulus. Unit: none.
+    most_evaluations : int
+        Greatest number of force evaluations in the search for one equilibrium.
+    largest_increment : float
+        With grips the greatest change of the stretch between two equilibria. With steps the greatest strain of a bond in a first guess, by
+        which increments are limited; at 1 a bond would vanish. Unit: none.
+    """
 
     # Scene files of earlier versions write "minimiser".
     method: Annotated[
@@ -169,15 +207,19 @@ class SolverSpec(StrictModel):
     ] = "automatic"
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
     most_evaluations: Annotated[Whole, Field(gt=0)] = 50_000
-    # Greatest strain of a bond in a first guess: at 1 a bond would vanish.
     largest_increment: Annotated[Finite, Field(ge=1e-4)] = 0.5
 
 
 class Fracture(StrictModel):
-    """Fracture of bonds beyond a critical stretch, set directly or through a fracture energy (`pdsurrogate.critical_stretch_of`).
+    """Fracture of bonds beyond a critical stretch, given by either `critical_stretch` or `energy`.
 
-    A fracture energy is converted with the effective diameter of a crack tip. It is refused if the package has no measured diameter for the
-    force model, the plane and the ratio of horizon to spacing.
+    Parameters
+    ----------
+    critical_stretch : float, optional
+        Stretch of a bond beyond which it breaks for good. Unit: none.
+    energy : float, optional
+        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
+        tip, and it is refused where no diameter was measured for the force model, the plane and `horizon_ratio`. Unit: stress length.
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
@@ -191,14 +233,14 @@ class Fracture(StrictModel):
 class Dynamics(DynamicsSettings):
     """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate.
 
-    Attributes
+    Parameters
     ----------
     stretch : float
-        Stretch at the end of the program, unless the body separates before.
+        Stretch at which the run ends, unless the body separates before; greater than the last of `stretches`. Unit: none.
     stretch_rate : float
-        Change of the stretch per unit time.
+        Change of the stretch per unit time. Unit: 1/time.
     outputs : int
-        Number of states recorded, evenly over the program.
+        Number of states that are recorded at even distances of time.
     """
 
     pace: ClassVar[str] = "stretch_rate"
@@ -222,7 +264,17 @@ def _dimension_of(data: Mapping[str, Any]) -> int:
 
 
 class Units(StrictModel):
-    """Names of the units of a scene. Values are not converted, and quantities without a named unit are shown without one."""
+    """Names of the units of a scene. Values are not converted, and quantities without a named unit are shown without one.
+
+    Parameters
+    ----------
+    length : str, optional
+        Name of the unit of length, such as ``"mm"``.
+    stress : str, optional
+        Name of the unit of stress, such as ``"MPa"``.
+    time : str, optional
+        Name of the unit of time, such as ``"s"``.
+    """
 
     length: UnitName | None = None
     stress: UnitName | None = None
@@ -255,14 +307,79 @@ class Units(StrictModel):
 class Scene(StrictModel):
     """Complete description of a simulation: body, material, loading, solver and output.
 
-    Lengths and stresses are in the scene's own units throughout. A scene defines its loading in one of two ways: either with two opposite
-    `grips` and `stretches`, which are reached in order, each the distance of the grips divided by its undeformed value; or with
-    `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins at 0.
+    All values are in one consistent system of units. Places, directions and forces have as many components as the body has dimensions. A
+    scene defines its loading in one of two ways: with two `grips` and `stretches` (and `holds` and `dynamics`), or with `prescribed`
+    displacements and `loads` (at least one of the two) and `steps`.
 
-    If `spacing` does not divide the sides of the body, the sides of the cells are the nearest lengths that do. The horizon is
-    `horizon_ratio` times the smaller side of a cell, by default 3.15 in the plane and 1.75 in three dimensions. A mesh has its own spacing,
-    the side of a square or cube as large as its mean cell. By default `plane` is "stress" for a body in the plane, and "space" for a body
-    in three dimensions. Places, directions and forces have as many components as the body has dimensions.
+    Parameters
+    ----------
+    name : str
+        Name of the scene and of its result files: letters, digits, spaces and ``._-``, at most 64 characters.
+    title : str
+        Title of tables and figures.
+    spacing : float
+        Distance between neighboring points, which is the side of their cells. If it does not divide a side of the body, the cells have the
+        nearest side that does. A mesh has its own spacing and needs none. Unit: length.
+    stretches : float or list of float
+        Stretches that the grips reach in equilibrium, in this order; a stretch is the distance of the grips divided by their undeformed
+        distance. One number stands for a list of it. Unit: none.
+    body : shape or Mesh
+        Shape of the undeformed body; without the key ``shape`` it is a rectangle.
+    holes : list of shapes
+        Shapes that are cut out of the body.
+    precuts : list of Precut, ParallelogramCut or DiscCut
+        Cuts of the undeformed body; points on different sides of a cut have no bond.
+    plane : {"stress", "strain", "space"}
+        Plane stress for a thin sheet, plane strain for a long body of constant cross-section, ``"space"`` for a solid. By default plane
+        stress for a body in the plane.
+    material : MaterialSpec or str, optional
+        Material of the body outside the regions of `materials`; the name of a law stands for it with its default parameters. It may be
+        left out if the force model is an artifact, whose material is taken.
+    materials : list of Part
+        Regions that have another material or are rigid.
+    grips : list of Grip
+        Two grips on opposite edges.
+    holds : list of Hold
+        Points that are held besides the grips.
+    regions : dict of Region
+        Regions by name, to which conditions, loads and materials refer.
+    prescribed : list of Prescribed
+        Prescribed displacements of regions.
+    loads : list of Load
+        Loads on regions.
+    steps : float, Step or list of these
+        Steps of the loading program. They move the loading parameter t, which begins at 0. A number stands for a step to this value in
+        equilibrium, and one step for a list of it.
+    probes : list of Probe
+        Places at which results are reported.
+    support : {"reflected", "points"}
+        How an edge of the bounding box is held whose normal component is held: ``"reflected"`` continues the body beyond the edge by its
+        mirror image, which holds the edge exactly; ``"points"`` holds the outermost points, half a cell inside the edge.
+    horizon_ratio : float
+        Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the paper, and 1.75 in space. Unit: none.
+    weight : str
+        Weight of a bond of length l at the horizon d: ``"inverse"`` is d/l, as in the paper; ``"constant"`` is 1; ``"linear"`` is 1 - l/d.
+    correction : {"tensor", "scalar", "none"}, optional
+        Correction of bond forces at incomplete horizons, beside edges: theory (21), the paper's (24)-(25), or nothing. By default
+        ``"tensor"`` if the force model takes it.
+    rotation : {"polar", "convected"}, optional
+        Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
+    precision : {"float32", "float64"}, optional
+        Precision in which forces of bonds are computed; by default the force model chooses. Positions and sums are always in float64.
+    outside : {"fallback", "warn", "raise", "extrapolate"}, optional
+        What happens to a bond whose state is outside the domain of a surrogate: ``"fallback"``, the default, takes the exact force;
+        ``"extrapolate"`` takes the surrogate all the same; ``"warn"`` does so with a warning; ``"raise"`` ends the run.
+    solver : SolverSpec
+        Settings of the solver for equilibrium.
+    fracture : Fracture, optional
+        When bonds break; needs dynamics.
+    dynamics : Dynamics, optional
+        Dynamics after the last of `stretches`. A step has its own dynamics.
+    units : Units
+        Names of the units, for tables and figures.
+    reference : {"uniaxial", "finite-elements"}, optional
+        Solution with which results are compared: exact homogeneous tension of a rectangle between rollers, or the stored finite element
+        solutions of built-in scenes.
 
     Examples
     --------

@@ -35,28 +35,60 @@ RegionName = Annotated[str, AfterValidator(refused(lambda name: not _NAME.fullma
 
 
 class Disc(StrictModel):
-    """Disc: all places within a radius of its center."""
+    """Disc: all places within a radius of its center.
+
+    Parameters
+    ----------
+    center : point
+        Center. Unit: length.
+    radius : float
+        Radius. Unit: length.
+    """
 
     center: Point
     radius: Positive
 
 
 class HalfPlane(StrictModel):
-    """Half-plane bounded by a straight line through a point, on the side that the normal points to, the line included."""
+    """Half-plane bounded by a straight line, which belongs to it.
+
+    Parameters
+    ----------
+    point : point
+        A place on the line. Unit: length.
+    normal : vector
+        Direction across the line that points into the half-plane, of any length. Unit: none.
+    """
 
     point: Point
     normal: Direction
 
 
 class Ball(StrictModel):
-    """Ball: all places within a radius of its center, in three dimensions."""
+    """Ball: all places within a radius of its center, in three dimensions.
+
+    Parameters
+    ----------
+    center : point
+        Center. Unit: length.
+    radius : float
+        Radius. Unit: length.
+    """
 
     center: SpacePoint
     radius: Positive
 
 
 class HalfSpace(StrictModel):
-    """Half-space bounded by a plane through a point, on the side that the normal points to, the plane included."""
+    """Half-space bounded by a plane, which belongs to it.
+
+    Parameters
+    ----------
+    point : point
+        A place on the plane. Unit: length.
+    normal : vector
+        Direction across the plane that points into the half-space, of any length. Unit: none.
+    """
 
     point: SpacePoint
     normal: SpaceDirection
@@ -65,25 +97,32 @@ class HalfSpace(StrictModel):
 class Region(StrictModel):
     """Region of a body, defined in exactly one way.
 
-    Attributes
+    Parameters
     ----------
-    edge : str
-        Edge of the bounding box: left, right, bottom or top; in three dimensions a face, which may also be back or front.
-    box : pair of points
-        Corners with the least and with the greatest coordinates; the boundary belongs to the region.
-    disc, half_plane
-        Regions in the plane.
-    ball, half_space
-        Regions in three dimensions.
-    points : list of int
-        Numbers of points of the body.
-    near : point
+    edge : {"left", "right", "bottom", "top", "back", "front"}, optional
+        Edge of the bounding box; ``"back"`` and ``"front"`` are faces of solids, normal to x3.
+    box : pair of points, optional
+        Two opposite corners of a box, the first with the least coordinates; the boundary belongs to the region. Unit: length.
+    disc : Disc, optional
+        A disc, for a body in the plane.
+    half_plane : HalfPlane, optional
+        A half-plane, for a body in the plane.
+    ball : Ball, optional
+        A ball, for a solid.
+    half_space : HalfSpace, optional
+        A half-space, for a solid.
+    points : list of int, optional
+        Numbers of points of the body, from 0.
+    near : point, optional
         A place: the region is the point of the body nearest to it, or all points that are equally near, as on both sides of an axis.
-    group : str
-        Physical group of a mesh, by its name.
-    both, either : list of regions
-        Intersection or union of regions; the keys in scene files are ``and``, ``or``.
-    other : region
+        Unit: length.
+    group : str, optional
+        Name of a physical group of a mesh.
+    both : list of Region or str, optional
+        Intersection of regions; the key in scene files is ``and``.
+    either : list of Region or str, optional
+        Union of regions; the key in scene files is ``or``.
+    other : Region or str, optional
         Complement of a region; the key in scene files is ``not``.
 
     Examples

@@ -88,7 +88,16 @@ class Outline(Shape):
 
 
 class Rectangle(Outline):
-    """A rectangle with its lower left corner at `lower`.
+    """Rectangle.
+
+    Parameters
+    ----------
+    shape : {"rectangle"}
+        Name of the shape.
+    size : pair of float
+        Sides along x1 and x2. Unit: length.
+    lower : point
+        Lower left corner. Unit: length.
 
     Examples
     --------
@@ -115,7 +124,16 @@ class Rectangle(Outline):
 
 
 class Ellipse(Outline):
-    """An ellipse with semi-axes along x1 and x2.
+    """Ellipse.
+
+    Parameters
+    ----------
+    shape : {"ellipse"}
+        Name of the shape.
+    semi_axes : pair of float
+        Semi-axes along x1 and x2. Unit: length.
+    center : point
+        Center. Unit: length.
 
     Examples
     --------
@@ -140,7 +158,16 @@ class Ellipse(Outline):
 
 
 class Circle(Outline):
-    """A circle, given by its center and radius.
+    """Circle.
+
+    Parameters
+    ----------
+    shape : {"circle"}
+        Name of the shape.
+    radius : float
+        Radius. Unit: length.
+    center : point
+        Center. Unit: length.
 
     Examples
     --------
@@ -166,7 +193,14 @@ class Circle(Outline):
 
 
 class Polygon(Outline):
-    """A polygon, given by its vertices in clockwise or counterclockwise order.
+    """Polygon.
+
+    Parameters
+    ----------
+    shape : {"polygon"}
+        Name of the shape.
+    vertices : list of points
+        Corners, once around in either direction. Sides may touch but not cross. Unit: length.
 
     Examples
     --------
@@ -288,11 +322,14 @@ class Mesh(StrictModel):
 
     The spacing of the points is the side of a square or cube as large as the mean cell.
 
-    Attributes
+    Parameters
     ----------
+    shape : {"mesh"}
+        Name of the shape.
     file : str
-    dimension : int
-        2, the default: triangles and quadrilaterals, of unit thickness.  3: tetrahedra and hexahedra.
+        Path of the mesh file; in a scene file relative to the folder of that file.
+    dimension : {2, 3}
+        2 for triangles and quadrilaterals, of unit thickness; 3 for tetrahedra and hexahedra.
 
     Examples
     --------
@@ -308,6 +345,13 @@ class Mesh(StrictModel):
 
 class Precut(StrictModel):
     """Straight cut in the plane: the body has no bonds that cross it.
+
+    Parameters
+    ----------
+    start : point
+        One end. Unit: length.
+    end : point
+        The other end. Unit: length.
 
     Examples
     --------

@@ -73,7 +73,16 @@ class Prism(Solid):
 
 
 class Box(Prism):
-    """A box with its lower left back corner at `lower`.
+    """Box.
+
+    Parameters
+    ----------
+    shape : {"box"}
+        Name of the shape.
+    size : three floats
+        Sides along x1, x2 and x3. Unit: length.
+    lower : point
+        Corner with the least coordinates. Unit: length.
 
     Examples
     --------
@@ -115,7 +124,17 @@ class Box(Prism):
 
 
 class Round(Prism):
-    """Base of cylinder and tube: a round body along an axis; `base` is the center of its lower end."""
+    """Base of cylinder and tube: a round body along an axis.
+
+    Parameters
+    ----------
+    length : float
+        Length along the axis. Unit: length.
+    axis : {"x1", "x2", "x3"}
+        Axis along which the body extends.
+    base : point
+        Center of its lower end. Unit: length.
+    """
 
     length: Positive
     axis: Literal["x1", "x2", "x3"] = "x3"
@@ -130,7 +149,20 @@ class Round(Prism):
 
 
 class Cylinder(Round):
-    """A round cylinder; `base` is the center of its lower end.
+    """Round cylinder.
+
+    Parameters
+    ----------
+    length : float
+        Length along the axis. Unit: length.
+    axis : {"x1", "x2", "x3"}
+        Axis along which the body extends.
+    base : point
+        Center of its lower end. Unit: length.
+    shape : {"cylinder"}
+        Name of the shape.
+    radius : float
+        Radius. Unit: length.
 
     Examples
     --------
@@ -148,7 +180,22 @@ class Cylinder(Round):
 
 
 class Tube(Round):
-    """A round tube; `base` is the center of its lower end.
+    """Round tube.
+
+    Parameters
+    ----------
+    length : float
+        Length along the axis. Unit: length.
+    axis : {"x1", "x2", "x3"}
+        Axis along which the body extends.
+    base : point
+        Center of its lower end. Unit: length.
+    shape : {"tube"}
+        Name of the shape.
+    inner_radius : float
+        Radius of the bore, less than the outer radius. Unit: length.
+    outer_radius : float
+        Radius of the outer surface. Unit: length.
 
     Examples
     --------
@@ -171,7 +218,20 @@ class Tube(Round):
 
 
 class Extrusion(Prism):
-    """Solid made by extruding a shape of the plane, with or without holes, along x3 from the coordinate `lower`.
+    """Solid made by extruding a shape of the plane, with or without holes, along x3.
+
+    Parameters
+    ----------
+    shape : {"extrusion"}
+        Name of the shape.
+    outline : Rectangle, Circle, Ellipse or Polygon
+        Outer boundary of the section.
+    holes : list of shapes of the plane
+        Holes through the whole thickness.
+    thickness : float
+        Length along x3. Unit: length.
+    lower : float
+        Least x3. Unit: length.
 
     Examples
     --------
@@ -192,9 +252,20 @@ class Extrusion(Prism):
 
 
 class Sphere(Solid):
-    """A sphere, or its half, quarter or eighth: the part above the center along x1, along x1 and x2, or along all axes.
+    """Sphere, or a half, quarter or eighth of it.
 
     The flat faces of a part pass through the center; held by reflection planes they are planes of symmetry of a whole sphere.
+
+    Parameters
+    ----------
+    shape : {"sphere"}
+        Name of the shape.
+    radius : float
+        Radius. Unit: length.
+    center : point
+        Center of the whole sphere. Unit: length.
+    part : {"whole", "half", "quarter", "eighth"}
+        Part of the sphere: a half lies above the center along x1, a quarter along x1 and x2, an eighth along all axes.
 
     Examples
     --------
@@ -311,7 +382,14 @@ class FlatCut(StrictModel):
 
 
 class ParallelogramCut(FlatCut):
-    """Flat cut in the shape of a parallelogram, given by a corner and the two sides that begin there.
+    """Flat cut in the shape of a parallelogram.
+
+    Parameters
+    ----------
+    corner : point
+        A corner. Unit: length.
+    sides : pair of vectors
+        The two sides that begin there. Unit: length.
 
     Examples
     --------
@@ -341,6 +419,15 @@ class ParallelogramCut(FlatCut):
 
 class DiscCut(FlatCut):
     """Flat cut in the shape of a disc, such as a penny-shaped crack.
+
+    Parameters
+    ----------
+    center : point
+        Center. Unit: length.
+    radius : float
+        Radius. Unit: length.
+    normal : vector
+        Direction across the disc, of any length. Unit: none.
 
     Examples
     --------

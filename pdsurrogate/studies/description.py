@@ -28,6 +28,13 @@ FORCE = "force"
 class Distribution(StrictModel):
     """Distribution from which a study draws the values of a parameter: a distribution of `scipy.stats` by name, with its parameters.
 
+    Parameters
+    ----------
+    distribution : str
+        Name of the distribution.
+    **extra_data : float
+        Parameters of the distribution, named as in `scipy.stats`, such as ``loc`` and ``scale``.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -97,7 +104,15 @@ class Distribution(StrictModel):
 
 
 class Fit(StrictModel):
-    """Table ``fit`` of a study of fits: the material, and settings of `pdsurrogate.learning.settings.FitSettings` as further keys."""
+    """Table ``fit`` of a study of fits: the material, and settings of `pdsurrogate.learning.settings.FitSettings` as further keys.
+
+    Parameters
+    ----------
+    material : MaterialSpec or str
+        Material to learn.
+    **extra_data
+        Settings of the fit.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -141,28 +156,30 @@ Names = Annotated[tuple[str, ...], Field(min_length=1), BeforeValidator(lambda n
 class Study(StrictModel):
     """Description of many runs of a scene, or of many fits.
 
-    Attributes
+    Parameters
     ----------
     scene : str, optional
         Name or file of a scene; either this or `fit` is required.
     fit : dict, optional
-        Settings of a fit, see `Fit`.
+        Material and settings of a fit.
     force : str, optional
-        Force model of all runs, as for `pdsurrogate.simulate`.
+        Force model of all runs: ``"analytic"``, ``"bond-energy"``, ``"nosb"``, ``"ba-nosb"`` or an artifact.
     set : dict
         Changes to the scene for all runs, by dotted key.
     parameters : dict
-        Values for the runs, by dotted key of the scene or fit: a list, or a `Distribution`. For a scene, ``force`` can be a key, too.
+        Values that change from run to run, by dotted key of the scene or fit: a list, or a distribution. For a scene, ``force`` can be a
+        key, too.
     design : {"grid", "zip", "random", "latin-hypercube"}
-        "grid" combines every value of a parameter with every value of the others; "zip" combines the first values of all parameters, then
-        the second values and so on; "random" and "latin-hypercube" draw the values of `samples` runs: "random" draws them independently,
-        "latin-hypercube" spreads them evenly over the distribution of each parameter. The entries of a list are equally probable.
+        ``"grid"`` combines every value of a parameter with every value of the others; ``"zip"`` combines the first values of all
+        parameters, then the second values and so on; ``"random"`` and ``"latin-hypercube"`` draw the values of `samples` runs, the first
+        independently, the second evenly over the distribution of each parameter. The entries of a list are equally probable.
     samples : int, optional
-        Number of runs to draw.
+        Number of runs to draw; needed for the designs that draw.
     seed : int
         Seed of the draw.
     quantities : tuple of str, optional
-        Columns of the table: dotted keys of a run's ``summary.json``, or of the last entry of its ``levels``.
+        Columns of the table: dotted keys of a run's ``summary.json``, or of the last entry of its ``levels``. By default the convergence,
+        stresses or forces, probes, evaluations and seconds.
 
     Examples
     --------
