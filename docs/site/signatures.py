@@ -11,8 +11,8 @@ HOMES = {f"pds.{name}": f"pdsurrogate.{home}.{name}" for name, home in pdsurroga
 }
 """Path of every public name, by the name that scripts write."""
 
-TYPE = re.compile(r"^(\*{0,2}\w[\w, *]* : )(.*)$", re.MULTILINE)
-"""Line of a docstring with a parameter and its type."""
+TYPE = re.compile(r"^(\*{0,2}\w[\w, *]* : )([^{\n]*)$", re.MULTILINE)
+"""Line of a docstring with a parameter and its type, other than a choice among texts in braces, of which Griffe takes the first as default."""
 
 SEE_ALSO = re.compile(r"^See Also\n-+\n(.*?)(?=\n\n|\Z)", re.MULTILINE | re.DOTALL)
 ENTRY = re.compile(r"^(\S.*?)(?: : ?(.*))?$", re.MULTILINE)
@@ -110,5 +110,7 @@ class Signatures(griffe.Extension):
             griffe.Parameter(name, annotation=_plain(field.annotation), kind=keyword, default=_default(field))
             for name, field in fields.items()
         ]
+        if "model_config" in cls.members and re.search("extra *= *['\"]allow", str(cls.members["model_config"].value)):
+            parameters.append(griffe.Parameter("extra_data", annotation="Any", kind=griffe.ParameterKind.var_keyword))
         this = griffe.Parameter("self", kind=griffe.ParameterKind.positional_or_keyword)
         cls.set_member("__init__", griffe.Function("__init__", parameters=griffe.Parameters(this, *parameters), returns="None"))

@@ -34,6 +34,12 @@ class Prescribed(StrictModel):
     name : str, optional
         Name under which results report the force; by default the name of the region.
 
+    See Also
+    --------
+    pdsurrogate.Region : region of a body.
+    pdsurrogate.Load : forces instead of displacements.
+    pdsurrogate.Step : step of the loading parameter.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -94,6 +100,12 @@ class Load(StrictModel):
         Factor of the load, as a function of the loading parameter t. Unit: none.
     name : str, optional
         Name under which results report the force of the load; by default the name of the region.
+
+    See Also
+    --------
+    pdsurrogate.Region : region of a body.
+    pdsurrogate.Prescribed : displacements instead of forces.
+    pdsurrogate.Step : step of the loading parameter.
 
     Examples
     --------
@@ -176,6 +188,10 @@ class StepDynamics(DynamicsSettings):
     duration : float
         Duration of the step, in which the loading parameter changes linearly. Unit: time.
 
+    See Also
+    --------
+    pdsurrogate.Step : step that takes these settings.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -202,6 +218,10 @@ class Step(StrictModel):
         Greatest change of t between two equilibria. Unit: none.
     dynamics : StepDynamics, optional
         Settings of explicit dynamics; without them the step is in equilibrium.
+
+    See Also
+    --------
+    pdsurrogate.StepDynamics : settings of explicit dynamics during a step.
 
     Examples
     --------

@@ -122,6 +122,10 @@ class Part(StrictModel):
         Artifact that is the force model of this material. By default the force model of the rest of the body, or, if that model is a
         surrogate, the surrogate of this material's law.
 
+    See Also
+    --------
+    pdsurrogate.Region : region of a body.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -380,6 +384,12 @@ class Scene(StrictModel):
     reference : {"uniaxial", "finite-elements"}, optional
         Solution with which results are compared: exact homogeneous tension of a rectangle between rollers, or the stored finite element
         solutions of built-in scenes.
+
+    See Also
+    --------
+    pdsurrogate.load_scene : loads a scene by name or from a file.
+    pdsurrogate.preview : draws a scene before it runs.
+    pdsurrogate.simulate : runs a scene.
 
     Examples
     --------

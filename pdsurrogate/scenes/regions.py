@@ -125,6 +125,10 @@ class Region(StrictModel):
     other : Region or str, optional
         Complement of a region; the key in scene files is ``not``.
 
+    See Also
+    --------
+    pdsurrogate.Prescribed, pdsurrogate.Load, pdsurrogate.Part
+
     Examples
     --------
     >>> import pdsurrogate as pds

@@ -35,6 +35,10 @@ class Distribution(StrictModel):
     **extra_data : float
         Parameters of the distribution, named as in `scipy.stats`, such as ``loc`` and ``scale``.
 
+    See Also
+    --------
+    pdsurrogate.Study : draws the values of parameters from distributions.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -180,6 +184,11 @@ class Study(StrictModel):
     quantities : tuple of str, optional
         Columns of the table: dotted keys of a run's ``summary.json``, or of the last entry of its ``levels``. By default the convergence,
         stresses or forces, probes, evaluations and seconds.
+
+    See Also
+    --------
+    pdsurrogate.study : carries out a study.
+    pdsurrogate.studies.Distribution : distribution of a parameter.
 
     Examples
     --------
