@@ -12,7 +12,7 @@ HOMES = {f"pds.{name}": f"pdsurrogate.{home}.{name}" for name, home in pdsurroga
 """Path of every public name, by the name that scripts write."""
 
 TYPE = re.compile(r"^(\*{0,2}\w[\w, *]* : )([^{\n]*)$", re.MULTILINE)
-"""Line of a docstring with a parameter and its type, other than a choice among texts in braces, of which Griffe takes the first as default."""
+"""Line of a docstring with a parameter and its type, other than a choice in braces, of which Griffe takes the first as default."""
 
 SEE_ALSO = re.compile(r"^See Also\n-+\n(.*?)(?=\n\n|\Z)", re.MULTILINE | re.DOTALL)
 ENTRY = re.compile(r"^(\S.*?)(?: : ?(.*))?$", re.MULTILINE)
