@@ -1,6 +1,7 @@
 """The documentation says what the code does: its examples run, its equations are those that the code cites, its files exist."""
 
 import doctest
+import inspect
 import math
 import re
 import runpy
@@ -9,6 +10,7 @@ import tomllib
 from operator import attrgetter
 from pathlib import Path
 
+import numpydoc.validate
 import pytest
 import typer
 from conftest import PUBLIC_NAMES, needs_torch
@@ -55,18 +57,48 @@ def test_examples_run(page, tables, tmp_path, monkeypatch):
     runpy.run_path(str(script))
 
 
-EXAMPLES_DUE = sorted(set(PUBLIC_NAMES) - {"materials.LAWS"})
+CHECKED = {"PR01", "PR02", "RT01", "EX01", "SS03", "GL08"}
+"""Checks of numpydoc: parameters, those that there are, what is returned, an example, the period of the summary, a docstring at all."""
 
 
-def examples_of(name):
-    """Return the examples in the docstring of a public name."""
-    thing = attrgetter(name)(pds)
-    return doctest.DocTestParser().get_doctest(thing.__doc__, {}, name, None, None)
+def methods_of(cls):
+    """Public methods and properties that a class or a base of ours defines: by full name, the class that defines it and the member."""
+    found = {}
+    for base in cls.__mro__:
+        for name, member in vars(base).items():
+            function = getattr(member, "fget", None) or getattr(member, "func", None) or getattr(member, "__func__", member)
+            ours = inspect.isfunction(function) and function.__qualname__ == f"{base.__qualname__}.{name}"
+            if ours and base.__module__.startswith("pdsurrogate.") and not name.startswith(("_", "model_")):
+                found[f"{base.__module__}.{function.__qualname__}"] = base, member
+    return found
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=needs_torch if "Torch" in name else ()) for name in EXAMPLES_DUE])
+METHODS = {}
+for name in PUBLIC_NAMES:
+    if inspect.isclass(cls := attrgetter(name)(pds)):
+        METHODS |= methods_of(cls)
+
+DESCRIBED = {f"pdsurrogate.{name}": attrgetter(name)(pds) for name in sorted(PUBLIC_NAMES) if name != "materials.LAWS"} | {
+    name: member for name, (_, member) in sorted(METHODS.items()) if member.__doc__
+}
+"""What has a docstring of its own: all public names, and all of their methods but those that do what their base says."""
+
+
+def test_methods_without_a_docstring_do_what_a_base_says():
+    def described(cls, name):
+        return any(vars(base)[name].__doc__ for base in cls.__mro__ if name in vars(base))
+
+    assert not [full for full, (cls, _) in METHODS.items() if not described(cls, full.rpartition(".")[2])]
+
+
+def test_docstrings_of_public_names_are_complete():
+    errors = {name: numpydoc.validate.validate(name)["errors"] for name in DESCRIBED}
+    assert not [f"{name}: {code}: {message}" for name, found in errors.items() for code, message in found if code in CHECKED]
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=needs_torch if "Torch" in name else ()) for name in DESCRIBED])
 def test_public_names_have_an_example_that_runs(name, tmp_path, monkeypatch, tables):
-    found = examples_of(name)
+    found = doctest.DocTestParser().get_doctest(DESCRIBED[name].__doc__, {}, name, None, None)
     assert found.examples, f"{name} has no example"
     monkeypatch.chdir(tmp_path)
     said = []

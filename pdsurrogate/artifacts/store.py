@@ -172,7 +172,25 @@ def _version_key(folder: Path) -> tuple[int, ...]:
 
 
 def load_card(reference: str | Path) -> Card:
-    """Return the card of an artifact, or of a member of its committee (``NAME#3``); nothing else is read.
+    """Return the card of an artifact, or of a member of its committee; nothing else is read.
+
+    Parameters
+    ----------
+    reference : str or path
+        Artifact as for `pdsurrogate.load_surrogate`; ``NAME#3`` names the third member of its committee.
+
+    Returns
+    -------
+    Card
+
+    Raises
+    ------
+    ArtifactError
+        If the artifact is unknown, or its card is damaged or was changed.
+
+    See Also
+    --------
+    pdsurrogate.load_surrogate, pdsurrogate.load_pipeline
 
     Examples
     --------
@@ -238,10 +256,20 @@ def load_surrogate(reference: str | Path) -> ForceModel:
         Append ``#3`` for the third member of its committee, or ``#all`` for the surrogate with its members: a run then records the greatest
         deviation of a member's force or stress from the surrogate's (field ``member_deviation``).
 
+    Returns
+    -------
+    ForceModel
+
     Raises
     ------
     ArtifactError
         If the artifact is unknown, damaged, does not match its card, or holds anything but plain arrays.
+
+    See Also
+    --------
+    pdsurrogate.store : stores an artifact.
+    pdsurrogate.load_card : reads what an artifact states about itself.
+    pdsurrogate.load_pipeline : loads the pipeline from which the surrogate was made.
 
     Examples
     --------
@@ -387,8 +415,22 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     Parameters
     ----------
     reference : str or path
+        Artifact as for `pdsurrogate.load_surrogate`.
     trust : bool
         Must be True: you trust the author of the artifact as you would trust a program of theirs.
+
+    Returns
+    -------
+    sklearn.pipeline.Pipeline
+
+    Raises
+    ------
+    ArtifactError
+        Without ``trust=True``, or if the artifact is unknown, has no pipeline, or its file does not match the card.
+
+    See Also
+    --------
+    pdsurrogate.load_surrogate : loads the surrogate, which runs no code.
 
     Examples
     --------

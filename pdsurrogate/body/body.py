@@ -91,6 +91,10 @@ class Body:
     ValueError
         For shapes that do not fit, non-finite numbers, coinciding points, or a horizon that reaches no neighbor.
 
+    See Also
+    --------
+    pdsurrogate.forces.ForceModel.bind : makes a force model compute the forces of a body.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -145,46 +149,120 @@ class Body:
 
     @property
     def kappa(self) -> float:
-        """Scalar kappa in the shape tensor kappa I of a point with a full horizon (theory (9))."""
+        """Scalar kappa in the shape tensor kappa I of a point with a full horizon (theory (9)).
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> round(pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).kappa, 4)
+        0.3313
+        """
         return WEIGHT_FUNCTIONS[self.weight].moments[self.dimension - 2] * self.horizon ** (self.dimension + 2)
 
     @property
     def dimension(self) -> int:
-        """Number of coordinates of a point, 2 or 3."""
+        """Number of coordinates of a point, 2 or 3.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).dimension
+        2
+        """
         return self.points.shape[1]
 
     @property
     def finer(self) -> str:
-        """Advice for error messages about a body with too few points: a smaller spacing, or a finer mesh."""
+        """Advice for error messages about a body with too few points: a smaller spacing, or a finer mesh.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).finer
+        'a smaller spacing'
+        """
         return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
 
     def weigh(self, length: np.ndarray) -> np.ndarray:
-        """Return the values of the body's weight function at bond lengths, an array of the same shape."""
+        """Return the values of the body's weight function.
+
+        Parameters
+        ----------
+        length : ndarray
+            Undeformed lengths of bonds.
+
+        Returns
+        -------
+        ndarray
+            Values w, of the shape of `length`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).weigh(np.array([0.25, 0.75])).tolist()
+        [3.0, 1.0]
+        """
         return WEIGHT_FUNCTIONS[self.weight].function(length, self.horizon)
 
     @cached_property
     def all_points(self) -> np.ndarray:
-        """Reference positions of the points, then of the ghosts, shape (n + m, d)."""
+        """Reference positions of the points, then of the ghosts, shape (n + m, d).
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).all_points.shape
+        (16, 2)
+        """
         return np.ascontiguousarray(np.vstack([self.points, self.ghosts.points]))
 
     @cached_property
     def all_volumes(self) -> np.ndarray:
-        """Volumes of the points, then of the ghosts, shape (n + m,)."""
+        """Volumes of the points, then of the ghosts, shape (n + m,).
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> float(pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).all_volumes.sum())
+        1.0
+        """
         return np.concatenate([self.volumes, self.volumes[self.ghosts.source]])
 
     @cached_property
     def cells(self) -> CellMesh:
-        """Cell around each point, for pictures and result files: the cells of the mesh, or equal cells of a lattice."""
+        """Cell around each point, for pictures and result files: the cells of the mesh, or equal cells of a lattice.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> len(pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).cells)
+        16
+        """
         return self.mesh_cells or CellMesh.of_lattice(self.points, self.volumes, np.asarray(self.cell))
 
     @cached_property
     def bonds(self) -> Bonds:
-        """Bonds of the body, computed on first use."""
+        """Bonds of the body, computed on first use.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.26).bonds.n_directed
+        48
+        """
         return Bonds.of(self)
 
     @cached_property
     def extent(self) -> float:
-        """Longest side of the box around the points of the whole body."""
+        """Longest side of the box around the points of the whole body.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> float(pds.Body.rectangle(3.0, 1.0, 0.25, 0.75).extent)
+        2.75
+        """
         greatest = self.share.greatest
         return max(greatest(column) + greatest(-column) for column in self.points.T)
 
@@ -194,13 +272,26 @@ class Body:
 
         A point has its number in the whole body; an image (a ghost) has the number of its source plus its plane mask
         `Ghosts.image` times the number of points of the whole body.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).names[:3].tolist()
+        [0, 1, 2]
         """
         source, image = self.ghosts.source, self.ghosts.image
         return np.concatenate([self.share.numbers, self.share.numbers[source] + image * self.share.size])
 
     @property
     def bond_owners(self) -> np.ndarray:
-        """Number of the point at which each directed bond begins, shape (n_bonds,)."""
+        """Number of the point at which each directed bond begins, shape (n_bonds,).
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Body.rectangle(1.0, 1.0, 0.25, 0.26).bond_owners[:4].tolist()
+        [0, 0, 1, 1]
+        """
         return np.repeat(np.arange(len(self)), np.diff(self.bonds.pointers).astype(np.int64))
 
     @cached_property
@@ -208,6 +299,12 @@ class Body:
         """Exchange between ranks of arrays with a value for each directed bond, shape (n_bonds,).
 
         It copies the values of bonds that begin at a halo point (a point of another rank) from the rank that owns this point.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> len(pds.Body.rectangle(1.0, 1.0, 0.25, 0.26).bond_halo.rows)  # a run on one rank has no halo
+        0
         """
         owners, share = self.bond_owners, self.share
         names = share.numbers[owners] * (share.size * 2 ** len(self.planes)) + self.names[self.bonds.neighbors]
@@ -215,9 +312,34 @@ class Body:
 
     @classmethod
     def rectangle(cls, width: float, height: float, spacing: float, horizon: float, **options) -> Body:
-        """Return a rectangular body with its lower left corner at the origin and a point at the center of every cell, see `Cells`.
+        """Return a rectangular body with its lower left corner at the origin and a point at the center of every cell.
 
-        `options` are further arguments of `Body`.
+        Parameters
+        ----------
+        width, height : float
+            Sides along x1 and x2.
+        spacing : float
+            Side of the cells. If it does not divide the sides of the body, the sides of the cells are the nearest lengths that do.
+        horizon : float
+            Radius within which points interact.
+        **options
+            Further arguments of `Body`.
+
+        Returns
+        -------
+        Body
+
+        Raises
+        ------
+        ValueError
+            If no cells with sides within 10 % of the spacing divide the body.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> body = pds.Body.rectangle(3.0, 1.0, 0.25, 0.7875, weight="constant")
+        >>> len(body), body.weight
+        (48, 'constant')
         """
         cells = Cells.filling((0.0, 0.0), (width, height), spacing)
         points = cells.centers()

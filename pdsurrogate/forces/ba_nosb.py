@@ -127,6 +127,11 @@ class BANOSBForce(ForceModel):
 
     Every bond has a deformation gradient of its own, from the points in the horizons of both its ends.
 
+    See Also
+    --------
+    pdsurrogate.forces.NOSBForce : one deformation gradient for each point.
+    pdsurrogate.AnalyticBondForce : exact bond force of the same laws.
+
     Examples
     --------
     >>> import pdsurrogate as pds

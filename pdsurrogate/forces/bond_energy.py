@@ -115,11 +115,49 @@ class EnergySurrogate(EnergyModel):
 
     @abstractmethod
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
-        """Return the energy with its first and second derivatives by tr C and J in NumPy, for checks and for the tangent."""
+        """Return the plane-stress energy with its first and second derivatives by tr C and J in NumPy, for checks and for the tangent.
+
+        Parameters
+        ----------
+        law : Law
+        trace : array_like, shape (n,)
+            tr C in the plane.
+        area_ratio : array_like, shape (n,)
+            J, det F in the plane.
+
+        Returns
+        -------
+        EnergyDerivatives
+            Vectors ``psi``, ``by_trace``, ``by_area``, ``by_trace_trace``, ``by_trace_area`` and ``by_area_area``, in units of mu.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> found = pds.BondEnergyForce().energy_derivatives(pds.materials.NeoHookean(), np.array([2.0, 2.5]), np.array([1.0, 1.1]))
+        >>> found.psi.round(4).tolist()
+        [0.0, 0.1628]
+        """
 
     @abstractmethod
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the energy and its first derivatives as a function compiled for blocks of bonds (`pdsurrogate.kernels.energy_density`)."""
+        """Return the energy and its first derivatives as a function compiled for blocks of bonds (`pdsurrogate.kernels.energy_density`).
+
+        Parameters
+        ----------
+        dtype : dtype
+            Precision, float32 or float64.
+
+        Returns
+        -------
+        CompiledBondForce
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.BondEnergyForce().compiled("float64").work_rows
+        0
+        """
 
 
 class BondEnergyForce(EnergySurrogate):
@@ -128,6 +166,11 @@ class BondEnergyForce(EnergySurrogate):
     Under plane stress every bond contributes its whole energy, and every evaluation solves for C33. In plane strain and in three
     dimensions the isochoric part is evaluated at the bonds and the volumetric part at the points, which avoids locking
     (`pdsurrogate.forces.volume_energy`).
+
+    See Also
+    --------
+    pdsurrogate.AnalyticBondForce : exact bond force, which derives from no energy.
+    pdsurrogate.load_surrogate : loads a learned energy.
 
     Examples
     --------
@@ -148,12 +191,29 @@ class BondEnergyForce(EnergySurrogate):
         return self.honors if plane == "stress" else {**self.honors, "precision": ("float64",)}
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
-        """Return the exact isochoric energy of the bonds; it is in double precision and has no domain, whatever the last two arguments."""
+        """Return the exact isochoric energy of the bonds.
+
+        Parameters
+        ----------
+        law : Law
+        plane : {"strain", "space"}
+        outside, precision : str
+            Without effect: the exact energy has no domain and is in double precision.
+
+        Returns
+        -------
+        IsochoricEnergy
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.BondEnergyForce().isochoric_energy(pds.materials.NeoHookean(), "space", "fallback", "float64").precision
+        'float64'
+        """
         return IsochoricEnergy.exact(law, plane)
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
         return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the exact energy as a function compiled for blocks of bonds; the caller supplies the law."""
         return CompiledBondForce(analytic_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)

@@ -318,14 +318,70 @@ class ForceSurrogate(ForceModel):
         ndarray, shape (n, 2)
             Components t_n and t_tau along and across the deformed bond, in units of w l mu/kappa, with the weight w and length l of the
             bond, the shear modulus mu, and the shape tensor kappa I of a full horizon.
+
+        Raises
+        ------
+        ValueError
+            If the arguments do not broadcast to one vector, are not finite, or a stretch, C33 or J is not positive.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.AnalyticBondForce().bond_force(stretch=[1.0, 1.2], rotation=0.0, length=1.0, C33=[1.0, 0.8], J=[1.0, 1.1]).round(4).tolist()
+        [[0.0, 0.0], [0.5391, 0.0]]
         """
 
     @abstractmethod
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return `bond_force` as a function compiled for blocks of bonds of fixed size, in the given precision."""
+        """Return `bond_force` as a function compiled for blocks of bonds of fixed size.
+
+        Parameters
+        ----------
+        dtype : dtype
+            Precision, float32 or float64.
+
+        Returns
+        -------
+        CompiledBondForce
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.AnalyticBondForce().compiled("float64").asks_law
+        True
+        """
 
     def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        """Return the greatest deviation of committee members' bond forces from the model's, (n,), divided by the shear modulus."""
+        """Return the greatest deviation of committee members' bond forces from the model's.
+
+        Parameters
+        ----------
+        law : Law
+            Law of the body.
+        states : BondStates
+            States of n bonds.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Greatest deviation of any member for each bond, divided by the shear modulus.
+
+        Examples
+        --------
+        A member whose forces are a tenth greater:
+
+        >>> from dataclasses import replace
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> from pdsurrogate.forces.bond_force import BondStates
+        >>> from pdsurrogate.forces.protocol import Member
+        >>> law, model = pds.materials.NeoHookean(), pds.load_surrogate("neo-hookean@1")
+        >>> committee = replace(model, members=(Member(model, law, 1.1),))
+        >>> states = BondStates(*np.array([[1.2], [0.0], [1.0], [0.8], [1.1]]))
+        >>> deviation = committee.member_deviations(law, states)
+        >>> print((deviation / np.linalg.norm(model.bond_force(*states.quantities()), axis=1)).round(3))
+        [0.1]
+        """
         raise NotImplementedError
 
 
@@ -336,6 +392,11 @@ class AnalyticBondForce(ForceSurrogate):
     ----------
     law : Law, optional
         Law that `bond_force` evaluates, by default neo-Hookean. A simulation uses the law of its scene instead.
+
+    See Also
+    --------
+    pdsurrogate.BondEnergyForce : exact energy of any law.
+    pdsurrogate.load_surrogate : loads a learned bond force, which is faster for expensive laws.
 
     Examples
     --------
@@ -356,7 +417,6 @@ class AnalyticBondForce(ForceSurrogate):
         return exact_bond_force(self.law, stretch, rotation, C33, J)
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the exact bond force as a function compiled for blocks of bonds; the caller supplies the law."""
         none = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype)
         return CompiledBondForce(bond_force.analytic_bond_force(dtype).address, *none, 0, asks_law=True)
 

@@ -11,6 +11,10 @@ from ..materials import PLANES, Law
 class OutsideDomain(RuntimeError):
     """Error: bonds are outside the training domain of a surrogate, and the policy ``outside="raise"`` is to stop.
 
+    See Also
+    --------
+    pdsurrogate.ForceSettings : policies outside the domain.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -25,6 +29,10 @@ class OutsideDomain(RuntimeError):
 
 class OutsideDomainWarning(RuntimeWarning):
     """Warning: bonds are outside the training domain of a surrogate, whose values there are extrapolated.
+
+    See Also
+    --------
+    pdsurrogate.ForceSettings : policies outside the domain.
 
     Examples
     --------

@@ -46,7 +46,6 @@ class Learned(ForceModel):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Main properties of the model in words, by name, for display."""
         stretches = f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}"
         error = {} if self.stated is None else {"RMS error": f"{self.stated['rms']:.2g}"}
         return {**super().facts, "law": self.law, **self.shape, "stretches": stretches, **error}
@@ -55,17 +54,54 @@ class Learned(ForceModel):
         return f"<{type(self).__name__} {self.name} of {self.law}>"
 
     def payload(self) -> dict[str, Any]:
-        """Return the fields that define the model (arrays of doubles, and names), from which `from_payload` rebuilds it."""
+        """Return the fields that define the model, from which `from_payload` rebuilds it.
+
+        Returns
+        -------
+        dict
+            Arrays of doubles, and names, by key.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> sorted(pds.load_surrogate("neo-hookean-energy").payload())
+        ['activation', 'hidden_biases', 'hidden_weights', 'output_weights']
+        """
         return {key: getattr(self, key) for key in (*self.names, *self.arrays)}
 
     @classmethod
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
-        """Return the model that the fields in a payload (see `payload`) define, after checking them.
+        """Return the model that the fields in a payload define, after checking them.
+
+        Parameters
+        ----------
+        name : str
+            Name of the model.
+        payload : dict
+            Arrays and names by key, as `payload` returns them.
+        domain : Domain
+            States on which the model was trained.
+        law : str
+            Name of the law that it describes.
+        shape : mapping
+            Dimensionless parameters of the law.
+
+        Returns
+        -------
+        Learned
+            Model of the class on which the method is called.
 
         Raises
         ------
         ValueError
             If a field is missing, unknown, of the wrong shape, or not finite.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> model = pds.load_surrogate("neo-hookean@1")
+        >>> type(model).from_payload("copy", model.payload(), model.domain, model.law, model.shape)
+        <NetworkForce copy of neo-hookean>
         """
         check_payload(cls.kind, payload, cls.names, cls.arrays)
         found = cls(name=name, domain=domain, law=law, shape=dict(shape), **payload)
@@ -74,19 +110,78 @@ class Learned(ForceModel):
 
     @abstractmethod
     def check_arrays(self) -> None:
-        """Raise ValueError if an array of the model has a wrong shape."""
+        """Check the shapes of the arrays of the model.
+
+        Raises
+        ------
+        ValueError
+            If an array has a wrong shape.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_surrogate("neo-hookean-energy").check_arrays()
+        """
 
     @abstractmethod
     def answer(self, *states: np.ndarray) -> np.ndarray:
-        """Return the model's forces or stresses at the states that `trial` returns, shape (n, components)."""
+        """Return the model's forces or stresses at the states that `trial` returns.
+
+        Parameters
+        ----------
+        *states : ndarray, shape (n,)
+            Quantities of the states: those of a bond, or the invariants of an energy with the squares of the stretches.
+
+        Returns
+        -------
+        ndarray, shape (n, components)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> stretch, rotation, length, C33, J = np.ones(1), np.zeros(1), np.ones(1), np.ones(1), np.ones(1)
+        >>> pds.load_surrogate("neo-hookean@1").answer(stretch, rotation, length, C33, J).shape
+        (1, 2)
+        """
 
     @staticmethod
     def shape_of(law: Law) -> dict[str, float]:
-        """Return the dimensionless parameters of a law that the model depends on."""
+        """Return the dimensionless parameters of a law that the model depends on.
+
+        Parameters
+        ----------
+        law : Law
+
+        Returns
+        -------
+        dict of str to float
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_surrogate("gent@1").shape_of(pds.materials.Gent(chain_limit=120.0))
+        {'chain_limit': 120.0}
+        """
         return law.shape
 
     def check_material(self, law: Law) -> None:
-        """Raise ValueError if the model was not trained for this material, or its forces are not those of the law as it is now."""
+        """Check that the model was trained for a material, and that its forces are those of the law as it is now.
+
+        Parameters
+        ----------
+        law : Law
+
+        Raises
+        ------
+        ValueError
+            If the law or one of its dimensionless parameters differs, or the forces of the law do; the message names what would be right.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_surrogate("neo-hookean@1").check_material(pds.materials.NeoHookean(shear_modulus=2.0, bulk_modulus=200.0))
+        """
         shape, serves = self.shape_of(law), f"force={self.exact}, which serves every law"
         if law.name != self.law:
             raise ValueError(f"{self.name} describes the law {self.law}, not {law.name}; force={self.exact} serves every law")

@@ -77,7 +77,6 @@ class LearnedEnergy(Learned, EnergyModel):
 
     @property
     def size(self) -> str:
-        """Number of hidden units, in words for tables."""
         return f"{self.output_weights.size} units"
 
     def check_arrays(self) -> None:
@@ -101,8 +100,34 @@ class LearnedEnergy(Learned, EnergyModel):
 class EnergyNetwork(LearnedEnergy, EnergySurrogate):
     """Learned energy psi(tr C, J) of a sheet under plane stress: a network.
 
-    Energy and stress of the undeformed sheet vanish by construction. The features are `ENERGY_FEATURES`, the parameters are
-    those of `LearnedEnergy`, and `shape` comes from `energy_shape`.
+    Energy and stress of the undeformed sheet vanish by construction. The features are `ENERGY_FEATURES`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    activation : str
+        One of `pdsurrogate.kernels.network.SMOOTH`.
+    hidden_weights : ndarray, shape (2, n)
+        Weights of the hidden layer, for unscaled features.
+    hidden_biases, output_weights : ndarray, shape (n,)
+        Biases of the hidden layer, and weights of the output.
+    domain : Domain
+        Bounds of the principal stretches in training; its bounds of J3^2 are recorded, but not checked in a run.
+    law : str
+        Name of the law that it describes.
+    shape : mapping
+        Dimensionless parameters of the law that its energy depends on, as `shape_of` returns them.
+    stated : mapping, optional
+        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and ``bulk_ratio``, K/mu
+        of the training states; None without a card.
+    members : tuple of Member, optional
+        Members of its committee, in a run that reports their deviation.
+
+    See Also
+    --------
+    pdsurrogate.load_surrogate : loads a stored model.
+    pdsurrogate.BondEnergyForce : exact energy of any law.
 
     Examples
     --------
@@ -120,7 +145,6 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
     features: ClassVar[tuple[str, ...]] = ENERGY_FEATURES
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
-        """Return the energy and its derivatives in NumPy, see `EnergySurrogate`; the network does not use the law."""
         trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
         rows = np.empty((6, J.size))
         for at in range(0, J.size, CHUNK):
@@ -147,7 +171,6 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
         )
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the network as a function compiled for blocks of bonds, with its packed weights, in the given precision."""
         sizes, weights = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, dtype)
         found = CompiledBondForce(network_energy_density(ACTIVATIONS[self.activation], dtype).address, sizes, weights, NETWORK_WORK_ROWS)
         # Energy and stress at rest are exactly zero in the kernel's precision: its own rest values are subtracted.
@@ -167,10 +190,35 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
 class IsochoricNetwork(LearnedEnergy):
     """Learned isochoric energy W(I1bar, I2bar), a network, for plane strain and three dimensions.
 
-    It serves every bulk modulus, since the volumetric energy U(J) comes from the law.
-    The features are `ISOCHORIC_FEATURES`, the parameters are those of `LearnedEnergy`. `shape` is that of the law, and the stretches of
-    `domain` are isochoric principal stretches. The energy of an undeformed body vanishes by construction; its stress vanishes for every
-    function of these invariants.
+    It serves every bulk modulus, since the volumetric energy U(J) comes from the law. The features are `ISOCHORIC_FEATURES`. The energy of
+    an undeformed body vanishes by construction; its stress vanishes for every function of these invariants.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    activation : str
+        One of `pdsurrogate.kernels.network.SMOOTH`.
+    hidden_weights : ndarray, shape (2, n)
+        Weights of the hidden layer, for unscaled features.
+    hidden_biases, output_weights : ndarray, shape (n,)
+        Biases of the hidden layer, and weights of the output.
+    domain : Domain
+        Bounds of the isochoric principal stretches in training; its bounds of J3^2 are recorded, but not checked in a run.
+    law : str
+        Name of the law that it describes.
+    shape : mapping
+        Dimensionless parameters of the law.
+    stated : mapping, optional
+        Relative errors of the stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and ``bulk_ratio``, K/mu
+        of the training states; None without a card.
+    members : tuple of Member, optional
+        Members of its committee, in a run that reports their deviation.
+
+    See Also
+    --------
+    pdsurrogate.load_surrogate : loads a stored model.
+    pdsurrogate.BondEnergyForce : exact energy of any law.
 
     Examples
     --------
@@ -192,7 +240,25 @@ class IsochoricNetwork(LearnedEnergy):
         return self.honors if plane == "space" else {**self.honors, "precision": ("float64",)}
 
     def isochoric_derivatives(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return W and its derivatives by I1bar and by I2bar at given invariants (arrays of one shape), evaluated in NumPy."""
+        """Return W and its derivatives by I1bar and by I2bar, evaluated in NumPy.
+
+        Parameters
+        ----------
+        I1, I2 : array_like
+            Isochoric invariants, of one shape.
+
+        Returns
+        -------
+        W, W1, W2 : ndarray
+            Arrays of the shape of the invariants, in units of mu.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> W, W1, W2 = pds.load_surrogate("neo-hookean-isochoric").isochoric_derivatives([3.0, 4.0], [3.0, 4.0])
+        >>> W.round(3).tolist()
+        [0.0, 0.5]
+        """
         I1, I2 = (np.asarray(value, dtype=float)[..., None] for value in (I1, I2))
         (w1, w2), v = self.hidden_weights, self.output_weights
         value, slope, _ = ACTIVATIONS[self.activation](np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases)
@@ -202,7 +268,28 @@ class IsochoricNetwork(LearnedEnergy):
         return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
-        """Return the learned isochoric energy for kernels; with the default ``outside`` the exact one takes over at the domain's edge."""
+        """Return the learned isochoric energy of the bonds, in the form that compiled kernels evaluate.
+
+        Parameters
+        ----------
+        law : Law
+            Law whose exact energy takes over at the edge of the domain with the policy "fallback".
+        plane : {"strain", "space"}
+        outside : {"fallback", "warn", "raise", "extrapolate"}
+            Policy outside the domain.
+        precision : {"float32", "float64"}
+
+        Returns
+        -------
+        IsochoricEnergy
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> model = pds.load_surrogate("neo-hookean-isochoric")
+        >>> model.isochoric_energy(pds.materials.NeoHookean(), "space", "fallback", "float64").precision
+        'float64'
+        """
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
         block = block_function_of(kernel.network_block, isochoric_energy_signature(precision), *parts)
@@ -215,9 +302,32 @@ class IsochoricNetwork(LearnedEnergy):
         )
 
     def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
-        """Return the greatest deviation of committee members' principal Kirchhoff stresses from the model's, in units of mu, shape (n,).
+        """Return the greatest deviation of committee members' principal Kirchhoff stresses from the model's.
 
-        `stretches` are isochoric principal stretches (of product 1), shape (n, 3).
+        Parameters
+        ----------
+        law : Law
+            Law of the body.
+        stretches : ndarray, shape (n, 3)
+            Isochoric principal stretches, of product 1.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Greatest deviation of any member at each state, in units of mu.
+
+        Examples
+        --------
+        A member that is the model itself does not deviate:
+
+        >>> from dataclasses import replace
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> from pdsurrogate.forces.protocol import Member
+        >>> law, model = pds.materials.NeoHookean(), pds.load_surrogate("neo-hookean-isochoric")
+        >>> committee = replace(model, members=(Member(model, law, 1.0),))
+        >>> print(committee.member_deviations(law, np.array([[2.0, 1.0, 0.5]])))
+        [0.]
         """
 
         def stresses_of(model: IsochoricNetwork, law: Law, some: slice) -> np.ndarray:

@@ -64,20 +64,74 @@ class LearnedBondForce(Learned, ForceSurrogate):
 
     @abstractmethod
     def outputs(self, features: np.ndarray) -> np.ndarray:
-        """Return the two outputs of the map, before `at_rest` is subtracted, shape (n, 2), for features (n, n_features)."""
+        """Return the two outputs of the map, before `at_rest` is subtracted.
+
+        Parameters
+        ----------
+        features : ndarray, shape (n, n_features)
+            Values of `features`.
+
+        Returns
+        -------
+        ndarray, shape (n, 2)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> model = pds.load_surrogate("neo-hookean@1")
+        >>> model.outputs(np.ones((3, len(model.features)))).shape
+        (3, 2)
+        """
 
     @abstractmethod
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
-        """Return the model compiled for blocks of bonds: address, integer sizes, weights, and rows of working memory needed.
+        """Return the model compiled for blocks of bonds.
 
-        The last `N_OUTPUTS` weights are `at_rest`.
+        Parameters
+        ----------
+        dtype : dtype
+            Precision, float32 or float64.
+
+        Returns
+        -------
+        address : int
+            Address of the compiled function.
+        sizes : ndarray of int64
+        weights : ndarray
+            In the given precision; the last `N_OUTPUTS` are `at_rest`.
+        work_rows : int
+            Rows of working memory needed.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> address, sizes, weights, work_rows = pds.load_surrogate("gent@1").packed("float64")
+        >>> weights.dtype.name, work_rows
+        ('float64', 0)
         """
 
     def check_arrays(self) -> None:
         check_shape(self.at_rest, "at_rest", (N_OUTPUTS,))
 
     def check_scale(self, *keys: str) -> None:
-        """Raise ValueError if a field named in `keys`, the origin and the unit of every feature, has a wrong shape, or a unit is <= 0."""
+        """Check the fields that map the features to the range of the training.
+
+        Parameters
+        ----------
+        *keys : str
+            Names of the field with the origin of every feature, and of the field with its unit.
+
+        Raises
+        ------
+        ValueError
+            If a field has a wrong shape, or a unit is not positive.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_surrogate("gent@1").check_scale("center", "half_width")
+        """
         for key in keys:
             check_shape(getattr(self, key), key, (len(self.features),))
         if not (getattr(self, keys[1]) > 0).all():
@@ -85,12 +139,26 @@ class LearnedBondForce(Learned, ForceSurrogate):
 
     @property
     def features(self) -> tuple[str, ...]:  # type: ignore[override]  # read-only here
-        """Names of the features of a bond that the model maps to its force."""
+        """Names of the features of a bond that the model maps to its force.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_surrogate("neo-hookean-paper@1").features
+        ('stretch', 'rotation', 'length', 'C33', 'J')
+        """
         return FEATURE_SETS[self.feature_set].names
 
     @property
     def gives_transverse(self) -> bool:  # type: ignore[override]
-        """Whether the model provides the stress component T_mm across a bond; models with the paper's features do not."""
+        """Whether the model provides the stress component T_mm across a bond; models with the paper's features do not.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_surrogate("neo-hookean@1").gives_transverse, pds.load_surrogate("neo-hookean-paper@1").gives_transverse
+        (True, False)
+        """
         return FEATURE_SETS[self.feature_set].gives_transverse
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
@@ -120,7 +188,6 @@ class LearnedBondForce(Learned, ForceSurrogate):
         return greatest_deviations(self, law, force_of, len(states.a))
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the model as a function compiled for blocks of bonds, with its packed weights, in the given precision."""
         features, found = FEATURE_SETS[self.feature_set], CompiledBondForce(*self.packed(dtype))
         if features.anchored is not None and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9:
             # The force at rest is exactly zero in the kernel's precision: the kernel's own rest value is subtracted as well.
@@ -135,10 +202,31 @@ class NetworkForce(LearnedBondForce):
 
     Parameters
     ----------
+    name : str
+        Name of the model.
+    feature_set : str
+        One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
+    at_rest : ndarray, shape (2,)
+        Outputs for an undeformed bond, which are subtracted from all outputs.
+    domain : Domain
+        States on which it was trained.
+    law : str
+        Name of the law that it describes.
+    shape : mapping
+        Dimensionless parameters of the law that its bond force depends on.
     activation : str
         One of `pdsurrogate.kernels.network.ACTIVATIONS`.
     layers : tuple of (ndarray, ndarray)
         Weights of shape (n_in, n_out) and biases of every layer, the output layer last, on unscaled features and outputs.
+    stated : mapping, optional
+        Relative errors at states of plane stress, ``rms`` and ``max``, that its card (the metadata of its artifact) states, and
+        ``bulk_ratio``, K/mu of the training states; None without a card.
+    members : tuple of Member, optional
+        Members of its committee, in a run that reports their deviation.
+
+    See Also
+    --------
+    pdsurrogate.load_surrogate : loads a stored model.
 
     Examples
     --------
@@ -199,10 +287,19 @@ class PolynomialForce(LearnedBondForce):
 
     Parameters
     ----------
+    name, feature_set, at_rest, domain, law, shape
+        As for `NetworkForce`.
     center, half_width : ndarray, shape (2,)
         Features are mapped to (x - center)/half_width, which is in [-1, 1] for the training states.
     coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
         Coefficients of the products T_i(x1) T_j(x2) of Chebyshev polynomials, for each of the two outputs.
+    stated, members
+        As for `NetworkForce`.
+
+    See Also
+    --------
+    pdsurrogate.load_surrogate : loads a stored model.
+    pdsurrogate.learning.ChebyshevRegressor : fits the polynomial.
 
     Examples
     --------
@@ -261,10 +358,18 @@ class SplineForce(LearnedBondForce):
 
     Parameters
     ----------
+    name, feature_set, at_rest, domain, law, shape
+        As for `NetworkForce`.
     low, step : ndarray, shape (n,)
         Lower end of the box and width of a cell, for each feature.
     coefficients : ndarray, shape (2, cells_1 + 3, …, cells_n + 3)
         Coefficients of the B-splines, for each of the two outputs.
+    stated, members
+        As for `NetworkForce`.
+
+    See Also
+    --------
+    pdsurrogate.surrogate_pipeline : takes any regressor, whose predictions become such a spline.
 
     Examples
     --------

@@ -64,6 +64,11 @@ class NOSBForce(ForceModel):
     Piola-Kirchhoff stress P_i and the shape tensor K_i. The model does not resist zero-energy modes, which leave the deformation gradients
     of the points unchanged.
 
+    See Also
+    --------
+    pdsurrogate.forces.BANOSBForce : stabilized by bond-associated deformation gradients.
+    pdsurrogate.BondEnergyForce : has no zero-energy modes.
+
     Examples
     --------
     >>> import pdsurrogate as pds

@@ -75,6 +75,11 @@ class OwnBondForce(ForceSurrogate):
     TypeError
         If the object has neither method.
 
+    See Also
+    --------
+    pdsurrogate.simulate : takes the user's object as it is.
+    pdsurrogate.forces.ForceSurrogate : base class of compiled bond forces.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -103,12 +108,32 @@ class OwnBondForce(ForceSurrogate):
         self._callback = _CALLED(self._evaluate_block)  # a reference is kept, since compiled code holds its address
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Return the dimensionless bond force, see `ForceSurrogate.bond_force`.
+        """Return the dimensionless bond force of the user's object.
+
+        Parameters
+        ----------
+        stretch, rotation, length, C33, J : array_like, shape (n,)
+            Quantities of the bonds, as for `ForceSurrogate.bond_force`.
+
+        Returns
+        -------
+        ndarray, shape (n, 2)
+            Components along and across the deformed bond, in units of w l mu/kappa.
 
         Raises
         ------
         ValueError
             If the force is not finite; the message names the bond.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> class Linear:
+        ...     def bond_force(self, stretch, rotation, length, C33, J):
+        ...         import numpy as np
+        ...         return np.stack([stretch - 1, 0 * stretch], axis=1)
+        >>> pds.forces.OwnBondForce(Linear()).bond_force([1.0, 1.5], 0.0, 1.0, 1.0, 1.0).tolist()
+        [[0.0, 0.0], [0.5, 0.0]]
         """
         try:
             return self._force(*bond_arrays(stretch, rotation, length, C33, J))
@@ -123,7 +148,34 @@ class OwnBondForce(ForceSurrogate):
         return exact_bond_force(_LawOf(self), stretch, rotation, C33, J)
 
     def energy(self, I1, I2) -> np.ndarray:
-        """Return W and its derivatives by I1bar and I2bar from the user's ``energy``, shape (3, n), checked for shape and finite values."""
+        """Return W and its derivatives from the user's ``energy``, checked for shape and finite values.
+
+        Parameters
+        ----------
+        I1, I2 : array_like
+            Isochoric invariants I1bar and I2bar, of one shape.
+
+        Returns
+        -------
+        ndarray, shape (3, ...)
+            W, and its derivatives by I1bar and by I2bar, in units of mu.
+
+        Raises
+        ------
+        OwnForceFailed
+            If the user's code raises an error or returns something else.
+        OwnForceInvalid
+            If a value is not finite.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> class Mine:
+        ...     def energy(self, I1, I2):
+        ...         return 0.5 * (I1 - 3), 0.5 + 0 * I1, 0 * I1
+        >>> pds.forces.OwnBondForce(Mine()).energy([3.0, 4.0], [3.0, 4.0]).tolist()
+        [[0.0, 0.5], [0.5, 0.5], [0.0, 0.0]]
+        """
         I1, I2 = np.broadcast_arrays(I1, I2)
         return self._values("energy", I1bar=I1.ravel(), I2bar=I2.ravel()).reshape(-1, *I1.shape)
 
@@ -171,12 +223,16 @@ class OwnBondForce(ForceSurrogate):
             self.failure = error if isinstance(error, RuntimeError) else OwnForceFailed(f"{self.name}: {type(error).__name__}: {error}")
 
     def compiled(self, dtype) -> CompiledBondForce:
-        """Return the function for blocks of bonds that compiled passes call; it calls back the user's Python code."""
         address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         return CompiledBondForce(address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0, needs_length=True)
 
     def check_material(self, law: Law) -> None:
         """Check the user's force at a few bonds, or the derivatives of the user's energy at a few invariants.
+
+        Parameters
+        ----------
+        law : Law
+            Without effect: the force does not depend on a law.
 
         Raises
         ------
@@ -188,6 +244,18 @@ class OwnBondForce(ForceSurrogate):
         -----
         UserWarning
             If the shear modulus of an energy is not 1, or if a derivative or a force is off by more than `NOTED`.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> class Wrong:
+        ...     def energy(self, I1, I2):
+        ...         return 0.5 * (I1 - 3), 0.6 + 0 * I1, 0 * I1
+        >>> try:
+        ...     pds.forces.OwnBondForce(Wrong()).check_material(pds.materials.NeoHookean())
+        ... except ValueError as error:
+        ...     print("dW/dI1bar" in str(error))
+        True
         """
         try:
             found = self._force(*bond_arrays(*TRIAL))

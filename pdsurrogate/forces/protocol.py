@@ -229,6 +229,11 @@ class ForceModel(ABC):
     members : tuple of Member
         Members of the committee of a learned model, in a run that reports their deviation.
 
+    See Also
+    --------
+    pdsurrogate.load_surrogate : loads a model by name.
+    pdsurrogate.forces.OwnBondForce : model of a force that a user wrote.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -247,10 +252,29 @@ class ForceModel(ABC):
     @property
     @abstractmethod
     def honors(self) -> Mapping[str, tuple]:
-        """Values that the model can honor, for every field of `ForceSettings` that the model uses."""
+        """Values that the model can honor, for every field of `ForceSettings` that the model uses.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.forces.NOSBForce().honors["plane"]
+        ('stress', 'strain', 'space')
+        """
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         """Return the internal force of this model on a body of one material, ready to be evaluated.
+
+        Parameters
+        ----------
+        body : Body
+        law : Law
+            Material of all points.
+        settings : ForceSettings
+
+        Returns
+        -------
+        InternalForce
+            Its method ``place(positions)`` takes positions, shape (n, d), and evaluates the forces there.
 
         Raises
         ------
@@ -258,6 +282,15 @@ class ForceModel(ABC):
             If one of the arguments is of another type.
         ValueError
             If the model does not fit the material, or cannot honor a setting.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
+        >>> force = pds.AnalyticBondForce().bind(body, pds.materials.NeoHookean(), pds.ForceSettings())
+        >>> force.place(body.points * [1.1, 1.0])
+        >>> force.stress_and_energy()[1].shape
+        (16,)
         """
         if not isinstance(body, Body):
             raise TypeError(f"body must be a Body, such as Body.rectangle(1.0, 1.0, 0.1, 0.315), not {body!r}")
@@ -269,35 +302,142 @@ class ForceModel(ABC):
 
     @abstractmethod
     def terms(self, plane: str) -> Sequence[type[Term]]:
-        """Return the classes of the terms of the internal force under plane stress, in plane strain, or in three dimensions."""
+        """Return the classes of the terms of the internal force under plane stress, in plane strain, or in three dimensions.
+
+        Parameters
+        ----------
+        plane : {"stress", "strain", "space"}
+
+        Returns
+        -------
+        sequence of type
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> [term.__name__ for term in pds.AnalyticBondForce().terms("stress")]
+        ['BondForces']
+        """
 
     def honored(self, plane: str) -> Mapping[str, tuple]:
-        """Return `honors` for a given `plane` (plane stress, plane strain or three dimensions)."""
+        """Return `honors` for a given plane.
+
+        Parameters
+        ----------
+        plane : {"stress", "strain", "space"}
+            Plane stress, plane strain or three dimensions.
+
+        Returns
+        -------
+        mapping
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.BondEnergyForce().honored("space")["precision"]
+        ('float64',)
+        """
         return self.honors
 
     def usual_precision(self, settings: ForceSettings) -> str:
-        """Return the precision of the bond pass: from the settings if given, or else `default_precision` under plane stress, or double."""
+        """Return the precision of the bond pass: from the settings if given, or else `default_precision` under plane stress, or double.
+
+        Parameters
+        ----------
+        settings : ForceSettings
+
+        Returns
+        -------
+        {"float32", "float64"}
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_surrogate("neo-hookean").usual_precision(pds.ForceSettings())
+        'float32'
+        """
         return settings.precision or (self.default_precision if settings.plane == "stress" else "float64")
 
     def cause_of(self, error: RuntimeError) -> RuntimeError:
-        """Return the error to report for a failed evaluation: the error in a user's own code that caused it, or else `error` itself."""
+        """Return the error to report for a failed evaluation: the error in a user's own code that caused it, or else the failure itself.
+
+        Parameters
+        ----------
+        error : RuntimeError
+            Failure of the evaluation.
+
+        Returns
+        -------
+        RuntimeError
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.AnalyticBondForce().cause_of(RuntimeError("no state"))
+        RuntimeError('no state')
+        """
         return error
 
     def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
-        """Raise ValueError if the model does not describe this material; a model without learned data accepts every law."""
+        """Raise ValueError if the model does not describe a material; a model without learned data accepts every law.
+
+        Parameters
+        ----------
+        law : Law
+
+        Raises
+        ------
+        ValueError
+            If the model was learned for another law or for other parameters.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> try:
+        ...     pds.load_surrogate("neo-hookean@1").check_material(pds.materials.Gent())
+        ... except ValueError as error:
+        ...     print(error)
+        neo-hookean@1 describes the law neo-hookean, not gent; force=analytic serves every law
+        """
 
     def payload(self) -> dict:
-        """Return the learned numbers, in plain containers and arrays, which distinguish models of one name; empty if nothing is learned."""
+        """Return the learned numbers, which distinguish models of one name.
+
+        Returns
+        -------
+        dict
+            Arrays and names by key; empty if nothing is learned.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.AnalyticBondForce().payload(), sorted(pds.load_surrogate("gent@1").payload())
+        ({}, ['at_rest', 'centre', 'coefficients', 'feature_set', 'half_width'])
+        """
         return {}
 
     @property
     def size(self) -> str:
-        """Size of the learned model in words, for tables."""
+        """Size of the learned model in words, for tables.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_surrogate("neo-hookean-energy").size
+        '12 units'
+        """
         return ""
 
     @property
     def facts(self) -> dict[str, str]:
-        """Main properties of the model in words, by name, for display."""
+        """Main properties of the model in words, by name, for display.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.AnalyticBondForce().facts
+        {'family': 'bond force', 'learned': 'nothing: it is exact and serves every law'}
+        """
         return {"family": self.family, "learned": self.size or "nothing: it is exact and serves every law"}
 
     def __repr__(self) -> str:

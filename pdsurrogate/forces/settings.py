@@ -62,6 +62,10 @@ class ForceSettings:
     plane : {"stress", "strain", "space"}
         Plane stress (free thickness) or plane strain (held thickness) for a body in the plane; "space" for every body in three dimensions.
 
+    See Also
+    --------
+    pdsurrogate.forces.ForceModel.bind : combines a model, a body, a law and settings.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -96,6 +100,15 @@ class ForceSettings:
         ------
         ValueError
             If a setting is not honored; the message names the setting, the model, and the values that it accepts.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> try:
+        ...     pds.ForceSettings(correction="tensor").check("mine", {"correction": ("none",)})
+        ... except ValueError as error:
+        ...     print(error)
+        mine does not take correction=tensor; it takes correction=none
         """
         for field in fields(self):
             key, value = field.name, getattr(self, field.name)
@@ -110,7 +123,22 @@ class ForceSettings:
             raise ValueError(f"{name} does not take {_words(key, value)}{where}; it takes {words}{advice}")
 
     def check_body(self, body: Body) -> None:
-        """Raise ValueError for a body whose dimension does not match `plane`."""
+        """Raise ValueError for a body whose dimension does not match `plane`.
+
+        Parameters
+        ----------
+        body : Body
+
+        Raises
+        ------
+        ValueError
+            For a solid under plane stress or in plane strain, or a sheet with "space".
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.ForceSettings(plane="strain").check_body(pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875))
+        """
         if body.dimension != dimension_of(self.plane):
             right = "plane=stress or plane=strain" if body.dimension == 2 else "plane=space"
             raise ValueError(

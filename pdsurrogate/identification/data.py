@@ -134,10 +134,24 @@ def load_test_data(reference: str | Path) -> TestData:
     A file has the columns ``mode`` (uniaxial, equibiaxial or pure-shear), ``stretch`` and ``nominal_stress``; or ``stretch``,
     ``lateral_stretch``, ``nominal_stress`` and ``lateral_stress``; both kinds may have a ``weight``. Lines that begin with # are comments.
 
+    Parameters
+    ----------
+    reference : str or path
+        Name of the shipped data, or path of a CSV file.
+
+    Returns
+    -------
+    TestData
+
     Raises
     ------
     ValueError
         If the file cannot be read, or a row is invalid; the message names the row.
+
+    See Also
+    --------
+    pdsurrogate.fit_to_tests : fits a law or an energy to test data, and examines both.
+    pdsurrogate.identification.LawRegressor : fits the parameters of a law.
 
     Examples
     --------

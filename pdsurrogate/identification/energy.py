@@ -106,6 +106,11 @@ class EnergyRegressor(StressRegressor):
     Valanis, Landel, J. Appl. Phys. 38 (1967) 2997; Ball, Arch. Rat. Mech. Anal. 63 (1977) 337; Ogden 1972; Hartmann, Neff, Int. J. Solids
     Struct. 40 (2003) 2767.
 
+    See Also
+    --------
+    pdsurrogate.identification.LawRegressor : fits the parameters of a law.
+    pdsurrogate.identification.committee : fits members to random halves of the tests.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -132,7 +137,6 @@ class EnergyRegressor(StressRegressor):
     offset: float = 0.0
 
     def redrawn(self, random):
-        """Return an unfitted copy with a random offset of the exponents."""
         return super().redrawn(random).set_params(offset=random.uniform(0, STEP))
 
     def fit(self, X, y, sample_weight=None, groups=None):
@@ -162,6 +166,14 @@ class EnergyRegressor(StressRegressor):
         UserWarning
             If the stresses do not rise with the stretch, or the data are of one state or one mode of loading and so leave the energy
             undetermined.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> found = pds.identification.EnergyRegressor(max_terms=4).fit(data.stretches, data.nominal_stress)
+        >>> len(found.weights_) <= 4
+        True
         """
         X, y, root, used = self._checked(X, y, sample_weight)
         _warn_of_few_modes(X)
@@ -186,18 +198,47 @@ class EnergyRegressor(StressRegressor):
         return self
 
     def beyond(self, X) -> np.ndarray:
-        """Return how far states lie outside the domain of the energy, in log-stretch, shape (n_samples,); at most 0 within it.
+        """Return how far states lie outside the domain of the energy: the convex hull of the data, extended by `margin`.
 
-        The domain is the convex hull of the data, extended by `margin`.
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, 2)
+            Stretches along the stress and across it, as for `fit`.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Distance from the hull in log-stretch; at most 0 within it.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> found = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+        >>> (found.beyond([[2.0, 2.0**-0.5], [6.0, 6.0**-0.5]]) > 0).tolist()
+        [False, True]
         """
         check_is_fitted(self)
         logs = ordered_logs(self._stretches(np.asarray(in_order(X, self.columns, "X"), dtype=float)))
         return (logs @ self.hull_[:, :2].T + self.hull_[:, 2]).max(axis=1) - self.margin
 
     def domain_hull(self) -> list[list[float]]:
-        """Return the half-planes (n1, n2, d), as in ``hull`` of `pdsurrogate.forces.Domain`, that bound the domain of the fitted energy.
+        """Return the half-planes that bound the domain of the fitted energy.
 
         They are the sides of the convex hull of the test data in logarithmic stretches, moved outwards by ``margin``.
+
+        Returns
+        -------
+        list of list of float
+            Half-planes (n1, n2, d), as in ``hull`` of `pdsurrogate.forces.protocol.Domain`.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> found = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+        >>> len(found.domain_hull()) == len(found.hull_)
+        True
         """
         check_is_fitted(self)
         return [[n1, n2, self.margin - offset] for n1, n2, offset in self.hull_.tolist()]

@@ -110,6 +110,13 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
         like Cauchy stresses or like stresses with a shifted zero; if a mode has an R^2 below 0.9; or if an energy without a law describes
         the data five times better.
 
+    See Also
+    --------
+    pdsurrogate.load_test_data : reads test data.
+    pdsurrogate.identification.LawRegressor : fits the parameters of a law alone.
+    pdsurrogate.identification.EnergyRegressor : fits an energy without a law.
+    pdsurrogate.identification.committee : fits to random halves of the tests.
+
     Examples
     --------
     >>> import pdsurrogate as pds

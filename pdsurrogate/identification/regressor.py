@@ -67,6 +67,12 @@ class LawRegressor(StressRegressor):
         Parameters at a bound, whose standard errors have no meaning.
     n_features_in_ : int
 
+    See Also
+    --------
+    pdsurrogate.load_test_data : reads test data.
+    pdsurrogate.identification.EnergyRegressor : fits an energy without a law.
+    pdsurrogate.fit_to_tests : fits a regressor, and examines data and fit.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -99,6 +105,7 @@ class LawRegressor(StressRegressor):
         y : array-like, shape (n_samples,)
             Nominal stresses.
         sample_weight : array-like, shape (n_samples,), optional
+            Weights of the squared residuals.
 
         Returns
         -------
@@ -108,6 +115,13 @@ class LawRegressor(StressRegressor):
         ------
         ValueError
             If X has other columns or a stretch is not positive, or no parameters tried give a finite stress in all states.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress).parameter_names_
+        ['shear_modulus', 'chain_limit']
         """
         X, y, root, _ = self._checked(X, y, sample_weight)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)

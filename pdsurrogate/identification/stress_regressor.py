@@ -97,17 +97,63 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         return hasattr(self, "law_")
 
     def predict(self, X: ArrayLike) -> np.ndarray:
-        """Return nominal stresses, shape (n_samples,), NaN past the limit of the law; tables are read by the names of their columns."""
+        """Return nominal stresses of the fitted law.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, 2)
+            Stretches along the stress and across it; a table (pandas) has the columns ``stretch`` and ``lateral_stretch`` in any order.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+            Nominal stresses in the unit of the data; NaN past the limit of the law.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> found = pds.identification.LawRegressor().fit(data.stretches, data.nominal_stress)
+        >>> found.predict([[1.0, 1.0]]).round(6).tolist()
+        [0.0]
+        """
         check_is_fitted(self)
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         return nominal_stress(self.law_, self._stretches(X))
 
     def redrawn(self, random: np.random.Generator) -> Self:
-        """Return an unfitted copy for a committee, with random values of settings that neither the data nor the user determine."""
+        """Return an unfitted copy for a committee, with random values of settings that neither the data nor the user determine.
+
+        Parameters
+        ----------
+        random : numpy.random.Generator
+
+        Returns
+        -------
+        estimator
+            Copy of the same class; an `EnergyRegressor` has another offset of the exponents, a `LawRegressor` the same settings.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> pds.identification.EnergyRegressor().redrawn(np.random.default_rng(0)).offset > 0
+        True
+        """
         return clone(self)
 
     def forget(self) -> None:
-        """Delete the results of a fit from the regressor, which is unfitted afterwards."""
+        """Delete the results of a fit from the regressor, which is unfitted afterwards.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> found = pds.identification.LawRegressor().fit(data.stretches, data.nominal_stress)
+        >>> found.forget()
+        >>> hasattr(found, "law_")
+        False
+        """
         for key in [key for key in vars(self) if key.endswith("_")]:
             delattr(self, key)
 
@@ -197,6 +243,10 @@ def committee(
     ----------
     Shao, Wu, Ann. Statist. 17 (1989) 1176; Andrews, Econometrica 68 (2000) 399.
 
+    See Also
+    --------
+    pdsurrogate.identification.committee_spread : spread of a result over the members.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -240,6 +290,10 @@ def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
     ndarray
         Root mean square of the differences, times the ratio of the quantiles of Student's distribution with ``n_members`` degrees of
         freedom and of the normal distribution at two standard deviations: 1.18 for eight members, 1.08 for sixteen.
+
+    See Also
+    --------
+    pdsurrogate.identification.committee : fits the members.
 
     Examples
     --------

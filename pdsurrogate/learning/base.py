@@ -95,7 +95,30 @@ class BaseRegressor(RegressorMixin, BaseEstimator):
         return hasattr(self, "coef_") or hasattr(self, "coefs_")
 
     def predict(self, X):
-        """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
+        """Predict targets.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, n_features)
+
+        Returns
+        -------
+        ndarray, shape (n_samples,) or (n_samples, n_outputs)
+            As the targets in training.
+
+        Raises
+        ------
+        NotFittedError
+            Before `fit`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> x = np.linspace(-1, 1, 50)[:, None]
+        >>> pds.learning.ChebyshevRegressor(2).fit(x, x[:, 0] ** 2).predict([[0.5]]).round(6).tolist()
+        [0.25]
+        """
         check_is_fitted(self)
         outputs = self._outputs(validate_data(self, X, dtype=np.float64, reset=False))
         return outputs[:, 0] if self._single_output else outputs

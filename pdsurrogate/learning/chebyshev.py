@@ -35,6 +35,11 @@ class ChebyshevRegressor(BaseRegressor):
         Map of the features to [-1, 1].
     n_features_in_ : int
 
+    See Also
+    --------
+    pdsurrogate.LevenbergMarquardtRegressor : a network.
+    pdsurrogate.surrogate_pipeline : makes a surrogate of a regressor.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -68,6 +73,14 @@ class ChebyshevRegressor(BaseRegressor):
         ------
         ValueError
             If the degrees make more than `MOST_TERMS` terms; the message names the greatest degree that makes no more.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> x = np.linspace(-1, 1, 50)[:, None]
+        >>> pds.learning.ChebyshevRegressor(3).fit(x, x[:, 0] ** 2).powers_.ravel().tolist()
+        [0, 1, 2, 3]
         """
         X, Y, weights = self._checked(X, y, sample_weight)
         if weights is not None:

@@ -91,6 +91,11 @@ def training_samples(
     TypeError, ValueError
         If an argument is invalid, or the law is not finite in all states of the range.
 
+    See Also
+    --------
+    pdsurrogate.surrogate_pipeline : makes the pipeline that learns the samples.
+    pdsurrogate.evaluate : measures the errors of a fitted pipeline.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -205,6 +210,12 @@ def surrogate_pipeline(
     ValueError
         If the target or the features are unknown, the regressor is not a regressor, or an option does not belong to the target.
 
+    See Also
+    --------
+    pdsurrogate.training_samples : draws the samples to fit it to.
+    pdsurrogate.cross_validate : compares pipelines.
+    pdsurrogate.store : stores a fitted pipeline as an artifact.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -247,6 +258,11 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
     ------
     TypeError, ValueError
         If the model does not predict the target of the samples, is not fitted, or is not finite somewhere in the domain.
+
+    See Also
+    --------
+    pdsurrogate.store : stores the surrogate as well.
+    pdsurrogate.simulate : takes a fitted pipeline as it is.
 
     Examples
     --------
@@ -379,6 +395,10 @@ def cross_validate(
     TypeError, ValueError
         If an argument is not as described.
 
+    See Also
+    --------
+    pdsurrogate.evaluate : errors of a fitted pipeline on new samples.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -449,6 +469,11 @@ def evaluate(
     ------
     TypeError, ValueError
         If the model is of another kind, or not fitted.
+
+    See Also
+    --------
+    pdsurrogate.cross_validate : errors of pipelines that are fitted to parts of the samples.
+    pdsurrogate.store : stores a pipeline with its errors.
 
     Examples
     --------

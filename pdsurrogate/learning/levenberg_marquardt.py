@@ -124,6 +124,12 @@ class LevenbergMarquardtRegressor(BasePerceptron):
     ----------
     Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431-441; Hagan and Menhaj, IEEE Trans. Neural Netw. 5 (1994) 989-993.
 
+    See Also
+    --------
+    pdsurrogate.TorchMLPRegressor : for networks too large for this one.
+    pdsurrogate.learning.ChebyshevRegressor : a polynomial, without iterations.
+    pdsurrogate.surrogate_pipeline : makes a surrogate of a regressor.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -172,6 +178,15 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         ------
         ValueError
             For parameters out of range, or data that scikit-learn would not accept.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> x = np.linspace(-1, 1, 60)[:, None]
+        >>> model = pds.LevenbergMarquardtRegressor((5,), "tanh", max_iter=20, random_state=0).fit(x, np.sin(2 * x[:, 0]))
+        >>> model.n_iter_
+        20
         """
         X, Y, share = self._distinct(X, y, sample_weight)
         if self.validation_fraction + self.test_fraction >= 1:

@@ -67,6 +67,10 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     ----------
     Czarnecki et al., Sobolev training for neural networks, NeurIPS (2017); Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431-441.
 
+    See Also
+    --------
+    pdsurrogate.surrogate_pipeline : makes a surrogate of an energy with this regressor.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -119,6 +123,17 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         ------
         ValueError
             For parameters out of range, or data that scikit-learn would not accept.
+
+        Examples
+        --------
+        The parabola and its slope:
+
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> x = np.linspace(-1, 1, 40)[:, None]
+        >>> model = pds.learning.SobolevRegressor(6, random_state=0).fit(x, np.column_stack([x**2, 2 * x]))
+        >>> model.loss_ < 1e-4
+        True
         """
         self._validate_params()
         X, y, share = checked_samples(self, X, y, sample_weight)
@@ -173,7 +188,25 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         return hasattr(self, "hidden_weights_")
 
     def predict(self, X):
-        """Predict values, shape (n_samples,), or values and derivatives, shape (n_samples, 1 + n_features), as in training."""
+        """Predict values, or values and their derivatives by the features, as in training.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, n_features)
+
+        Returns
+        -------
+        ndarray, shape (n_samples,) or (n_samples, 1 + n_features)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> x = np.linspace(-1, 1, 40)[:, None]
+        >>> model = pds.learning.SobolevRegressor(6, random_state=0).fit(x, np.column_stack([x**2, 2 * x]))
+        >>> model.predict([[0.6]]).round(1).tolist()
+        [[0.4, 1.2]]
+        """
         check_is_fitted(self)
         outputs = self._outputs(validate_data(self, X, dtype=np.float64, reset=False))
         return outputs if self._with_gradient else outputs[:, 0]

@@ -47,6 +47,10 @@ class CardText:
         If a value is of the wrong type, or is something else than None, finite numbers, text, lists and dictionaries of them, all that
         JSON can hold; the message names the value.
 
+    See Also
+    --------
+    pdsurrogate.store : stores an artifact with its card.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -114,6 +118,13 @@ def store(
         If the model is not fitted, or does not predict the target of the samples.
     ArtifactError
         See `pdsurrogate.artifacts.save_artifact`.
+
+    See Also
+    --------
+    pdsurrogate.CardText : what the author states about an artifact.
+    pdsurrogate.load_surrogate : loads the surrogate of an artifact.
+    pdsurrogate.load_card : reads the card of an artifact.
+    pdsurrogate.load_pipeline : loads the pipeline of an artifact.
 
     Examples
     --------

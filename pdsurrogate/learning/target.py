@@ -90,6 +90,10 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         Inputs of the training; None after reading from a file.
     n_features_in_ : int
 
+    See Also
+    --------
+    pdsurrogate.surrogate_pipeline : makes such a regressor for a bond force or an energy.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -136,6 +140,14 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         ValueError
             If only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or the
             transformed target is NaN for all samples.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=300)
+        >>> pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(4), features="isochoric")
+        >>> round(pipeline.fit(samples.X, samples.y).score(samples.X, samples.y), 2)
+        1.0
         """
         if (self.func is None) != (self.inverse_func is None):
             raise ValueError("func and inverse_func are given together or not at all")
@@ -180,7 +192,18 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         return hasattr(self, "offsets_")
 
     def get_metadata_routing(self):
-        """Return scikit-learn's routing of metadata: to this estimator, or to the parts of the regressor that request them."""
+        """Return scikit-learn's routing of metadata: to this estimator, or to the parts of the regressor that request them.
+
+        Returns
+        -------
+        MetadataRequest or MetadataRouter
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> type(pds.learning.InputAwareTargetRegressor().get_metadata_routing()).__name__
+        'MetadataRequest'
+        """
         own = super().get_metadata_routing()
         if own.consumes("fit", ["sample_weight"]) or not self._routes_weights():
             return own
@@ -191,7 +214,25 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         return {key: value for key, value in super().__getstate__().items() if key != "training_inputs_"}
 
     def predict(self, X):
-        """Predict the target at inputs X, in the shape of the training target."""
+        """Predict the target.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, n_features)
+
+        Returns
+        -------
+        ndarray, shape (n_samples,) or (n_samples, n_outputs)
+            As the target in training.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=300)
+        >>> pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(4), features="isochoric").fit(samples.X, samples.y)
+        >>> pipeline.predict(samples.X[:3]).shape
+        (3, 2)
+        """
         check_is_fitted(self)
         X = validate_data(self, in_order(X, columns_read(self.func)[0], "X"), reset=False)
         z = self.regressor_.predict(X)
@@ -203,7 +244,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
 class Samples:
     """Training samples of a surrogate, as `pdsurrogate.training_samples` returns them.
 
-    Attributes
+    Parameters
     ----------
     X : ndarray, shape (n, n_columns)
         Inputs: five quantities of a bond (stretch, rotation, length, C33, J), or two invariants of a deformation.
@@ -215,6 +256,11 @@ class Samples:
         Quantity that y holds.
     stretches : ndarray, shape (n, 2) or (n, 3)
         Principal stretches of the states; of a bond off the plane-stress surface those before its perturbation.
+
+    See Also
+    --------
+    pdsurrogate.training_samples : draws samples.
+    pdsurrogate.evaluate : measures the errors of a model on new samples.
 
     Examples
     --------
@@ -234,7 +280,24 @@ class Samples:
         return len(self.X)
 
     def take(self, rows: np.ndarray) -> Samples:
-        """Return the samples with the given row numbers, with the same design and target."""
+        """Return some of the samples, with the same design and target.
+
+        Parameters
+        ----------
+        rows : ndarray of int or bool, or slice
+            Rows of the samples.
+
+        Returns
+        -------
+        Samples
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=300)
+        >>> len(samples.take(slice(10)))
+        10
+        """
         return Samples(self.X[rows], self.y[rows], self.design, self.target, self.stretches[rows])
 
 

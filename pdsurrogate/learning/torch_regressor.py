@@ -43,6 +43,11 @@ class TorchMLPRegressor(BasePerceptron):
         Mean squared errors of all samples, and of the validation part; the latter is NaN without one.
     n_features_in_ : int
 
+    See Also
+    --------
+    pdsurrogate.LevenbergMarquardtRegressor : more accurate for small networks.
+    pdsurrogate.surrogate_pipeline : makes a surrogate of a regressor.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -87,6 +92,14 @@ class TorchMLPRegressor(BasePerceptron):
         ------
         ImportError
             Without torch and skorch, with what to install.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> x = np.linspace(-1, 1, 60)[:, None]
+        >>> pds.TorchMLPRegressor((8,), max_epochs=3, random_state=0).fit(x, x[:, 0] ** 2).n_iter_
+        3
         """
         X, Y, share = self._distinct(X, y, sample_weight)
         try:

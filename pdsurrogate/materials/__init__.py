@@ -6,6 +6,7 @@ from .states import PLANES, SHEETS, dimension_of, plane_strain, plane_stress, so
 from .stretch_laws import FullNetwork, Ogden, Polyconvex
 
 LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork, Polyconvex)}
+"""Material laws by their names in scenes and on the command line."""
 
 __all__ = ["LAWS", "ArrudaBoyce", "FullNetwork", "Gent", "MooneyRivlin", "NeoHookean", "Ogden", "Polyconvex", "Yeoh"]
 """Names that type checkers of users' programs accept."""

@@ -57,36 +57,129 @@ class Law(ABC):
         self.check()
 
     def check(self) -> None:  # noqa: B027  (most laws have no such parameter)
-        """Raise ValueError if a parameter of this law other than the moduli is invalid; by default check nothing."""
+        """Check the parameters of this law other than the moduli; by default check nothing.
+
+        Raises
+        ------
+        ValueError
+            If a parameter is invalid; the message names it.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> try:
+        ...     pds.materials.MooneyRivlin(second_share=1.5)  # the constructor calls the check
+        ... except ValueError as error:
+        ...     print(error)
+        mooney-rivlin: second_share must be between 0 and 1, not 1.5
+        """
 
     @property
     def parameters(self) -> np.ndarray:
-        """Dimensionless parameters, float64, in the order in which the law's expressions read them; by default K/mu and the `shape`."""
+        """Dimensionless parameters, float64, in the order in which the law's expressions read them; by default K/mu and the `shape`.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.materials.Gent(shear_modulus=2.0, bulk_modulus=100.0, chain_limit=60.0).parameters.tolist()
+        [50.0, 60.0]
+        """
         return np.array([self.bulk_modulus / self.shear_modulus, *self.shape.values()])
 
     @staticmethod
     def volumetric(J3, parameters):
-        """Return the volumetric energy U and its derivatives (U, U', U'') at a volume ratio; by default U = K/8 (J3 - 1/J3)^2, Eq. (6)."""
+        """Return the volumetric energy U and its derivatives; by default U = K/8 (J3 - 1/J3)^2, Eq. (6) of the paper.
+
+        Parameters
+        ----------
+        J3 : float or ndarray
+            Volume ratio det F in three dimensions.
+        parameters : ndarray
+            Values of `parameters`.
+
+        Returns
+        -------
+        tuple
+            U, U' and U'' in units of mu.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> law = pds.materials.NeoHookean()
+        >>> law.volumetric(1.0, law.parameters)[0].item()
+        0.0
+        """
         K = parameters[0]
         inverse = 1 / J3
         square = inverse * inverse
         return K / 8 * (J3 - inverse) * (J3 - inverse), K / 4 * (J3 - inverse * square), K / 4 * (1 + 3 * square * square)
 
     def limit(self, squares: np.ndarray) -> str:
-        """Explain, for an error message, why no state exists at isochoric principal stretches with these three squares."""
+        """Explain, for an error message, why no state exists at some isochoric principal stretches.
+
+        Parameters
+        ----------
+        squares : ndarray, shape (3,)
+            Squares of the isochoric principal stretches.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> pds.materials.NeoHookean().limit(np.array([100.0, 0.1, 0.1]))
+        "beyond the law's limit"
+        """
         return "beyond the law's limit"
 
     @property
     def shape(self) -> dict[str, float]:
-        """Dimensionless parameters, by name, on which the bond force / mu in a given state depends; by default all but mu and K."""
+        """Dimensionless parameters, by name, on which the bond force / mu in a given state depends; by default all but mu and K.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.materials.Gent(chain_limit=60.0).shape
+        {'chain_limit': 60.0}
+        """
         return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
 
     def scaled(self, factor: float) -> Self:
-        """Return a copy of the law with all moduli multiplied by a factor, for example for another unit of stress."""
+        """Return a copy of the law with all moduli multiplied by a factor, for example for another unit of stress.
+
+        Parameters
+        ----------
+        factor : float
+
+        Returns
+        -------
+        Law
+            Law of the same class.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.materials.NeoHookean(shear_modulus=0.4, bulk_modulus=40.0).scaled(1000.0)  # from MPa to kPa
+        NeoHookean(shear_modulus=400.0, bulk_modulus=40000.0)
+        """
         return replace(self, shear_modulus=self.shear_modulus * factor, bulk_modulus=self.bulk_modulus * factor)
 
     def describe(self) -> dict:
-        """Return name and parameters of the law as a dictionary, in the form used by scenes and artifact cards."""
+        """Return name and parameters of the law, in the form used by scenes and artifact cards.
+
+        Returns
+        -------
+        dict
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.materials.NeoHookean(shear_modulus=0.4, bulk_modulus=40.0).describe()
+        {'law': 'neo-hookean', 'shear_modulus': 0.4, 'bulk_modulus': 40.0}
+        """
         return {"law": self.name, **{field.name: getattr(self, field.name) for field in fields(self)}}
 
     def _repr_html_(self) -> str:
@@ -115,7 +208,27 @@ class InvariantLaw(Law):
     @staticmethod
     @abstractmethod
     def isochoric(I1, I2, parameters):
-        """Return W and its derivatives by the isochoric invariants I1bar and I2bar, (W, W1, W2, W11, W12, W22)."""
+        """Return W and its derivatives by the isochoric invariants.
+
+        Parameters
+        ----------
+        I1, I2 : float or ndarray
+            I1bar and I2bar.
+        parameters : ndarray
+            Values of `parameters`.
+
+        Returns
+        -------
+        tuple
+            W, W1, W2, W11, W12, W22 in units of mu; the digits stand for derivatives by I1bar and I2bar.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> law = pds.materials.NeoHookean()
+        >>> law.isochoric(4.0, 3.5, law.parameters)
+        (0.5, 0.5, 0.0, 0.0, 0.0, 0.0)
+        """
 
 
 class PrincipalStretchLaw(Law):
@@ -127,30 +240,102 @@ class PrincipalStretchLaw(Law):
 
     @property
     def terms(self) -> np.ndarray:
-        """Dimensionless constants of the terms, one row for each, which `coefficients` reads from `parameters`."""
+        """Dimensionless constants of the terms, one row for each, which `coefficients` reads from `parameters`.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.materials.Ogden(moduli=(0.5, 0.1), exponents=(2.0, 4.0)).terms.round(3).tolist()
+        [[0.714, 2.0], [0.143, 4.0]]
+        """
         raise NotImplementedError(f"{type(self).__name__} defines no terms")
 
     @cached_property
     def parameters(self) -> np.ndarray:
-        """Dimensionless parameters: K/mu, the number of terms, and the rows of `terms`."""
+        """Dimensionless parameters: K/mu, the number of terms, and the rows of `terms`.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,)).parameters.tolist()
+        [100.0, 1.0, 1.0, 2.0]
+        """
         return np.concatenate([[self.bulk_modulus / self.shear_modulus, len(self.terms)], *self.terms])
 
     @staticmethod
     @abstractmethod
     def coefficients(parameters, k):
-        """Return the constants of term k of W, a tuple of numbers read from the law's `parameters`."""
+        """Return the constants of a term of W.
+
+        Parameters
+        ----------
+        parameters : ndarray
+            Values of `parameters`.
+        k : int
+            Number of the term, from 0.
+
+        Returns
+        -------
+        tuple of float
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> law = pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,))
+        >>> [float(number) for number in law.coefficients(law.parameters, 0)]
+        [1.0, 2.0]
+        """
 
     def sums(self, stretches: tuple, parameters: np.ndarray) -> list:
-        """Return (W, g1, g2, g3, h), each summed over all terms, at stretches given as (x1, x2, x3, s1, s2, s3); see `term`."""
+        """Return W and its derivatives, summed over all terms.
+
+        Parameters
+        ----------
+        stretches : tuple
+            Values (x1, x2, x3, s1, s2, s3), see `term`.
+        parameters : ndarray
+            Values of `parameters`.
+
+        Returns
+        -------
+        list
+            W, g1, g2, g3 and h in units of mu, see `term`.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> law = pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,))
+        >>> [round(float(part), 6) for part in law.sums((0.0, 0.0, 0.0, 1.0, 1.0, 1.0), law.parameters)]
+        [0.0, 1.0, 1.0, 1.0, 1.333333]
+        """
         terms = (self.term(*stretches, self.coefficients(parameters, k)) for k in range(int(parameters[1])))
         return [sum(parts) for parts in zip(*terms, strict=True)]
 
     @staticmethod
     @abstractmethod
     def term(x1, x2, x3, s1, s2, s3, coefficients):
-        """Return one term of W as (energy, g1, g2, g3, h).
+        """Return one term of W and its derivatives.
 
-        ``x`` are the logarithms of the isochoric principal stretches and ``s`` the squares of these stretches; ``g`` are the derivatives by
-        x1, x2 and x3, and ``h`` is the second derivative along (-1, -1, 2)/3, the direction in which J3 changes the stretches at fixed F in
-        the plane.
+        Parameters
+        ----------
+        x1, x2, x3 : float or ndarray
+            Logarithms of the isochoric principal stretches.
+        s1, s2, s3 : float or ndarray
+            Squares of these stretches.
+        coefficients : tuple of float
+            Constants of the term, see `coefficients`.
+
+        Returns
+        -------
+        tuple
+            Energy; its derivatives g1, g2 and g3 by x1, x2 and x3; and the second derivative h along (-1, -1, 2)/3, the direction in which
+            J3 changes the stretches at fixed F in the plane.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> law = pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,))
+        >>> energy, *_ = law.term(0.0, 0.0, 0.0, 1.0, 1.0, 1.0, law.coefficients(law.parameters, 0))
+        >>> float(energy)
+        0.0
         """

@@ -42,6 +42,11 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     ----------
     Thomas, J. Polym. Sci. 18 (1955) 177-188.
 
+    See Also
+    --------
+    pdsurrogate.tearing_energy : fracture energy from the force of a trouser tear.
+    pdsurrogate.greatest_bond_stretch : critical stretch from the equilibrium in which a crack starts.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -95,6 +100,10 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     References
     ----------
     Rivlin and Thomas, J. Polym. Sci. 10 (1953) 291-318.
+
+    See Also
+    --------
+    pdsurrogate.critical_stretch_of : critical stretch for a fracture energy.
 
     Examples
     --------

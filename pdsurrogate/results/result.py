@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -23,13 +23,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(repr=False)
+@dataclasses.dataclass(repr=False)
 class Result:
     """Result of a simulation: its summary, history, convergence, and fields on the points in every recorded state.
 
-    Attributes
+    Parameters
     ----------
     scene : Scene
+        Scene as it ran.
     body : Body or None
         None for a result that was read from files.
     summary : dict
@@ -44,6 +45,11 @@ class Result:
     convergence : list of dict
         Rows of ``convergence.csv``: residual and energy through the search for equilibrium, and increments that failed.
 
+    See Also
+    --------
+    pdsurrogate.simulate : runs a scene and returns its result.
+    pdsurrogate.load_result : reads a result from the folder of a run.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -57,27 +63,66 @@ class Result:
     scene: Scene
     body: Body | None
     summary: dict
-    history: list[dict] = field(default_factory=list)
-    states: States = field(default_factory=States)
-    convergence: list[dict] = field(default_factory=list)
+    history: list[dict] = dataclasses.field(default_factory=list)
+    states: States = dataclasses.field(default_factory=States)
+    convergence: list[dict] = dataclasses.field(default_factory=list)
 
     @property
     def levels(self) -> list[dict]:
-        """Measured quantities, such as stress or forces, at every level: a stretch between grips, or an output of the loading steps."""
+        """Measured quantities, such as stress or forces, at every level: a stretch between grips, or an output of the loading steps.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2, 1.5]), "neo-hookean")
+        >>> [level["stretch"] for level in result.levels]
+        [1.2, 1.5]
+        """
         return self.summary["levels"]
 
     @property
     def status(self) -> str:
-        """Status of the run: "done", "failed", "interrupted", or "running", which also remains after a run is killed."""
+        """Status of the run: "done", "failed", "interrupted", or "running", which also remains after a run is killed.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").status
+        'done'
+        """
         return self.summary.get("status", DONE if self.summary.get("converged", True) else FAILED)
 
     @property
     def in_pieces(self) -> bool:
-        """True if several ranks wrote the fields in pieces, each rank for its own points; `save` then draws no pictures of the fields."""
+        """True if several ranks wrote the fields in pieces, each rank for its own points; `save` then draws no pictures of the fields.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").in_pieces
+        False
+        """
         return isinstance(self.states, StatesInFiles) and self.states.in_pieces
 
     def displacement(self, level: int = -1) -> np.ndarray:
-        """Return the displacements of the points in the state of number `level`, from 0; by default the last one; shape (n, d)."""
+        """Return the displacements of the points in one state.
+
+        Parameters
+        ----------
+        level : int
+            Number of the state, from 0; the last one by default.
+
+        Returns
+        -------
+        ndarray, shape (n, d)
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+        >>> result.displacement().shape
+        (48, 2)
+        """
         return self._fields(level)["displacement"][:, : self.scene.dimension]
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
@@ -89,6 +134,7 @@ class Result:
         Parameters
         ----------
         folder : str or path
+            Folder of the results, which is made if there is none.
         overwrite : bool
             Whether to remove the results of other runs as well.
 
@@ -98,6 +144,16 @@ class Result:
             If the folder holds results of another run or a file with the name of a result that no run wrote, or a run is writing there.
         ValueError
             If the result was read from another folder.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from pathlib import Path
+        >>> import pdsurrogate as pds
+        >>> folder = tempfile.mkdtemp()
+        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").save(folder)
+        >>> (Path(folder) / "summary.json").exists()
+        True
         """
         folder = Path(folder)
         with occupied(folder):
@@ -119,6 +175,17 @@ class Result:
 
         Runs with loading steps or dynamics are shown at a few outputs, see `chosen_states`; steps are colored by the magnitude of the
         displacement, and dynamics with fracture by damage.  A solid is shown from outside and in a section through its middle.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+        >>> type(result.figure()).__name__
+        'Figure'
         """
         chosen = self.chosen_states()
         if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
@@ -130,9 +197,29 @@ class Result:
         return _drawings().states_figure(self, field, chosen)
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
-        """Return the cells of the body in state number `level`, and the displacements of its nodes, shape (k, d).
+        """Return the cells of the body in one state.
 
         Along open cracks the nodes are duplicated, so that the cells on the two sides are separate.
+
+        Parameters
+        ----------
+        level : int
+            Number of the state, from 0; the last one by default.
+
+        Returns
+        -------
+        cells : CellMesh
+            Cell around each point.
+        displacements : ndarray, shape (k, d)
+            Displacements of the nodes of the cells.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+        >>> cells, displacements = result.cells()
+        >>> len(cells), displacements.shape
+        (48, (65, 2))
         """
         return self.states.cells(level) if self.body is None else deformed_cells(self.body, self._fields(level))
 
@@ -157,6 +244,11 @@ class Result:
         IndexError
             If there is no such state.
 
+        See Also
+        --------
+        pdsurrogate.Result.field_names : names of the fields.
+        pdsurrogate.Result.plot : draws a field.
+
         Examples
         --------
         >>> import pdsurrogate as pds
@@ -170,7 +262,24 @@ class Result:
         return values_of(self._fields(level), name)
 
     def field_names(self, level: int = -1) -> list[str]:
-        """Return the names of the fields of the state of number `level`, from 0; docs/guide/results.md defines the fields."""
+        """Return the names of the fields of one state; docs/reference/summary.md defines the fields.
+
+        Parameters
+        ----------
+        level : int
+            Number of the state, from 0; the last one by default.
+
+        Returns
+        -------
+        list of str
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+        >>> "displacement" in result.field_names()
+        True
+        """
         return list(self._fields(level))
 
     def _fields(self, level: int) -> dict[str, np.ndarray]:
@@ -199,12 +308,36 @@ class Result:
         ------
         ValueError, IndexError
             If there is no such field or state, or the field is a tensor and no component is named.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+        >>> type(result.plot("stress_11")).__name__
+        'Figure'
         """
         self._fields(level)
         return _drawings().states_figure(self, field, [range(len(self.states))[level]], limits)
 
     def label(self, field: str) -> str:
-        """Return the label of a field or a component: its name and its unit."""
+        """Return the label of a field or a component: its name and its unit.
+
+        Parameters
+        ----------
+        field : str
+            Field or component as for `field`.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+        >>> "stress_11" in result.label("stress_11")
+        True
+        """
         kind = unit_of(field)
         name = f"|{field}|" if field in ("displacement", "position") else field
         return self.scene.units.label(name, kind) if kind else name
@@ -216,6 +349,13 @@ class Result:
         -------
         pandas.DataFrame or list of dict
             A DataFrame with the units in ``.attrs["units"]`` if pandas is installed; otherwise the rows, as in `history`.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2, 1.5]), "neo-hookean")
+        >>> len(result.table())
+        2
         """
         try:
             import pandas
@@ -235,7 +375,20 @@ class Result:
         return self.facts() + html_history(self.history[-5:], self.scene.units, without="moment_")
 
     def facts(self) -> str:
-        """Return an HTML table of the run's force, material, size, cost and ending, for notebooks and the HTML page of `html_page`."""
+        """Return the run's force, material, size, cost and ending as a table, for notebooks and the HTML page of `html_page`.
+
+        Returns
+        -------
+        str
+            HTML.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+        >>> "neo-hookean@2" in result.facts()
+        True
+        """
         summary = self.summary
         facts = {
             "force": summary["force"],
@@ -249,16 +402,42 @@ class Result:
         return html_facts(f"Result of {summary['scene']}", facts)
 
     def in_dynamics(self) -> list[int]:
-        """Return the numbers of the states that were recorded in dynamics."""
+        """Return the numbers of the states that were recorded in dynamics.
+
+        Returns
+        -------
+        list of int
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").in_dynamics()
+        []
+        """
         if self.scene.stretched:
             return list(range(len(self.levels), len(self.states)))
         return [number for number, level in enumerate(self.levels) if "time" in level]
 
     def chosen_states(self, most: int = 4) -> list[int]:
-        """Return the numbers of the states that `figure` shows: all if grips load the body without dynamics, otherwise at most `most`.
+        """Return the numbers of the states that `figure` shows: all if grips load the body without dynamics, otherwise a few.
 
         These are spread evenly over all outputs, or, with grips or fracture, over the outputs from the first one in dynamics on. If bonds
         break in dynamics, the states are spread evenly over the number of broken bonds.
+
+        Parameters
+        ----------
+        most : int
+            Most states of a run with loading steps or dynamics.
+
+        Returns
+        -------
+        list of int
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2, 1.5]), "neo-hookean").chosen_states()
+        [0, 1]
         """
         moving, count, stretched = self.in_dynamics(), len(self.states), self.scene.stretched
         if not count or (stretched and self.scene.dynamics is None):
@@ -273,7 +452,23 @@ class Result:
         return sorted(set(chosen.round().astype(int).tolist()))
 
     def title(self, number: int) -> str:
-        """Return the title of the state of a given number for figures: its stretch or loading parameter, and in dynamics the time."""
+        """Return the title of a state for figures: its stretch or loading parameter, and in dynamics the time.
+
+        Parameters
+        ----------
+        number : int
+            Number of the state, from 0.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").title(0)
+        'stretch 1.5'
+        """
         moment, moving = self.states.moments[number], number in self.in_dynamics()
         if self.scene.stretched:
             at = f"stretch {moment.stretch:.3f}" if moving else f"stretch {moment.stretch:g}"
@@ -282,7 +477,19 @@ class Result:
         return f"{at}, {self.scene.units.amount(moment.time, 'time', '.4g')}" if moving else at
 
     def loading_figure(self) -> Figure:
-        """Return a figure of nominal stress against stretch if grips load the body, otherwise of forces against the loading parameter t."""
+        """Return a figure of nominal stress against stretch if grips load the body, otherwise of forces against the loading parameter t.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2, 1.5]), "neo-hookean")
+        >>> type(result.loading_figure()).__name__
+        'Figure'
+        """
         return _drawings().loading_figure(self)
 
 
@@ -311,6 +518,10 @@ def load_result(folder: str | Path) -> Result:
         If the folder holds no result.
     ValueError
         If the result is damaged, or was saved by a version that did not keep the scene.
+
+    See Also
+    --------
+    pdsurrogate.simulate : runs a scene, and writes its result to a folder if one is given.
 
     Examples
     --------

@@ -131,15 +131,29 @@ def _by_points(body: Body, first: np.ndarray, second: np.ndarray, weights: np.nd
 
 
 def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
-    """Return the greatest stretch of the bonds between points of a body at positions (n, d).
+    """Return the greatest stretch of the bonds between points of a body.
 
     For the equilibrium of a precut body at the loading at which its crack starts in experiment, this is the critical stretch with which
     the simulated crack starts there: the paper's calibration from a loading curve.
+
+    Parameters
+    ----------
+    body : Body
+    positions : array_like, shape (n, d)
+        Deformed positions of the body's points.
+
+    Returns
+    -------
+    float
 
     Raises
     ------
     ValueError
         If the positions are not those of the body's points.
+
+    See Also
+    --------
+    pdsurrogate.critical_stretch_of : critical stretch for a fracture energy.
 
     Examples
     --------

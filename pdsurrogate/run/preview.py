@@ -71,6 +71,11 @@ def preview(scene: Scene) -> Figure:
     SceneError
         If the body cannot be built, a region is empty, or the supports and loads of the body are invalid for a run.
 
+    See Also
+    --------
+    pdsurrogate.load_scene : loads a scene.
+    pdsurrogate.simulate : runs a scene.
+
     Examples
     --------
     >>> import pdsurrogate as pds

@@ -41,7 +41,18 @@ __all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "SinglePreci
 
 
 class SimulationFailed(RuntimeError):
-    """Error for a run that stopped before its end; `result` holds the outputs that it reached.
+    """Error for a run that stopped before its end.
+
+    Parameters
+    ----------
+    message : str
+        Reason, with time or stretch, place and what to change.
+    result : Result
+        Outputs that the run reached, which the error has as its attribute ``result``.
+
+    See Also
+    --------
+    pdsurrogate.simulate : raises the error.
 
     Examples
     --------
@@ -62,10 +73,14 @@ class SimulationFailed(RuntimeError):
 class SimulationInterrupted(SimulationFailed):
     """Error for a run that was stopped by Ctrl-C or at its time limit; with a folder, this contains a checkpoint of the run.
 
-    Attributes
+    Parameters
     ----------
+    message : str
+        What stopped the run, and how to resume it.
+    result : Result
+        Outputs that the run reached, which the error has as its attribute ``result``.
     out_of_time : bool
-        Whether the time limit `max_time` of the run had passed.
+        Whether the time limit `max_time` of the run had passed; also an attribute.
 
     Examples
     --------
@@ -166,6 +181,14 @@ def simulate(
     SimulationFailed
         If an output does not converge, or the deformation leaves the states for which the material is defined; its `result` holds the
         outputs reached.
+
+    See Also
+    --------
+    pdsurrogate.load_scene : loads a scene.
+    pdsurrogate.load_surrogate : loads a force model.
+    pdsurrogate.preview : draws the points, supports and loads of a scene before it runs.
+    pdsurrogate.Result : what a simulation returns.
+    pdsurrogate.study : runs a scene with many parameters.
 
     Examples
     --------

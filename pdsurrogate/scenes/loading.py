@@ -34,6 +34,12 @@ class Prescribed(StrictModel):
     name : str, optional
         Name under which results report the force; by default the name of the region.
 
+    See Also
+    --------
+    pdsurrogate.Region : region of a body.
+    pdsurrogate.Load : forces instead of displacements.
+    pdsurrogate.Step : step of the loading parameter.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -61,7 +67,14 @@ class Prescribed(StrictModel):
 
     @property
     def displacement(self) -> tuple[float | None, float | None, float | None]:
-        """Prescribed displacements x1, x2 and x3 at amplitude 1; None for a component without a value."""
+        """Prescribed displacements x1, x2 and x3 at amplitude 1; None for a component without a value.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Prescribed(region="left", x1=0.0).displacement
+        (0.0, None, None)
+        """
         return self.x1, self.x2, self.x3
 
 
@@ -88,6 +101,12 @@ class Load(StrictModel):
     name : str, optional
         Name under which results report the force of the load; by default the name of the region.
 
+    See Also
+    --------
+    pdsurrogate.Region : region of a body.
+    pdsurrogate.Prescribed : displacements instead of forces.
+    pdsurrogate.Step : step of the loading parameter.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -108,7 +127,14 @@ class Load(StrictModel):
 
     @property
     def kind(self) -> str:
-        """Return the kind of the load: ``traction``, ``pressure``, ``body_force`` or ``force``."""
+        """Return the kind of the load: ``traction``, ``pressure``, ``body_force`` or ``force``.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Load(region="left", pressure=0.1).kind
+        'pressure'
+        """
         return next(kind for kind in self.kinds if getattr(self, kind) is not None)
 
     def model_post_init(self, _) -> None:
@@ -162,6 +188,10 @@ class StepDynamics(DynamicsSettings):
     duration : float
         Duration of the step, in which the loading parameter changes linearly. Unit: time.
 
+    See Also
+    --------
+    pdsurrogate.Step : step that takes these settings.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -188,6 +218,10 @@ class Step(StrictModel):
         Greatest change of t between two equilibria. Unit: none.
     dynamics : StepDynamics, optional
         Settings of explicit dynamics; without them the step is in equilibrium.
+
+    See Also
+    --------
+    pdsurrogate.StepDynamics : settings of explicit dynamics during a step.
 
     Examples
     --------

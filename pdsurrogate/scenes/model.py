@@ -122,6 +122,10 @@ class Part(StrictModel):
         Artifact that is the force model of this material. By default the force model of the rest of the body, or, if that model is a
         surrogate, the surrogate of this material's law.
 
+    See Also
+    --------
+    pdsurrogate.Region : region of a body.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -381,6 +385,12 @@ class Scene(StrictModel):
         Solution with which results are compared: exact homogeneous tension of a rectangle between rollers, or the stored finite element
         solutions of built-in scenes.
 
+    See Also
+    --------
+    pdsurrogate.load_scene : loads a scene by name or from a file.
+    pdsurrogate.preview : draws a scene before it runs.
+    pdsurrogate.simulate : runs a scene.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -442,16 +452,33 @@ class Scene(StrictModel):
 
     @property
     def dimension(self) -> int:
-        """Return the dimension of the body, 2 or 3."""
+        """Return the dimension of the body, 2 or 3.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_scene("uniaxial").dimension
+        2
+        """
         return self.body.dimension
 
     def law(self) -> Law:
         """Return the law of the material.
 
+        Returns
+        -------
+        Law
+
         Raises
         ------
         SceneError
             If the scene names no material: only an artifact that brings its own material can run such a scene.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_scene("uniaxial").law().name
+        'neo-hookean'
         """
         if self.material is None:
             raise SceneError(f"scene {self.name}: material: none is given; give one, or an artifact as the force, whose material is taken")
@@ -459,12 +486,26 @@ class Scene(StrictModel):
 
     @property
     def stretched(self) -> bool:
-        """Return whether grips and stretches define the loading."""
+        """Return whether grips and stretches define the loading.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_scene("uniaxial").stretched
+        True
+        """
         return bool(self.grips)
 
     @property
     def loaded_axis(self) -> int:
-        """Return the axis along which grips pull the body: 0 for x1, 1 for x2, 2 for x3."""
+        """Return the axis along which grips pull the body: 0 for x1, 1 for x2, 2 for x3.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.load_scene("uniaxial").loaded_axis
+        0
+        """
         return EDGES[self.grips[0].edge][0]
 
     @model_validator(mode="before")

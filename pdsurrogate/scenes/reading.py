@@ -19,6 +19,15 @@ MOST_BYTES = 16 * 2**20
 def scene_names() -> list[str]:
     """Return the names of the built-in scenes.
 
+    Returns
+    -------
+    list of str
+        In alphabetical order.
+
+    See Also
+    --------
+    pdsurrogate.load_scene : loads a scene.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -40,10 +49,20 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
     **parameters
         Further changes of top-level keys.
 
+    Returns
+    -------
+    Scene
+
     Raises
     ------
     SceneError
         If there is no such scene, the file is not valid TOML, or the description makes no sense.
+
+    See Also
+    --------
+    pdsurrogate.scene_names : names of the built-in scenes.
+    pdsurrogate.simulate : runs a scene.
+    pdsurrogate.preview : draws a scene before it runs.
 
     Examples
     --------

@@ -125,6 +125,10 @@ class Region(StrictModel):
     other : Region or str, optional
         Complement of a region; the key in scene files is ``not``.
 
+    See Also
+    --------
+    pdsurrogate.Prescribed, pdsurrogate.Load, pdsurrogate.Part
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -159,7 +163,21 @@ class Region(StrictModel):
         return self
 
     def members(self) -> Iterator[tuple[str, str | Region]]:
-        """Yield the regions that this region combines, each preceded by its key: and.0, and.1, or.0, not."""
+        """Yield the regions that this region combines, each preceded by its key: and.0, and.1, or.0, not.
+
+        Yields
+        ------
+        key : str
+            Key of the region in a scene file.
+        region : str or Region
+            Region or its name.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> list(pds.Region(both=("top", "left")).members())
+        [('and.0', 'top'), ('and.1', 'left')]
+        """
         yield from ((f"and.{number}", member) for number, member in enumerate(self.both or ()))
         yield from ((f"or.{number}", member) for number, member in enumerate(self.either or ()))
         yield from () if self.other is None else [("not", self.other)]

@@ -24,11 +24,38 @@ class Shape(StrictModel):
 
     @abstractmethod
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Return whether each of the points, shape (n, d), lies inside the shape."""
+        """Return whether points lie inside the shape.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, d)
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Circle(radius=1.0).contains(np.array([[0.5, 0.5], [1.0, 1.0]])).tolist()
+        [True, False]
+        """
 
     @abstractmethod
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and the upper corner of the bounding box of the shape, each of shape (d,)."""
+        """Return the lower and the upper corner of the bounding box of the shape.
+
+        Returns
+        -------
+        lower, upper : ndarray, shape (d,)
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> [corner.tolist() for corner in pds.shapes.Circle(radius=1.0).bounds()]
+        [[-1.0, -1.0], [1.0, 1.0]]
+        """
 
 
 class Outline(Shape):
@@ -46,6 +73,17 @@ class Outline(Shape):
         ----------
         cell : ndarray, shape (2,)
             Sides of a cell.
+
+        Returns
+        -------
+        ndarray, shape (k, 2)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Rectangle(size=(1.0, 1.0)).boundary(np.array([0.5, 0.5])).shape
+        (8, 2)
         """
 
 
@@ -332,10 +370,27 @@ class Precut(StrictModel):
             raise ValueError("a precut needs two different ends")
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return whether each of the segments from `starts` to `ends`, both of shape (k, 2), crosses the cut.
+        """Return whether segments cross the cut.
 
         A point on the cut's line, to rounding, counts as lying to the left of the cut: a cut through a row of points separates these points
         from those on the right, and not from those on the left.
+
+        Parameters
+        ----------
+        starts, ends : ndarray, shape (k, 2)
+            Ends of the segments.
+
+        Returns
+        -------
+        ndarray of bool, shape (k,)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> cut = pds.shapes.Precut(start=(0.0, 0.5), end=(1.0, 0.5))
+        >>> cut.crosses(np.array([[0.5, 0.0], [2.0, 0.0]]), np.array([[0.5, 1.0], [2.0, 1.0]])).tolist()
+        [True, False]
         """
         a, b = np.array(self.start), np.array(self.end)
         along = b - a

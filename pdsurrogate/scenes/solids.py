@@ -48,7 +48,14 @@ class Prism(Solid):
     @property
     @abstractmethod
     def straight(self) -> Straight:
-        """Return the section of the solid, its axis and the span along the axis."""
+        """Return the section of the solid, its axis and the span along the axis.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Cylinder(radius=1.0, length=2.0).straight.section.shape
+        'circle'
+        """
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         straight = self.straight
@@ -93,7 +100,24 @@ class Box(Prism):
         return self.straight_along(2)
 
     def straight_along(self, axis: int) -> Straight:
-        """Return the box as a rectangular section along the axis of the given number (0, 1 or 2)."""
+        """Return the box as a prism along an axis.
+
+        Parameters
+        ----------
+        axis : int
+            Number of the axis: 0, 1 or 2.
+
+        Returns
+        -------
+        Straight
+            Rectangular section, and span along the axis.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Box(size=(1.0, 1.0, 2.0)).straight_along(2).span
+        (0.0, 2.0)
+        """
         across = (axis + 1) % 3, (axis + 2) % 3
         section = Rectangle(size=tuple(self.size[other] for other in across), lower=tuple(self.lower[other] for other in across))
         return Straight(axis, section, (), (self.lower[axis], self.lower[axis] + self.size[axis]))
@@ -257,7 +281,14 @@ class Sphere(Solid):
 
     @property
     def halved(self) -> tuple[int, ...]:
-        """Return the numbers of the axes along which the body is only the upper half of the sphere; empty for a whole sphere."""
+        """Return the numbers of the axes along which the body is only the upper half of the sphere; empty for a whole sphere.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Sphere(radius=1.0, part="quarter").halved
+        (0, 1)
+        """
         return tuple(range(("whole", "half", "quarter", "eighth").index(self.part)))
 
     def contains(self, points: np.ndarray) -> np.ndarray:
@@ -278,17 +309,66 @@ class FlatCut(StrictModel):
 
     @abstractmethod
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return a place on the plane of the cut, shape (3,), the unit normal, shape (3,), and the cut's longest side or radius."""
+        """Return the plane of the cut.
+
+        Returns
+        -------
+        place : ndarray, shape (3,)
+            A place on the plane.
+        normal : ndarray, shape (3,)
+            Unit normal.
+        extent : float
+            Longest side or radius of the cut.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> place, normal, extent = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 2.0)).plane()
+        >>> normal.tolist(), extent
+        ([0.0, 0.0, 1.0], 0.4)
+        """
 
     @abstractmethod
     def covers(self, places: np.ndarray) -> np.ndarray:
-        """Return whether each of the places on the plane of the cut, shape (k, 3), belongs to the cut."""
+        """Return whether places on the plane of the cut belong to the cut.
+
+        Parameters
+        ----------
+        places : array_like, shape (k, 3)
+
+        Returns
+        -------
+        ndarray of bool, shape (k,)
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)).covers([[0.3, 0.0, 1.0]]).tolist()
+        [True]
+        """
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return whether each of the segments from `starts` to `ends`, both of shape (k, 3), crosses the cut.
+        """Return whether segments cross the cut.
 
         A point on the cut's plane, to rounding, counts as lying on the side of the normal: a cut through a layer of points separates these
         points from those on the other side, and not from those on the side of the normal.
+
+        Parameters
+        ----------
+        starts, ends : ndarray, shape (k, 3)
+            Ends of the segments.
+
+        Returns
+        -------
+        ndarray of bool, shape (k,)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> cut = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
+        >>> cut.crosses(np.array([[0.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 1.5]])).tolist()
+        [True]
         """
         place, normal, extent = self.plane()
         heights = [(points - place) @ normal for points in (starts, ends)]

@@ -35,6 +35,10 @@ class Distribution(StrictModel):
     **extra_data : float
         Parameters of the distribution, named as in `scipy.stats`, such as ``loc`` and ``scale``.
 
+    See Also
+    --------
+    pdsurrogate.Study : draws the values of parameters from distributions.
+
     Examples
     --------
     >>> import pdsurrogate as pds
@@ -53,7 +57,14 @@ class Distribution(StrictModel):
 
     @property
     def discrete(self) -> bool:
-        """True if the values of the distribution are whole numbers."""
+        """True if the values of the distribution are whole numbers.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.studies.Distribution(distribution="randint", low=1, high=5).discrete
+        True
+        """
         from scipy import stats
 
         return isinstance(getattr(stats, self.distribution), stats.rv_discrete)
@@ -61,10 +72,20 @@ class Distribution(StrictModel):
     def build(self):
         """Return the distribution of `scipy.stats` with its parameters fixed ("frozen").
 
+        Returns
+        -------
+        scipy.stats.rv_frozen
+
         Raises
         ------
         ValueError
             For an unknown distribution, an unknown or missing parameter, or an invalid value.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> float(pds.studies.Distribution(distribution="uniform", loc=0.0, scale=2.0).build().mean())
+        1.0
         """
         from scipy import stats
 
@@ -163,6 +184,11 @@ class Study(StrictModel):
     quantities : tuple of str, optional
         Columns of the table: dotted keys of a run's ``summary.json``, or of the last entry of its ``levels``. By default the convergence,
         stresses or forces, probes, evaluations and seconds.
+
+    See Also
+    --------
+    pdsurrogate.study : carries out a study.
+    pdsurrogate.studies.Distribution : distribution of a parameter.
 
     Examples
     --------

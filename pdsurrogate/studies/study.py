@@ -45,14 +45,19 @@ class StudyProgress:
 class StudyResult:
     """Results of all runs of a study, as rows of one table.
 
-    Attributes
+    Parameters
     ----------
     study : Study
+        Description of the study.
     folder : Path
         Folder with ``study.csv``, ``study.png`` and, in ``runs``, a folder for every run.
     rows : list of dict
         One row for every run, in the order of the design: ``run``, the name of its folder; parameters and quantities (columns of results)
         by their keys; and ``failure``, None for a run that succeeded.
+
+    See Also
+    --------
+    pdsurrogate.study : carries out a study.
 
     Examples
     --------
@@ -69,7 +74,21 @@ class StudyResult:
     rows: list[dict[str, Any]] = field(repr=False)
 
     def table(self):
-        """Return the rows as a `pandas.DataFrame`, or as a list of dictionaries if pandas is not installed."""
+        """Return the rows as one table.
+
+        Returns
+        -------
+        pandas.DataFrame or list of dict
+            A list if pandas is not installed.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> described = pds.Study(scene="uniaxial", parameters={"spacing": [0.25]})
+        >>> rows = [{"run": "a", "spacing": 0.25, "failure": None}]
+        >>> len(pds.studies.StudyResult(described, None, rows).table())
+        1
+        """
         try:
             from pandas import DataFrame
         except ImportError:
@@ -78,12 +97,30 @@ class StudyResult:
 
     @property
     def failures(self) -> list[dict[str, Any]]:
-        """Rows of the runs that failed; unfinished runs (`not_done`) are not among them."""
+        """Rows of the runs that failed; unfinished runs (`not_done`) are not among them.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> described = pds.Study(scene="uniaxial", parameters={"spacing": [0.25, 9.0]})
+        >>> rows = [{"run": "a", "spacing": 0.25, "failure": None}, {"run": "b", "spacing": 9.0, "failure": "too large"}]
+        >>> [row["run"] for row in pds.studies.StudyResult(described, None, rows).failures]
+        ['b']
+        """
         return [row for row in self.rows if row[FAILURE] not in (None, NOT_DONE)]
 
     @property
     def not_done(self) -> list[dict[str, Any]]:
-        """Rows of the runs that are not finished: not started, interrupted, or out of time."""
+        """Rows of the runs that are not finished: not started, interrupted, or out of time.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> described = pds.Study(scene="uniaxial", parameters={"spacing": [0.25]})
+        >>> rows = [{"run": "a", "spacing": 0.25, "failure": None}]
+        >>> pds.studies.StudyResult(described, None, rows).not_done
+        []
+        """
         return [row for row in self.rows if row[FAILURE] == NOT_DONE]
 
     def _summaries(self) -> dict[str, dict[str, Any]]:
@@ -92,7 +129,21 @@ class StudyResult:
         return {place: summary for place in done if (summary := _read(self.folder / RUNS / place / SUMMARY))}
 
     def cautions(self) -> list[str]:
-        """Return texts of warnings: of asked quantities that no successful run has, and of states outside the domain of a surrogate."""
+        """Return texts of warnings: of asked quantities that no successful run has, and of states outside the domain of a surrogate.
+
+        Returns
+        -------
+        list of str
+
+        Examples
+        --------
+        >>> from pathlib import Path
+        >>> import pdsurrogate as pds
+        >>> described = pds.Study(scene="uniaxial", parameters={"spacing": [0.25]})
+        >>> rows = [{"run": "a", "spacing": 0.25, "failure": "too coarse"}]
+        >>> pds.studies.StudyResult(described, Path("out"), rows).cautions()
+        []
+        """
         summaries = self._summaries()
         missing = [name for name in self.study.quantities or () if not any(quantities_in(one, [name]) for one in summaries.values())]
         found = [f"quantities: no run has {name!r}" for name in missing if summaries]
@@ -102,16 +153,34 @@ class StudyResult:
         return found
 
     def figure(self):
-        """Return a matplotlib figure of every varying quantity against every varying parameter; None if nothing varies.
+        """Return a figure of every varying quantity against every varying parameter, the first six of each (`MOST_DRAWN`).
 
-        It shows the first six of each (`MOST_DRAWN`).
+        Returns
+        -------
+        matplotlib.figure.Figure or None
+            None if nothing varies.
+
+        Examples
+        --------
+        >>> from pathlib import Path
+        >>> import pdsurrogate as pds
+        >>> described = pds.Study(scene="uniaxial", parameters={"spacing": [0.25, 0.5]})
+        >>> rows = [{"run": "a", "spacing": 0.25, "stress": 1.0, "failure": None}]
+        >>> rows.append({"run": "b", "spacing": 0.5, "stress": 1.1, "failure": None})
+        >>> type(pds.studies.StudyResult(described, Path("out"), rows).figure()).__name__
+        'Figure'
         """
         units = next((summary["units"] for summary in self._summaries().values() if "units" in summary), {})
         return study_figure(self.rows, list(self.study.parameters), units)
 
 
 class StudyInterrupted(RuntimeError):
-    """Error for a study stopped by Ctrl-C; `result` has the finished runs, and the same call resumes the study.
+    """Error for a study stopped by Ctrl-C; the same call resumes the study.
+
+    Parameters
+    ----------
+    result : StudyResult
+        Finished runs, which the error has as its attribute ``result``.
 
     Examples
     --------
@@ -176,6 +245,11 @@ def study(
         or if another study is writing there.
     StudyInterrupted
         After Ctrl-C; the table of the finished runs is written.
+
+    See Also
+    --------
+    pdsurrogate.Study : description of a study.
+    pdsurrogate.simulate : runs one scene.
 
     Examples
     --------
