@@ -1,32 +1,25 @@
 """Pages run as they are printed: a reader types every block into an empty folder, and the README a second time into the same one.
 
-A block whose paragraph before it names a file, as in "This is `sheet.py`:", is the content of that file.  Python of a page is one script,
-to be typed from its beginning; then come the commands, each block by bash as it stands.  What sets up an environment is not run here: with
-the README's two commands continuous integration itself begins.  Pages of Python alone are run by `tests/test_docs.py`.
+`pipelines/tutorials.py` types a page and says what a block is.  A ``text`` block shows the output of the block before it, and is compared with
+it; so are the names of pictures with those of the files that a page draws.  What sets up an environment is not run here: with the README's two
+commands continuous integration itself begins.  Pages of Python alone are run by `tests/test_docs.py`.
 """
 
 import importlib.util
 import json
 import os
-import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from several_ranks import SLEEPING
+from tutorials import AFTER_SETUP, NOTEBOOKS, SETS_UP, blocks_of, command_of, notebook_of, outputs_of, pictures_of, same_output, type_in
 
 import pdsurrogate as pds
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-
-BLOCK = re.compile(r"^```(python|sh|toml|csv)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-
-ENDINGS = {"python": ".py", "toml": ".toml", "csv": ".csv"}
-
-SETS_UP = re.compile(r"(python3[\d.]* -m venv|pip install) ")
-"""How a block begins that sets up an environment."""
+TUTORIALS = sorted((DOCS / "tutorial").glob("*.md"))
 
 TOO_LONG = {
     "guide/cracks.md": "cracks of tens of thousands of points",
@@ -38,37 +31,12 @@ TOO_LONG = {
 """Pages whose commands take minutes: `tests/test_docs.py` runs their Python, and sees that their commands are understood."""
 
 
-def blocks_of(page: Path) -> list[tuple[str, str, str]]:
-    """File that a block is the content of, or nothing, its kind and its text; none of what sets up an environment."""
-    found, whole = [], page.read_text()
-    for block in BLOCK.finditer(whole):
-        kind, text = block.groups()
-        before = whole[: block.start()].rstrip().rpartition("\n\n")[2]
-        named = [name for name in re.findall(r"`([\w./-]+)`", before) if kind in ENDINGS and name.endswith(ENDINGS[kind])]
-        if not SETS_UP.match(text):
-            found.append((Path(named[-1]).name if named else "", kind, text))
-    return found
-
-
-def type_in(page: Path, folder: Path) -> list[str]:
-    """Do what a page says, in a folder; returns what each block has printed, of Python first."""
-    blocks = blocks_of(page)
-    for file, _, text in blocks:
-        if file:
-            (folder / file).write_text(text)
-    commands = [["bash", "-euo", "pipefail", "-c", text] for _, kind, text in blocks if kind == "sh"]
-    script = "\n".join(text for _, kind, text in blocks if kind == "python")
-    if script:
-        (folder / "typed.py").write_text(script)
-        commands.insert(0, [sys.executable, "typed.py"])
-    # The commands of the environment that the tests run in, as where it is active.
-    environment = {**os.environ, **SLEEPING, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    printed = []
-    for command in commands:
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600, check=False)
-        assert done.returncode == 0, f"{page.name}: {command[-1]}\n{done.stdout}\n{done.stderr}"
-        printed.append(done.stdout)
-    return printed
+def typed(page: Path, folder: Path) -> str:
+    """Do what a page says, compare its output and its pictures with those of the page, and return all that it printed."""
+    printed = type_in(page, folder, **SLEEPING)
+    for before, block in outputs_of(page).items():
+        assert same_output(block.text, printed[before]), f"{page.name} shows\n{block.text}\nbut this is printed:\n{printed[before]}"
+    return "".join(printed.values())
 
 
 @pytest.mark.slow  # fits, and a sheet that tears
