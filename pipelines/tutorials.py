@@ -1,4 +1,4 @@
-"""Output, pictures and notebooks of the pages that a reader can type: those of docs/start and docs/tutorial.
+"""Output, pictures and notebooks of the pages that a reader can type: the README and those of docs/start and docs/tutorial.
 
 python pipelines/tutorials.py [PAGE ...]     types the pages (default: all) into empty folders and updates what depends on it
 
@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from pdsurrogate.results.files import write_text
@@ -47,8 +48,7 @@ FACTOR = 2.0
 on another processor."""
 
 SMALL = 1e-5
-"""Size of a number from which on only its order is compared.  Chosen: tables print such numbers with an exponent, and no other quantity is as
-small."""
+"""Absolute value below which only the order of a number is compared.  Chosen: on these pages only errors are as small."""
 
 DURATION = re.compile(r"\d (s|ms|ns|min|GiB)\b")
 """Mark of a line with a time or a memory size, which depend on the machine: such a line is not compared."""
@@ -117,7 +117,7 @@ def type_in(page: Path, folder: Path, **variables: str) -> dict[Block, str]:
 def outputs_of(page: Path) -> dict[Block, Block]:
     """Return the output that a page shows: each ``text`` block by the block of Python or of commands before it."""
     blocks = blocks_of(page.read_text("utf-8"))
-    return {before: block for before, block in zip(blocks, blocks[1:], strict=False) if block.kind == "text"}
+    return {before: block for before, block in pairwise(blocks) if block.kind == "text"}
 
 
 def _unit(number: str) -> float:
@@ -215,13 +215,16 @@ def notebook_of(page: Path) -> str:
     for number, cell in enumerate(cells):
         cell["id"] = f"{page.stem}-{number}"
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    notebook = new_notebook(cells=cells, metadata={"kernelspec": kernel, "language_info": {"name": "python"}})
+    notebook = new_notebook(cells=cells, nbformat_minor=5, metadata={"kernelspec": kernel, "language_info": {"name": "python"}})
     nbformat.validate(notebook)
     return nbformat.writes(notebook) + "\n"
 
 
 if __name__ == "__main__":
-    pages = [Path(name).resolve() for name in sys.argv[1:]] or [*sorted((DOCS / "start").glob("*.md")), *sorted((DOCS / "tutorial").glob("*.md"))]
+    pages = [Path(name).resolve() for name in sys.argv[1:]] or [
+        *sorted((DOCS / "start").glob("*.md")),
+        *sorted((DOCS / "tutorial").glob("*.md")),
+    ]
     for page in pages:
         print(page.relative_to(ROOT), flush=True)
         update(page)

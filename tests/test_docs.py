@@ -134,19 +134,6 @@ def test_scenes_and_studies_that_are_printed_are_understood(page, tmp_path):
             assert pds.Scene.model_validate(found).spacing > 0, number
 
 
-@pytest.mark.slow  # they train, and compile a force that is not otherwise taken
-@pytest.mark.parametrize("script", sorted((ROOT / "pipelines" / "examples").glob("*.py")), ids=lambda script: script.stem)
-def test_notebooks_run(script, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    found = runpy.run_path(str(script))
-    checks = {
-        "first_sheet": lambda: found["difference"] < 1e-3,
-        "own_rubber": lambda: abs(found["error"]) < 1e-3,
-        "tear": lambda: abs(found["gap"]) < 0.02 * found["last"]["work"] and Path("tear.html").exists(),
-    }
-    assert checks[script.stem]()
-
-
 def test_equations_are_numbered_in_order_and_cited_by_numbers_that_exist():
     theory = (DOCS / "theory.md").read_text()
     numbers = [int(number) for number in re.findall(r"\\tag\{(\d+)\}", theory)]
