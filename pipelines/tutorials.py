@@ -1,4 +1,4 @@
-"""Output, pictures and notebooks of the pages that a reader can type: the README and those of docs/start and docs/tutorial.
+"""Output, pictures and notebooks of the pages that a reader can type: the README, two of docs/start, and the tutorials.
 
 python pipelines/tutorials.py [PAGE ...]     types the pages (default: all) into empty folders and updates what depends on it
 
@@ -221,11 +221,8 @@ def notebook_of(page: Path) -> str:
 
 
 if __name__ == "__main__":
-    pages = [Path(name).resolve() for name in sys.argv[1:]] or [
-        *sorted((DOCS / "start").glob("*.md")),
-        *sorted((DOCS / "tutorial").glob("*.md")),
-    ]
-    for page in pages:
+    typed = [ROOT / "README.md", DOCS / "start/installation.md", DOCS / "start/first-steps.md", *sorted((DOCS / "tutorial").glob("*.md"))]
+    for page in [Path(name).resolve() for name in sys.argv[1:]] or typed:
         print(page.relative_to(ROOT), flush=True)
         update(page)
         if page.parent.name == "tutorial":
