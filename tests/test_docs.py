@@ -137,6 +137,8 @@ def test_commands_that_are_printed_are_understood(page):
     """Commands, options and, of built-in scenes, every --set; what they do has its tests elsewhere."""
     group = typer.main.get_command(app)
     for words in commands_of(page):
+        if words == ["--version"]:  # printed while options are read, and the program ends
+            continue
         with group.make_context("pdsurrogate", list(words)) as context:
             name, command, rest = group.resolve_command(context, context._protected_args + context.args)
             given = command.make_context(name, rest, parent=context).params
@@ -165,19 +167,6 @@ def test_scenes_and_studies_that_are_printed_are_understood(page, tmp_path):
             assert pds.Scene.model_validate(found).spacing > 0, number
 
 
-@pytest.mark.slow  # they train, and compile a force that is not otherwise taken
-@pytest.mark.parametrize("script", sorted((ROOT / "pipelines" / "examples").glob("*.py")), ids=lambda script: script.stem)
-def test_notebooks_run(script, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    found = runpy.run_path(str(script))
-    checks = {
-        "first_sheet": lambda: found["difference"] < 1e-3,
-        "own_rubber": lambda: abs(found["error"]) < 1e-3,
-        "tear": lambda: abs(found["gap"]) < 0.02 * found["last"]["work"] and Path("tear.html").exists(),
-    }
-    assert checks[script.stem]()
-
-
 def test_equations_are_numbered_in_order_and_cited_by_numbers_that_exist():
     theory = (DOCS / "theory.md").read_text()
     numbers = [int(number) for number in re.findall(r"\\tag\{(\d+)\}", theory)]
@@ -193,6 +182,6 @@ def test_equations_are_numbered_in_order_and_cited_by_numbers_that_exist():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
 def test_files_that_are_named_exist(page):
-    """Files stand in backticks, named from the root of the repository or from the package."""
-    for name in re.findall(r"`((?:[\w.-]+/)+[\w.-]*)`", page.read_text()):
+    """Files stand in backticks, named from the root of the repository or from the package; those below `out` are made by a run."""
+    for name in re.findall(r"`((?!out/)(?:[\w.-]+/)+[\w.-]*)`", page.read_text()):
         assert (ROOT / name).exists() or (ROOT / "pdsurrogate" / name).exists(), name

@@ -1,34 +1,29 @@
 """Pages run as they are printed: a reader types every block into an empty folder, and the README a second time into the same one.
 
-A block whose paragraph before it names a file, as in "This is `sheet.py`:", is the content of that file.  Python of a page is one script,
-to be typed from its beginning; then come the commands, each block by bash as it stands.  What sets up an environment is not run here: with
-the README's two commands continuous integration itself begins.  Pages of Python alone are run by `tests/test_docs.py`.
+`pipelines/tutorials.py` types a page and says what a block is.  A ``text`` block shows the output of the block before it and is compared
+with it.  A picture has the size of the one that the page draws.  What sets up an environment is not run here: with the README's two
+commands continuous integration itself begins.  Pages of Python alone are run by `tests/test_docs.py`.
 """
 
 import importlib.util
 import json
 import os
-import re
-import subprocess
+import struct
 import sys
 from pathlib import Path
 
 import pytest
 from several_ranks import SLEEPING
+from tutorials import NOTEBOOKS, SETS_UP, blocks_of, command_of, notebook_of, outputs_of, pictures_of, same_output, type_in
 
 import pdsurrogate as pds
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-
-BLOCK = re.compile(r"^```(python|sh|toml|csv)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-
-ENDINGS = {"python": ".py", "toml": ".toml", "csv": ".csv"}
-
-SETS_UP = re.compile(r"(python3[\d.]* -m venv|pip install) ")
-"""How a block begins that sets up an environment."""
+TUTORIALS = sorted((DOCS / "tutorial").glob("*.md"))
 
 TOO_LONG = {
+    "start/choose.md": "12 runs, and cracks",
     "guide/cracks.md": "cracks of tens of thousands of points",
     "guide/energies.md": "bodies as fine as they are meant",
     "guide/laws.md": "bodies as fine as they are meant",
@@ -38,49 +33,18 @@ TOO_LONG = {
 """Pages whose commands take minutes: `tests/test_docs.py` runs their Python, and sees that their commands are understood."""
 
 
-def blocks_of(page: Path) -> list[tuple[str, str, str]]:
-    """File that a block is the content of, or nothing, its kind and its text; none of what sets up an environment."""
-    found, whole = [], page.read_text()
-    for block in BLOCK.finditer(whole):
-        kind, text = block.groups()
-        before = whole[: block.start()].rstrip().rpartition("\n\n")[2]
-        named = [name for name in re.findall(r"`([\w./-]+)`", before) if kind in ENDINGS and name.endswith(ENDINGS[kind])]
-        if not SETS_UP.match(text):
-            found.append((Path(named[-1]).name if named else "", kind, text))
-    return found
-
-
-def type_in(page: Path, folder: Path) -> list[str]:
-    """Do what a page says, in a folder; returns what each block has printed, of Python first."""
-    blocks = blocks_of(page)
-    for file, _, text in blocks:
-        if file:
-            (folder / file).write_text(text)
-    commands = [["bash", "-euo", "pipefail", "-c", text] for _, kind, text in blocks if kind == "sh"]
-    script = "\n".join(text for _, kind, text in blocks if kind == "python")
-    if script:
-        (folder / "typed.py").write_text(script)
-        commands.insert(0, [sys.executable, "typed.py"])
-    # The commands of the environment that the tests run in, as where it is active.
-    environment = {**os.environ, **SLEEPING, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    printed = []
-    for command in commands:
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600, check=False)
-        assert done.returncode == 0, f"{page.name}: {command[-1]}\n{done.stdout}\n{done.stderr}"
-        printed.append(done.stdout)
-    return printed
-
-
 @pytest.mark.slow  # fits, and a sheet that tears
 def test_the_readme_twice_in_one_folder(tmp_path):
     """One who knows scikit-learn, and one who has a table of tests and wants a torn sheet; a second time new versions are stored."""
     page = ROOT / "README.md"
-    assert len(next(text for _, kind, text in blocks_of(page) if kind == "python").strip().splitlines()) <= 15
+    assert len(next(block.text for block in blocks_of(page.read_text()) if block.kind == "python").strip().splitlines()) <= 15
     for version in (1, 3):
-        printed = type_in(page, tmp_path)
-        path, error = printed[0].splitlines()
+        printed = type_in(page, tmp_path, **SLEEPING)
+        ((before, table),) = outputs_of(page).items()
+        assert same_output(table.text, printed[before]), f"{table.text}\n{printed[before]}"
+        path, error = next(text for block, text in printed.items() if block.kind == "python").splitlines()
         assert path == f"artifacts/my-rubber/{version}"
-        assert abs(float(error)) < 1e-3
+        assert abs(float(error.rstrip("%"))) < 0.1
         assert (tmp_path / "stress.png").stat().st_size > 5000
         learned, fitted = (pds.load_card(tmp_path / "artifacts" / "my-rubber" / str(number)) for number in (version, version + 1))
         assert learned.training["cross_validation"][0]["rms"] < 1e-2
@@ -95,62 +59,155 @@ def test_the_readme_twice_in_one_folder(tmp_path):
         assert json.loads((tmp_path / "out" / "cantilever" / "summary.json").read_text())["converged"]
 
 
+def test_what_sets_up_an_environment_is_typed_from_its_own_command_on():
+    """The README's first command ends with a run, which is typed and compared; its second one is the tests themselves."""
+    first, second = (block for block in blocks_of((ROOT / "README.md").read_text()) if SETS_UP.match(block.text))
+    assert command_of(first) == "pdsurrogate run uniaxial --out out/uniaxial"
+    assert command_of(second) == ""
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "same"),
+    [
+        ("force 1.0495 kPa\n", "force 1.0496 kPa\n", True),
+        ("force 1.0495 kPa\n", "force 1.0520 kPa\n", False),
+        ("force 1.0495 kPa\n", "force 1.0495 MPa\n", False),
+        ("error +0.0000\n", "error -0.0001\n", True),
+        ("error +0.0000\n", "error -0.0003\n", False),
+        ("570 bonds\n", "540 bonds\n", False),
+        ("rms 1.2e-08\n", "rms 1.9e-08\n", True),
+        ("rms 1.2e-08\n", "rms 1.2e-07\n", False),
+        ("rms 1.2e-08\n", "rms 0\n", False),
+        ("a 1\n", "a 1 2\n", False),
+        ("a 1\nb 2\n", "a 1\n", False),
+        ("a 1\n", "a 1\nb 2\n", False),
+        ("a 1\n...\n", "a 1\nb 2\nc 3\n", True),
+        ("...\nc 3\n", "a 1\nb 2\nc 4.5\n", False),
+        ("32 evaluations, 1.1 s in all\n", "32 evaluations, 9.8 s in all\n", True),
+        ("32 evaluations, 1.1 s in all\n", "32 evaluations\n", False),
+        ("│     9.9 │\n└─────────┘\n", "│   9.905 │\n└───────┘\n", True),
+        ("\n", "a 1\n", False),
+    ],
+)
+def test_same_output_finds_what_differs(shown, printed, same):
+    assert same_output(shown, printed) == same
+
+
 def two_ranks(folder: Path, printed: list[str]) -> None:
-    _, table, told = printed
+    table, told = printed
     assert "stress (kPa)" in table
     assert "points on 2 ranks" in told
     assert told.count("ranks") == 1
-    assert (folder / "sheet.png").stat().st_size > 5000
+    assert (folder / "hole-stress.png").stat().st_size > 5000
     assert json.loads((folder / "out" / "hole" / "summary.json").read_text())["ranks"] == 2
 
 
 def six_runs(folder: Path, printed: list[str]) -> None:
-    """The study of the file is that of Python: it finds all runs done."""
-    assert (folder / "out" / "radius" / "study.png").stat().st_size > 5000
+    """The study of the file is that of Python: whichever comes second finds all runs done."""
     outcomes = list(folder.glob("out/radius/runs/*/outcome.json"))
     assert len(outcomes) == 6
     assert all(path.stat().st_mtime_ns < (folder / "out" / "radius" / "study.csv").stat().st_mtime_ns for path in outcomes)
 
 
-def drawn(*names: str):
+def left(*names: str):
+    """Return a check that a page has left files, none of them nearly empty."""
+
     def check(folder: Path, printed: list[str]) -> None:
-        assert all((folder / name).stat().st_size > 2000 for name in names)
+        assert all((folder / name).stat().st_size > 1000 for name in names)
 
     return check
 
 
 PAGES = {
-    "tutorial/first-sheet.md": drawn("sheet.png", "sheet.html"),
-    "tutorial/own-scene.md": drawn("hanger-scene.png"),
-    "tutorial/own-law.md": drawn("artifacts/biderman/1/card.json"),
-    "tutorial/crack.md": drawn("crack.png", "crack.html"),
+    "start/first-steps.md": left("out/uniaxial/summary.json", "out/hole/summary.json", "out/hole-energy/summary.json"),
+    "start/installation.md": lambda folder, printed: None,
+    "tutorial/first-sheet.md": left("sheet.html", "out/first-sheet/summary.json"),
+    "tutorial/own-scene.md": left("out/hanger/summary.json"),
+    "tutorial/own-law.md": left("artifacts/biderman/1/card.json"),
+    "tutorial/own-data.md": left("artifacts/tested-rubber/1/card.json", "out/tests/identify.json"),
+    "tutorial/crack.md": left("crack.html", "out/crack/summary.json"),
+    "tutorial/energy-model.md": lambda folder, printed: None,
     "tutorial/ranks.md": two_ranks,
     "tutorial/study.md": six_runs,
-    "guide/results.md": drawn("uniaxial-stress_22.png", "sheet.html", "hole-scene.png"),
+    "guide/results.md": left("uniaxial-stress_22.png", "sheet.html", "hole-scene.png"),
 }
-"""Pages that are typed, and what must be there then."""
+"""Pages that are typed, and what must be there then besides what they print and the pictures on them."""
+
+PICTURES = {
+    "start/first-steps.md": 3,
+    "tutorial/first-sheet.md": 1,
+    "tutorial/own-scene.md": 2,
+    "tutorial/own-data.md": 1,
+    "tutorial/crack.md": 2,
+    "tutorial/ranks.md": 1,
+    "tutorial/study.md": 1,
+}
+"""Number of pictures on a page that it draws itself."""
 
 QUICK = ("tutorial/own-scene.md",)
 
-NEEDS_MPI = pytest.mark.skipif(importlib.util.find_spec("mpi4py") is None, reason='no MPI is installed: pip install "pdsurrogate[mpi]"')
+
+def size_of(picture: Path) -> tuple[int, int]:
+    """Return width and height of a PNG file in pixels, which differ a little with the fonts and the version of matplotlib."""
+    return struct.unpack(">II", picture.read_bytes()[16:24])
 
 
-def _marked(name: str):
-    marks = [] if name in QUICK else [pytest.mark.slow]  # pictures and pages, fits, processes, cracks
-    return pytest.param(name, marks=[*marks, NEEDS_MPI] if name == "tutorial/ranks.md" else marks, id=Path(name).stem)
+NEEDS_MPI = pytest.mark.skipif(importlib.util.find_spec("mpi4py") is None, reason='no MPI is installed: pip install -e ".[mpi]"')
 
 
-@pytest.mark.parametrize("name", [_marked(name) for name in PAGES])
+def _marked(name: str, *others):
+    marks = [*others, *([NEEDS_MPI] if name in ("start/installation.md", "tutorial/ranks.md") else [])]
+    return pytest.param(name, marks=marks, id=Path(name).stem)
+
+
+# Pictures and pages, fits, processes, cracks.
+@pytest.mark.parametrize("name", [_marked(name, *([] if name in QUICK else [pytest.mark.slow])) for name in PAGES])
 def test_pages_do_what_they_say(name, tmp_path):
-    PAGES[name](tmp_path, type_in(DOCS / name, tmp_path))
+    page = DOCS / name
+    printed = type_in(page, tmp_path, **SLEEPING)
+    for before, block in outputs_of(page).items():
+        assert same_output(block.text, printed[before]), f"{name} shows\n{block.text}\nbut this is printed:\n{printed[before]}"
+    pictures = pictures_of(page, tmp_path)
+    assert len(pictures) == PICTURES.get(name, 0)
+    for target, drawn in pictures.items():
+        assert drawn.stat().st_size > 5000
+        assert size_of(target) == pytest.approx(size_of(drawn), rel=0.03), f"{target.name} is not what {name} draws"
+    PAGES[name](tmp_path, list(printed.values()))
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
+def test_notebooks_are_those_of_the_tutorials(page):
+    """The script makes them; a change of a tutorial by hand alone would leave its notebook as it was."""
+    pytest.importorskip("nbformat")
+    assert (NOTEBOOKS / f"{page.stem}.ipynb").read_text("utf-8") == notebook_of(page), "python pipelines/tutorials.py makes them"
+    assert {path.stem for path in NOTEBOOKS.iterdir()} == {page.stem for page in TUTORIALS}
+
+
+@pytest.mark.slow  # as long as typing the pages
+@pytest.mark.parametrize("name", [_marked(f"tutorial/{page.name}") for page in TUTORIALS])
+def test_notebooks_run(name, tmp_path, monkeypatch):
+    """All cells run in an empty folder, in an environment that is active; a command that fails ends the notebook too."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    for variable, value in SLEEPING.items():
+        monkeypatch.setenv(variable, value)
+    notebook = nbformat.read(NOTEBOOKS / f"{Path(name).stem}.ipynb", as_version=4)
+    for cell in notebook.cells:
+        if cell.cell_type == "code" and cell.source.startswith("!"):
+            cell.source = "\n".join(f"{line}\nassert _exit_code == 0" for line in cell.source.splitlines())
+    nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}).execute()
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert sum("image/png" in output.get("data", {}) for cell in cells for output in cell.outputs) == PICTURES.get(name, 0)
+    commands = [cell.outputs for cell in cells if cell.source.startswith("!")]
+    PAGES[name](tmp_path, ["".join(output.text for output in outputs if output.output_type == "stream") for outputs in commands])
 
 
 def test_every_page_with_commands_is_typed_or_too_long():
     """Indented blocks and the lines of measured pages and of contributing, which set up environments or take hours, are read alone."""
     with_commands = {
         str(page.relative_to(DOCS))
-        for room in ("tutorial", "guide", "development")
+        for room in ("start", "tutorial", "guide", "development")
         for page in (DOCS / room).glob("*.md")
-        if any(kind == "sh" for _, kind, _ in blocks_of(page))
+        if any(block.kind == "sh" and command_of(block) for block in blocks_of(page.read_text()))
     }
-    assert with_commands == {name for name in PAGES if name != "tutorial/own-scene.md"} | set(TOO_LONG)
+    assert with_commands == {name for name in PAGES if name != "tutorial/energy-model.md"} | set(TOO_LONG)
