@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import cg
+from scipy.sparse.linalg import lsmr
 
 from .cell_mesh import CellMesh
 
@@ -23,9 +23,9 @@ ON_A_SIDE = np.array([[0.31, -0.43, 0.17, -0.22, 0.47], [-0.13, 0.29, 0.41, -0.3
 """Places on a side of a cell, in its two directions, at which it is tested whether the side lies on the boundary. They have no symmetry:
 a curved boundary that touches the side does so at one of them at most."""
 
-ACROSS, LAYERS = 0.02, {2: 3, 3: 1}
-"""Compliance of nodes on the boundary across it, where that of other nodes and along it is 1, and by dimension the layers of cells whose nodes move for the
-sake of volumes. Chosen: circles look round, and no cell of a ring, disc or hole of five cells a radius or more is turned over."""
+ACROSS, LAYERS = 0.14, {2: 3, 3: 1}
+"""Steps of nodes on the boundary across it for the sake of volumes, where those along it and of other nodes count 1; and by dimension how
+many layers of cells have nodes that move. Chosen: circles look round, and no cell at a hole of two cells' radius or more turns over."""
 
 MOST_ITERATIONS, MISFIT = 30, 1e-12
 """Greatest number of Newton iterations, and the greatest error of a volume in cells at which they end."""
@@ -53,37 +53,38 @@ def cut_cells(lattice: CellMesh, volumes: np.ndarray, cell: np.ndarray, inside: 
     """
     (block,) = lattice.blocks
     nodes, held, sides = _on_boundary(lattice, cell, inside)
-    near = np.zeros(len(nodes), dtype=bool)
-    near[sides] = True
-    if not near.any():
+    if not len(sides):
         return lattice
+    near = np.isin(np.arange(len(nodes)), sides)
     for _ in range(LAYERS[len(cell)]):
         near[block[near[block].any(axis=1)]] = True
-    chosen = np.flatnonzero(near[block].any(axis=1))
-    block, asked, free = block[chosen], volumes[chosen], (near[:, None] & ~held).astype(float)
-    entries = (block[:, :, None] * len(cell) + np.arange(len(cell))).reshape(len(block), -1)
-    rows = np.repeat(np.arange(len(block)), entries.shape[1])
+    chosen, free = near[block].any(axis=1), near[:, None] & ~held
+    block, asked = block[chosen], volumes[chosen]
+    columns = (block[:, :, None] * len(cell) + np.arange(len(cell))).ravel()
+    rows = np.arange(0, len(columns) + 1, len(columns) // len(block))
     for _ in range(MOST_ITERATIONS):
         found, slopes = _volumes(nodes[block])
-        missing = asked - found
-        if np.abs(missing).max() <= MISFIT * cell.prod():
+        if np.abs(asked - found).max() <= MISFIT * cell.prod():
             break
         normals = _normals(nodes, sides)
-        compliance = np.eye(len(cell)) - (1 - ACROSS) * normals[:, :, None] * normals[:, None]
-        compliance *= free[:, :, None] * free[:, None]
-        yielding = sparse.bsr_array((compliance, np.arange(len(nodes)), np.arange(len(nodes) + 1)))
-        changes = sparse.csr_array((slopes.ravel(), (rows, entries.ravel())), shape=(len(block), nodes.size))
-        moved = yielding @ changes.T
-        nodes = nodes + (moved @ cg(changes @ moved, missing, rtol=1e-3)[0]).reshape(nodes.shape)
+        slopes = _along(slopes * free[block], normals[block])
+        matrix = sparse.csr_array((slopes.ravel(), columns, rows), shape=(len(block), nodes.size))
+        # The least change of the nodes that makes up for what is missing, in a measure in which steps across the boundary are long.
+        change = lsmr(matrix, asked - found, atol=1e-4, btol=1e-4)[0]
+        nodes = nodes + free * _along(change.reshape(nodes.shape), normals)
     return CellMesh(nodes, (_begun_convex(nodes, lattice.blocks[0]),))
+
+
+def _along(vectors: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return vectors with their components along unit normals multiplied by `ACROSS`."""
+    return vectors - (1 - ACROSS) * (vectors * normals).sum(axis=-1, keepdims=True) * normals
 
 
 def _on_boundary(lattice: CellMesh, cell: np.ndarray, inside: Callable) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the nodes of a lattice with its outer ones moved to the boundary, the components that flat sides hold, and the moved sides."""
-    (corners, beside), nodes = lattice.faces, lattice.nodes.copy()
-    outer = beside[:, 1] < 0
-    corners, middles = corners[outer], nodes[corners[outer]].mean(axis=1)
-    normals = np.rint(2 * (middles - nodes[lattice.blocks[0][beside[outer, 0]]].mean(axis=1)) / cell)
+    (corners, owners), nodes = lattice.outer_sides, lattice.nodes.copy()
+    middles = nodes[corners].mean(axis=1)
+    normals = np.rint(2 * (middles - nodes[lattice.blocks[0][owners]].mean(axis=1)) / cell)
     along = nodes[corners[:, 1:]] - nodes[corners[:, :-1]]
     places = middles + np.einsum("as,fad->sfd", ON_A_SIDE[: along.shape[1]], along[:, :2])
     just = INSIDE * cell * normals
@@ -91,23 +92,22 @@ def _on_boundary(lattice: CellMesh, cell: np.ndarray, inside: Callable) -> tuple
     ways, inward, held = np.zeros_like(nodes), np.zeros_like(nodes), np.zeros(nodes.shape, dtype=bool)
     for corner in corners.T:
         np.add.at(ways, corner[~flat], normals[~flat])
-        inward[corner[flat]] -= just[flat]
-        held[corner[flat]] |= normals[flat] != 0
+    for axis in range(len(cell)):
+        for side in (-1, 1):
+            on_it = np.isin(nodes[:, axis], nodes[corners[flat & (normals[:, axis] == side)], axis])
+            held[on_it, axis], inward[on_it, axis] = True, -side * INSIDE * cell[axis]
     ways[held] = 0
     moving = np.flatnonzero(ways.any(axis=1))
     starts, ways = nodes[moving] + inward[moving], cell * ways[moving] / np.linalg.norm(ways[moving], axis=1)[:, None]
     shares = np.arange(-REACH, REACH, STEP) + INSIDE
     there = np.array([inside(starts + share * ways) for share in shares])
     distance = np.where(there[:-1] & ~there[1:], np.abs(shares[:-1, None] + STEP / 2), np.inf)
-    found = np.isfinite(distance.min(axis=0, initial=np.inf))
-    moving, starts, ways, low = moving[found], starts[found], ways[found], shares[distance[:, found].argmin(axis=0)]
+    found, low = np.isfinite(distance.min(axis=0, initial=np.inf)), shares[distance.argmin(axis=0)]
     for number in range(1, BISECTIONS + 1):
         further = low + STEP / 2**number
         low = np.where(inside(starts + further[:, None] * ways), further, low)
-    nodes[moving] += low[:, None] * ways
-    on_it = np.zeros(len(nodes), dtype=bool)
-    on_it[moving] = True
-    return nodes, held, corners[~flat & on_it[corners].any(axis=1)]
+    nodes[moving[found]] += (low[:, None] * ways)[found]
+    return nodes, held, corners[~flat & np.isin(corners, moving[found]).any(axis=1)]
 
 
 def _normals(nodes: np.ndarray, sides: np.ndarray) -> np.ndarray:
