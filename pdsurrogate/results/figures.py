@@ -40,9 +40,6 @@ OUTLINE = {"colors": "0.2", "linewidths": 0.6, "capstyle": "round", "snap": Fals
 AT_REST = {"colors": "0.55", "linewidths": 0.8, "capstyle": "round", "snap": False}
 """Line around the undeformed body."""
 
-ROUNDING = 1e-7
-"""Distance of corners, divided by the extent of the body, below which they are the same."""
-
 PAGE = np.array([5.8, 4.6])
 """Greatest width and height in inches of the panels of a figure together."""
 
@@ -77,7 +74,7 @@ TRIAD = 30.0
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG file, whole or not at all; `MARK` in the PNG metadata identifies the file as written by this package."""
     with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", metadata={"Software": MARK})
+        figure.savefig(temporary, format="png", bbox_inches="tight", metadata={"Software": MARK})
 
 
 def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
@@ -218,28 +215,31 @@ def _solids(moved: Moved, values: list[np.ndarray], titles: list[str], limits: L
     for number, ((cells, displacement), value, title) in enumerate(zip(moved, values, titles, strict=True)):
         nodes = cells.nodes + displacement
         outside = figure.add_subplot(len(moved), 2, 2 * number + 1, projection="3d", computed_zorder=False)
-        draw_outside(outside, cells, nodes, matplotlib.colormaps[colors["cmap"]](colors["norm"](value)), box, filled=1.05)
+        draw_outside(outside, cells, nodes, matplotlib.colormaps[colors["cmap"]](colors["norm"](value)), box, filled=1.0)
         outside.add_collection3d(Line3DCollection(cells.nodes[creases(cells)], **AT_REST, zorder=-1), autolim=False)
         outside.set_title(title)
         cut = figure.add_subplot(len(moved), 2, 2 * number + 2)
         polygons, owners, rim = section(cells, nodes, axis, middle)
         flat = [polygon[:, across] for polygon in polygons]
-        drawn = cut.add_collection(PolyCollection(flat, array=value[owners], edgecolors="face", lw=0.2, **colors))
+        drawn = cut.add_collection(PolyCollection(flat, array=value[owners], edgecolors="face", lw=0.5, **colors))
         for lines, style in ((rim, OUTLINE), (section(cells, cells.nodes, axis, middle)[2], AT_REST)):
             cut.add_collection(LineCollection(lines[:, :, across], **style))
         low, high = box[:, across] + 0.02 * np.ptp(box) * np.array([[-1], [1]])
         cut.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel=places[across[0]], ylabel=places[across[1]])
-        cut.set_title(f"deformed section, at rest at {PLACES[axis]} = {middle:.3g}")
+        cut.set_title(f"deformed section, {PLACES[axis]} = {middle:.3g}")
     return figure, drawn, figure.axes
 
 
 def cut_of(cells: CellMesh) -> tuple[int, float]:
-    """Return the plane of the section in figures of a solid: its normal axis (0, 1 or 2), the thinnest direction, and its position."""
+    """Return the plane of the section in figures of a solid: its normal axis (0, 1 or 2), the thinnest direction, and where it lies."""
     # The last of equal sides, so that the cut of a cube shows x1, the direction of loading.
     sides = np.ptp(cells.nodes, axis=0)[::-1]
     axis = 2 - int(np.argmin((sides / sides.max()).round(9)))
-    middle = float(cells.nodes[:, axis].min() + cells.nodes[:, axis].max()) / 2
-    return axis, middle if abs(middle) > ROUNDING * np.ptp(cells.nodes) else 0.0
+    # Through the middles of cells, whose values the section shows.
+    found = np.concatenate([cells.nodes[block, axis].mean(axis=1) for block in cells.blocks]) / sides.max()
+    layers, counts = np.unique(found.round(9), return_counts=True)
+    layers = layers[counts > counts.max() / 2]
+    return axis, float(min(reversed(layers), key=lambda place: round(abs(place - (found.min() + found.max()) / 2), 6)) * sides.max())
 
 
 def creases(cells: CellMesh) -> np.ndarray:

@@ -135,7 +135,8 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> t
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
     extent = (high - low).max()
     size = (high - low) / extent * 5.0
-    figure = Figure(figsize=(size[0] + 2.6, max(size[1] + 0.8, 1.6)), layout=ConstrainedLayoutEngine(w_pad=0.15))
+    beside = 1.2 + 0.075 * max((len(mark.text) for mark in marks), default=0)  # for the legend
+    figure = Figure(figsize=(size[0] + beside, max(size[1] + 0.8, 1.6)), layout=ConstrainedLayoutEngine(w_pad=0.15))
     axes = figure.subplots()
     color, width = ("white", 0.3) if len(body) <= MOST_CELLS_WITH_EDGES else ("face", 0.2)
     # The stub of PolyCollection leaves out that it takes one array of polygons.
