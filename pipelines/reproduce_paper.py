@@ -88,12 +88,13 @@ def uniaxial() -> list[dict]:
     """6.2: Tables 1 and 2, Fig. 6."""
     result, rival = (pds.simulate(pds.load_scene("uniaxial"), force) for force in ("neo-hookean", "ba-nosb"))
     with matplotlib.rc_context(STYLE):
-        figure, axes = figure_of(7.2, 4.6, 3, 2)
+        figure, axes = figure_of(7.2, 2.8, 3, 2, sharex=True, sharey=True)
         for column, (run, title) in enumerate(((result, "surrogate"), (rival, "BA-NOSB"))):
             for number, (axis, (moment, fields)) in enumerate(zip(axes[:, column], run.states, strict=True)):
                 drawn = draw_cells(axis, *run.cells(number), fields["displacement"][:, 1], (-0.19, 0.19))
                 axis.set_axis_off()
                 axis.set_title(f"{title}, stretch {moment.stretch:g}")
+        axis.set(xlim=(0, 7.6), ylim=(0, 1))
         figure.colorbar(drawn, ax=axes, label="u₂ (cm)", fraction=0.02)
     save(figure, FIGURES / "figure-06.png")
     rows = []
