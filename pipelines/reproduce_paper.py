@@ -21,7 +21,7 @@ from rich.console import Console
 
 import pdsurrogate as pds
 from pdsurrogate.reports.speed import TimedModel, measure_speed, sheet
-from pdsurrogate.results.figures import STYLE, draw_cells, polygons_of, save
+from pdsurrogate.results.figures import STYLE, colors_of, draw_cells, limits_of, save
 from pdsurrogate.results.files import write_json
 from pdsurrogate.results.measures import edge_displacements
 
@@ -50,7 +50,7 @@ def figure_of(width: float, height: float, rows: int = 1, columns: int = 1, **op
     return figure, figure.subplots(rows, columns, **options)
 
 
-def draw_field(axis, grid: dict, component: str, clim) -> None:
+def draw_field(axis, grid: dict, component: str, limits) -> None:
     """A finite element field on the deformed body."""
     x1, x2 = np.meshgrid(grid["x1"], grid["x2"], indexing="ij")
     u1, u2 = (np.array(grid[key], dtype=float) for key in ("u1", "u2"))
@@ -59,8 +59,7 @@ def draw_field(axis, grid: dict, component: str, clim) -> None:
         x1 + np.nan_to_num(u1),
         x2 + np.nan_to_num(u2),
         np.ma.masked_invalid(value),
-        cmap="turbo",
-        clim=clim,
+        **colors_of(limits),
         shading="gouraud",
         rasterized=True,
     )
@@ -71,17 +70,17 @@ def draw_field(axis, grid: dict, component: str, clim) -> None:
 def fields_figure(panels, component: str, titles: list[str]) -> Figure:
     """Displacement fields side by side: results, and finite element grids."""
     index = int(component == "u2")
-    limits = [result.displacement()[:, index] for result in panels if not isinstance(result, dict)]
-    clim = (min(value.min() for value in limits), max(value.max() for value in limits))
+    limits = limits_of(np.concatenate([result.displacement()[:, index] for result in panels if not isinstance(result, dict)]))
     with matplotlib.rc_context(STYLE):
         figure, axes = figure_of(7.2, 2.6, 1, len(panels))
         for axis, panel, title in zip(axes, panels, titles, strict=True):
             if isinstance(panel, dict):
-                draw_field(axis, panel, component, clim)
+                draw_field(axis, panel, component, limits)
             else:
-                drawn = draw_cells(axis, polygons_of(*panel.cells()), panel.displacement()[:, index], clim=clim)
+                drawn = draw_cells(axis, *panel.cells(), panel.displacement()[:, index], limits)
+                axis.set_axis_off()
             axis.set_title(title)
-        figure.colorbar(drawn, ax=axes, label=f"{component} (cm)", fraction=0.02)
+        figure.colorbar(drawn, ax=axes, label=f"{component[0]}{'₁₂'[index]} (cm)", fraction=0.02)
         return figure
 
 
@@ -89,12 +88,14 @@ def uniaxial() -> list[dict]:
     """6.2: Tables 1 and 2, Fig. 6."""
     result, rival = (pds.simulate(pds.load_scene("uniaxial"), force) for force in ("neo-hookean", "ba-nosb"))
     with matplotlib.rc_context(STYLE):
-        figure, axes = figure_of(7.2, 4.6, 3, 2)
+        figure, axes = figure_of(7.2, 2.8, 3, 2, sharex=True, sharey=True)
         for column, (run, title) in enumerate(((result, "surrogate"), (rival, "BA-NOSB"))):
             for number, (axis, (moment, fields)) in enumerate(zip(axes[:, column], run.states, strict=True)):
-                drawn = draw_cells(axis, polygons_of(*run.cells(number)), fields["displacement"][:, 1], clim=(-0.19, 0.19))
+                drawn = draw_cells(axis, *run.cells(number), fields["displacement"][:, 1], (-0.19, 0.19))
+                axis.set_axis_off()
                 axis.set_title(f"{title}, stretch {moment.stretch:g}")
-        figure.colorbar(drawn, ax=axes, label="u2 (cm)", fraction=0.02)
+        axis.set(xlim=(0, 7.6), ylim=(0, 1))
+        figure.colorbar(drawn, ax=axes, label="u₂ (cm)", fraction=0.02)
     save(figure, FIGURES / "figure-06.png")
     rows = []
     for level in result.levels:
@@ -171,7 +172,7 @@ def hole() -> list[dict]:
         figure, axis = figure_of(4.2, 3.0)
         axis.plot(np.array(edge["x2"])[order], np.array(edge["u1"])[order], color="black", lw=1, label="finite elements")
         axis.plot(x2[::5], u1[::5], "o", mfc="none", ms=4, label="surrogate")
-        axis.set(xlabel="x2 (cm)", ylabel="u1 of the left edge (cm)")
+        axis.set(xlabel="x₂ (cm)", ylabel="u₁ of the left edge (cm)")
         axis.legend(frameon=False)
     save(figure, FIGURES / "figure-12.png")
     level = result.levels[0]

@@ -14,7 +14,7 @@ from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pds
-from pdsurrogate.results.figures import STYLE, draw_cells, polygons_of, save
+from pdsurrogate.results.figures import STYLE, draw_cells, save
 
 console = Console()
 
@@ -64,13 +64,14 @@ def zero_energy_figure(smooth, rough) -> Figure:
         for column, (result, title) in enumerate(((rough, "NOSB"), (smooth, "surrogate"))):
             points, moved = result.body.points, result.displacement(0)
             sheet, line = axes[:, column]
-            drawn = draw_cells(sheet, polygons_of(*result.cells(0)), moved[:, 1], clim=(-greatest, greatest))
+            drawn = draw_cells(sheet, *result.cells(0), moved[:, 1], (-greatest, greatest))
+            sheet.set_axis_off()
             sheet.set_title(f"{title}, stretch 1.5: roughness {result.levels[0]['roughness']:.1e}")
             upper = points[:, 1] > points[:, 1].max() - 1e-9
             line.plot(points[upper, 0], moved[upper, 1], lw=0.8)
-            line.set(xlabel="x1 (cm)", ylim=(-0.15, -0.04))
-        axes[1, 0].set_ylabel("u2 of the upper row (cm)")
-        figure.colorbar(drawn, ax=axes[0, :], label="u2 (cm)", fraction=0.02)
+            line.set(xlabel="x₁ (cm)", ylim=(-0.15, -0.04))
+        axes[1, 0].set_ylabel("u₂ of the upper row (cm)")
+        figure.colorbar(drawn, ax=axes[0, :], label="u₂ (cm)", fraction=0.02)
         return figure
 
 

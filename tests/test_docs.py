@@ -22,6 +22,7 @@ from pdsurrogate.forces import FORCES
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.materials import LAWS
 from pdsurrogate.results.measures import POINT_FIELDS
+from pdsurrogate.scenes import load_scene, scene_names
 from pdsurrogate.studies.description import parameters_of_runs
 from pdsurrogate.studies.runs import tasks_of
 
@@ -185,3 +186,15 @@ def test_files_that_are_named_exist(page):
     """Files stand in backticks, named from the root of the repository or from the package; those below `out` are made by a run."""
     for name in re.findall(r"`((?!out/)(?:[\w.-]+/)+[\w.-]*)`", page.read_text()):
         assert (ROOT / name).exists() or (ROOT / "pdsurrogate" / name).exists(), name
+
+
+def test_every_scene_is_in_the_gallery():
+    """With its title, its picture, which is a small file, and a command that runs it."""
+    page, pictures = (DOCS / "gallery.md").read_text(), DOCS / "figures" / "gallery"
+    for name in scene_names():
+        assert f"## {name}\n" in page
+        assert load_scene(name).title in page
+        assert f"](figures/gallery/{name}.png)" in page
+        assert f"`pdsurrogate run {name} " in page
+        assert 2_000 < (pictures / f"{name}.png").stat().st_size < 80_000
+    assert {path.stem for path in pictures.glob("*.png")} == set(scene_names())

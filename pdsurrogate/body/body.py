@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from ..ranks import Halo, Share
 from .cell_mesh import CellMesh
+from .cut_cells import cut_cells
 from .ghosts import WITH_ROUNDING, Ghosts, ReflectionPlane
 
 
@@ -82,6 +83,8 @@ class Body:
         Cells of the mesh from which the points were made, used for pictures; None for points of a lattice.
     faces : mapping of str to str, optional
         For each group that covers a whole edge or face of the bounding box, the name of that edge or face.
+    inside : callable, optional
+        ``inside(places)`` flags the places, shape (k, d), that lie in the body; cells in pictures and files then end at its boundary.
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
         the whole body.
@@ -114,6 +117,7 @@ class Body:
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     mesh_cells: CellMesh | None = None
     faces: Mapping[str, str] = field(default_factory=dict)
+    inside: Callable | None = None
     share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
 
@@ -231,7 +235,7 @@ class Body:
 
     @cached_property
     def cells(self) -> CellMesh:
-        """Cell around each point, for pictures and result files: the cells of the mesh, or equal cells of a lattice.
+        """Cell around each point, for pictures and result files: the cells of the mesh, or those of a lattice, cut at the boundary.
 
         Examples
         --------
@@ -239,7 +243,11 @@ class Body:
         >>> len(pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).cells)
         16
         """
-        return self.mesh_cells or CellMesh.of_lattice(self.points, self.volumes, np.asarray(self.cell))
+        if self.mesh_cells is not None:
+            return self.mesh_cells
+        cell = np.asarray(self.cell)
+        lattice = CellMesh.of_lattice(self.points, self.volumes, cell)
+        return lattice if self.inside is None else cut_cells(lattice, self.volumes, cell, self.inside)
 
     @cached_property
     def bonds(self) -> Bonds:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -120,6 +120,13 @@ class CellMesh:
         beyond[number[further]] = owners[further]
         return corners[first], np.stack([owners[first], beyond], axis=1)
 
+    @cached_property
+    def outer_sides(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sides on the boundary of the mesh: nodes at their corners, as of `faces`, and their cells."""
+        corners, beside = self.faces
+        outer = beside[:, 1] < 0
+        return corners[outer], beside[outer, 0]
+
     def moved(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> np.ndarray:
         """Return the displacements of the nodes, shape (k, d), from the motion of the body's points.
 
@@ -138,11 +145,12 @@ class CellMesh:
             begin += len(block)
         return total / np.maximum(counts, 1)[:, None]
 
-    def torn(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> CellMesh:
+    def torn(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray, parted: Callable) -> CellMesh:
         """Return the cell mesh with separate nodes on the two sides of open cracks, from the motion of the points.
 
         Each of the two cells of a face predicts the position of its middle. The face is open if the predictions differ by more than `TORN`
-        times the deformed distance from point to face to point. See `moved` for the arguments.
+        times the deformed distance from point to face to point, and ``parted(one, other)``, of the numbers of points, flags the cells. See
+        `moved` for the other arguments.
         """
         corners, beside = self.faces
         inner = beside[:, 1] >= 0
@@ -154,6 +162,7 @@ class CellMesh:
         apart = points[other] + displacement[other] - points[one] - displacement[one]
         gap = np.linalg.norm(apart - toward - onwards, axis=1)
         open_ = gap > TORN * (np.linalg.norm(toward, axis=1) + np.linalg.norm(onwards, axis=1))
+        open_[open_] = parted(one[open_], other[open_])
         return self if not open_.any() else self._separated(corners, np.stack([one, other], axis=1), open_)
 
     def _separated(self, corners: np.ndarray, beside: np.ndarray, open_: np.ndarray) -> CellMesh:

@@ -49,7 +49,11 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     numbers = near[distance <= reach]
     share = Share(numbers, owners[numbers], n, ranks)
     groups = {name: share.local(np.sort(members)) for name, members in body.groups.items()}
-    return replace(body, points=body.points[numbers], volumes=body.volumes[numbers], groups=groups, mesh_cells=None, share=share)
+    part = replace(body, points=body.points[numbers], volumes=body.volumes[numbers], groups=groups, mesh_cells=None, share=share)
+    if body.inside is not None:
+        # Cut in the whole body, so that nodes between two ranks have one place.
+        vars(part)["cells"] = body.cells.only(np.isin(np.arange(n), numbers))[0]
+    return part
 
 
 def rows_of(body: Body, kind: str) -> Rows:

@@ -7,9 +7,10 @@ from typing import Annotated
 from typer import Argument, Option
 
 from ..results import Result, figures, load_result
-from ..results.drawings import SHOWN_SHARE, html_page
+from ..results.drawings import html_page
 from ..results.files import head_of, write_text
 from ..results.folder import RUNNING
+from ..results.loading_curve import SHOWN_SHARE
 from ..results.tables import column_title
 from .command import check_folder
 from .terminal import WARNING, Bar, bad_input, complain, note, out, print_json, print_table, warn, writing

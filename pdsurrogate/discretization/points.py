@@ -90,7 +90,9 @@ def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
         # large again.
         horizon = scene.horizon_ratio * (spacing if isinstance(scene.body, Mesh) else min(cell))
         cuts = _cuts(scene, horizon, cell, lower, upper)
-        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups, mesh_cells, faces)
+        whole = isinstance(scene.body, Mesh) or np.ptp(volumes) == 0
+        inside = None if whole else partial(_inside, scene)
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups, mesh_cells, faces, inside=inside)
         if part_of is not None:
             body = part_of(body)
         _check_precuts(scene, body)
@@ -288,6 +290,11 @@ def material_at(scene: Scene, places: np.ndarray) -> np.ndarray:
     return _within_outline(scene, places) & _outside_holes(scene, places)
 
 
+def _inside(scene: Scene, places: np.ndarray) -> np.ndarray:
+    """Return flags of the places that lie in the body; unlike `material_at` also of places beyond a rectangle or box."""
+    return scene.body.contains(places) & _outside_holes(scene, places)
+
+
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
     """Return flags of the points that are `within` the outline and in no hole.
 
@@ -406,18 +413,15 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
         inner = lower + np.abs(places - lower)
         return upper - np.abs(upper - inner)
 
-    def material(places: np.ndarray) -> np.ndarray:
-        return scene.body.contains(places) & _outside_holes(scene, places)
-
     def crosses(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         middles = np.rint((folded((starts + ends) / 2) - lower) / pitch).astype(int).clip(0, counts - 1)
         chosen = np.flatnonzero(near[tuple(middles.T)])
         crossing = np.zeros(len(starts), dtype=bool)
         for some in np.array_split(chosen, len(chosen) * len(shares) // MOST_PLACES + 1):
             places = folded((starts[some, None] + shares[:, None] * (ends[some] - starts[some])[:, None]).reshape(-1, len(cell)))
-            empty = np.flatnonzero(~material(places))
+            empty = np.flatnonzero(~_inside(scene, places))
             for offset in around:
-                empty = empty[~material(places[empty] + offset)]
+                empty = empty[~_inside(scene, places[empty] + offset)]
             crossing[some[empty // len(shares)]] = True
         return crossing
 

@@ -71,7 +71,6 @@ def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray 
         drawn = Figure(figsize=(2.6 * max(len(modes), 2), 2.9), layout="constrained")
         for axis, mode in zip(drawn.subplots(1, len(modes), squeeze=False)[0], modes, strict=True):
             rows = data.of(mode)
-            axis.grid(alpha=0.3)
             if mode == BIAXIAL:
                 axis.set(title=mode, xlabel="measured stress", ylabel="stress of the law")
                 places = along = rows.nominal_stress
@@ -82,12 +81,12 @@ def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray 
                 places = rows.stretches[:, 0]
                 along = np.linspace(min(1.0, places.min()), places.max(), 200)
                 stretches, style = np.stack([along, MODES[mode](along)], axis=1), {"lw": 1}
-                axis.plot(places, rows.nominal_stress, "ko", ms=3, mfc="none", label="test")
+                axis.plot(places, rows.nominal_stress, "ko", ms=3.5, mfc="none", label="test")
             for model in models:
                 axis.plot(along, nominal_stress(model.law_, stretches), label=model.law, **style)
             if simulated is not None:
                 axis.plot(places, simulated[data.mode == mode], "rx", ms=3, label="simulated")
-        drawn.axes[0].legend(fontsize=7)
+        drawn.axes[0].legend()
         drawn.axes[0].set_ylabel(drawn.axes[0].get_ylabel() or "nominal stress")
         return drawn
 

@@ -12,6 +12,7 @@ from ..forces import InvalidState
 from ..scenes import Load, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
+from ..scenes.regions import label_of_region
 from ..solvers.conditions import ON_A_PLANE, Loading
 from ..solvers.course import Paths, Pull
 from ..solvers.held import Held
@@ -254,7 +255,7 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads:
     found: list[DeadLoad | Pressure] = []
     for number, load in enumerate(scene.loads):
         # Several loads may share a name, as traction and pressure on one edge do; results sum them.
-        named = load.name or regions.label(load.region, f"loads.{number}"), amplitude_of(load.amplitude), body.share
+        named = load.name or label_of_region(load.region, f"loads.{number}"), amplitude_of(load.amplitude), body.share
         key = f"loads.{number}.region"
         if load.kind == "pressure":
             deformed, facets = scene.plane == "stress" and load.thickness != "undeformed", _facets_of(key, load, body, regions)

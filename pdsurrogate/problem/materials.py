@@ -13,6 +13,7 @@ from ..body.local_fit import text_of
 from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
 from ..scenes import Part, Scene, SceneError
+from ..scenes.regions import label_of_region
 from ..scenes.tip_diameter import tip_diameter
 from .regions import BodyRegions
 
@@ -205,7 +206,7 @@ def portions_of(
         of_points[points] = number
     found = {number: np.flatnonzero(of_points == number) for number in range(len(laws))}
     parts = {number: part for number, part in enumerate(scene.materials) if part.material.rigid}
-    rigid = {regions.label(part.region, f"materials.{number}"): found[number + 1] for number, part in parts.items()}
+    rigid = {label_of_region(part.region, f"materials.{number}"): found[number + 1] for number, part in parts.items()}
     # All ranks have the same portions.
     kept = [number for number, law in enumerate(laws) if law is not None and body.share.any(len(found[number]) > 0)]
     return [Portion(laws[number], models[number], found[number]) for number in kept], rigid

@@ -13,6 +13,7 @@ from ..scenes import Dynamics, Rectangle, Region, Scene, StepDynamics
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
 from ..scenes.references import reference_level
+from ..scenes.regions import label_of_region
 from ..solvers.held import Held
 from ..solvers.increments import Motion
 from ..solvers.rigid import turn_by
@@ -270,7 +271,7 @@ def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
     for kind in ("prescribed", "loads"):
         for number, entry in enumerate(getattr(scene, kind)):
             key = f"{kind}.{number}"
-            labels.append(entry.name or regions.label(entry.region, key))
+            labels.append(entry.name or label_of_region(entry.region, key))
             other, region = owners.setdefault(labels[-1], (key, entry.region))
             if region != entry.region:
                 one = f"{other} and {key} are on different regions and both called {labels[-1]!r}"

@@ -1,6 +1,5 @@
 """Regions of a scene, resolved into the numbers of the points of its body, or of the facets of its boundary, that lie in them."""
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 
@@ -197,12 +196,6 @@ class BodyRegions:
         """Return whether a region is defined as the points nearest to a place."""
         region = self._unnamed(reference)
         return isinstance(region, Region) and region.near is not None
-
-    def label(self, reference: str | Region, otherwise: str) -> str:
-        """Return a region's label for results: its name, edge or group (other characters than A-Za-z0-9_.- become _), else `otherwise`."""
-        if isinstance(reference, str):
-            return reference
-        return reference.edge or re.sub(r"[^A-Za-z0-9_.-]", "_", reference.group or "").lstrip("_.-")[:64] or otherwise
 
     def check_place(self, key: str, place: Sequence[float]) -> None:
         """Check that a place lies in the body, and not in one of its holes.

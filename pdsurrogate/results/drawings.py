@@ -19,18 +19,15 @@ from PIL import Image
 from ..html_tables import html_facts
 from . import figures
 from .files import MARK, replacing
-from .measures import scalars_of
-from .tables import column_title, columns_of, html_history
+from .loading_curve import NEGLIGIBLE, loading_curve
+from .measures import greatest_of, scalars_of
+from .tables import columns_of, html_history
 
 if TYPE_CHECKING:
     from .result import Result
 
 FRAMES_PER_SECOND = 8
 """Frames of an animation per second. Chosen: single states can be told apart, and the usual number of them takes some seconds."""
-
-SHOWN_SHARE = 1e-3
-"""Size of a force component, divided by that of the greatest component, above which it is drawn or printed. Chosen: smaller ones may be
-residuals, which an equilibrium leaves up to a thousandth of the forces that drive the body."""
 
 PAGE = Path(__file__).with_name("page.html")
 """Path of the template that `html_page` fills in."""
@@ -50,42 +47,45 @@ USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
 def states_figure(result: Result, field: str, numbers: list[int], limits: figures.Limits | None = None) -> Figure:
     """Return a figure of the deformed body, colored by a field, in the states whose indices in ``result.states`` are `numbers`.
 
-    All states have the color scale `limits`; by default each state has a scale from its own least to its own greatest value.
+    All states have one color scale, whose ends are `limits` or by default those of `figures.limits_of`.
     """
     # A state may have to be read from its file.
     states = [result.states[number][1] for number in numbers]
     values, titles = [scalars_of(fields, field) for fields in states], [result.title(number) for number in numbers]
-    return figures.contour_figure([result.cells(number) for number in numbers], values, result.label(field), titles, limits)
+    limits = limits or figures.limits_of(np.concatenate(values), max(greatest_of(fields, field) for fields in states))
+    places = [result.scene.units.label(place, "length") for place in figures.PLACES]
+    return figures.contour_figure([result.cells(number) for number in numbers], values, result.label(field), titles, limits, places)
 
 
 def loading_figure(result: Result) -> Figure:
-    """Return a figure of nominal stress against stretch if grips load the body, otherwise of forces against the loading parameter t."""
-    units = result.scene.units
-    if result.scene.stretched:
-        rows = [*result.levels, *(row for row in result.history if "time" in row)]
-        curves = {"peridynamics": [row["nominal_stress"] for row in rows]}
+    """Return a figure of nominal stress over stretch if grips load the body, otherwise of its `loading_curve`."""
+    scene = result.scene
+    if scene.stretched:
+        rows = [{"stretch": 1.0, "nominal_stress": 0.0}, *result.levels, *(row for row in result.history if "time" in row)]
         known = [level for level in result.levels if "nominal_stress_reference" in level]
         references = [(level["stretch"], level["nominal_stress_reference"]) for level in known]
-        labels = "stretch", units.label("nominal stress", "stress")
-        return figures.curves_figure([row["stretch"] for row in rows], curves, *labels, references)
-    rows = [{"t": 0.0}, *(row for row in result.history if any(key.startswith("force_") for key in row))]
-    columns = [column for column in columns_of(rows) if column.startswith("force_")]
-    forces = {column.removeprefix("force_"): [row.get(column, 0.0) for row in rows] for column in columns}
-    sizes = {name: max(map(abs, values)) for name, values in forces.items()}
-    shown = {name: forces[name] for name, size in sizes.items() if size > SHOWN_SHARE * max(sizes.values())}
-    return figures.curves_figure([row["t"] for row in rows], shown, "t", units.label("force on the body", "force"))
+        curves = {"peridynamics": [row["nominal_stress"] for row in rows]}
+        return figures.curves_figure(
+            [row["stretch"] for row in rows], curves, "stretch", scene.units.label("nominal stress", "stress"), references
+        )
+    law = scene.material and scene.material.build()
+    volume = result.summary["n_points"] * result.summary["spacing"] ** scene.dimension
+    return figures.curves_figure(*loading_curve(scene, result.history), least=NEGLIGIBLE * volume * law.shear_modulus if law else 0.0)
 
 
 def energies_figure(result: Result) -> Figure | None:
     """Return a figure of the energies in the history against time, stretch or the loading parameter; None if there are no energies."""
     rows, units = [row for row in result.history if "strain_energy" in row], result.scene.units
     timed = [row for row in rows if "time" in row]
-    rows, key = (timed, "time") if timed else (rows, "stretch" if result.scene.stretched else "t")
+    key, start = ("time", []) if timed else ("stretch", [{"stretch": 1.0}]) if result.scene.stretched else ("t", [{"t": 0.0}])
+    rows = start + (timed or rows)
     names = [column for column in columns_of(rows) if column == "work" or column.endswith("_energy")]
     if not names:
         return None
     energies = {name.replace("_", " "): [row.get(name, 0.0) for row in rows] for name in names}
-    return figures.curves_figure([row[key] for row in rows], energies, column_title(key, units), units.label("energy", "energy"))
+    xlabel = units.label("time", "time") if timed else {"t": "loading parameter t"}.get(key, key)
+    what = "energy" if len(names) > 1 else names[0].replace("_", " ")
+    return figures.curves_figure([row[key] for row in rows], energies, xlabel, units.label(what, "energy"))
 
 
 def save_drawings(result: Result, folder: Path) -> None:
@@ -114,11 +114,13 @@ def _save_animation(result: Result, path: Path) -> None:
     figure = states_figure(result, quantity, numbers[-1:], limits)
     figure.set_dpi(100)
     canvas, axis, frames = FigureCanvasAgg(figure), figure.axes[0], []
-    (drawn,), label = axis.collections, axis.get_title().removesuffix(result.title(numbers[-1]))
+    drawn, outline, *_ = axis.collections
     for number in numbers:
-        drawn.set_verts(figures.polygons_of(*result.cells(number)))
+        cells, moved = result.cells(number)
+        drawn.set_verts(figures.polygons_of(cells, moved))
         drawn.set_array(result.states[number][1][quantity])
-        axis.title.set_text(label + result.title(number))
+        outline.set_segments((cells.nodes + moved)[cells.outer_sides[0]])
+        axis.title.set_text(result.title(number))
         canvas.draw()
         frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
     with replacing(path) as temporary:
@@ -160,7 +162,7 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
         last=max(len(shown) - 1, 0),
         hidden="" if shown and chosen else "hidden",
         left_out=f"<p>{len(shown)} of {count} outputs are shown.</p>" if len(shown) < count else "",
-        curves="".join(f'<img alt="{what}" src="{_uri(figure)}">' for what, figure in curves.items() if figure is not None),
+        curves="".join(f'<figure><img alt="{what}" src="{_uri(one)}"></figure>' for what, one in curves.items() if one is not None),
         summary=result.facts(),
         history=html_history(history, result.scene.units),
         scene=result.scene._repr_html_(),
@@ -181,7 +183,8 @@ def _pictures(result: Result, field: str, shown: list[int]) -> Iterator[str]:
         except ValueError:
             if number == shown[-1]:
                 raise
-    limits = figures.limits_of(np.concatenate(list(values.values()))) if values else None
+    greatest = max((greatest_of(result.states[number][1], field) for number in values), default=0.0)
+    limits = figures.limits_of(np.concatenate(list(values.values())), greatest) if values else None
     for number in shown:
         yield _uri(result.plot(field, number, limits)) if number in values else ""
 

@@ -12,7 +12,7 @@ from ..body import Body, fields_at
 from ..forces import InternalForce
 from ..materials.states import principal_stretches
 from ..ranks import Share
-from ..scenes import Probe
+from ..scenes import Probe, Units
 
 
 def strain_energy(force: InternalForce) -> float:
@@ -95,6 +95,8 @@ class PointState:
         Material laws, each with the points that it describes.
     position, displacement : ndarray, shape (n, d)
         Places in the undeformed body, and displacements from them.
+    volumes : ndarray, shape (n,)
+        Undeformed volumes; in the plane areas, of a sheet of unit thickness.
     F : ndarray, shape (n, d, d)
         Deformation gradients.
     volume_ratio : ndarray, shape (n,)
@@ -116,7 +118,7 @@ class PointState:
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
         force.place(positions)
         self.laws, self.plane, self.displacement, self.damage = force.laws, force.plane, positions - force.body.points, damage
-        self.position = force.body.points
+        self.position, self.volumes = force.body.points, force.body.volumes
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
         self.deviation, self.member_deviation = force.learned.domain_deviation(), force.learned.member_deviation()
@@ -172,11 +174,14 @@ class PointField:
         Number of values at a point; a tensor has 9, row by row.
     unit : {"length", "stress", None}
         Which of the scene's units the values have; None if they have none.
+    symbol : str
+        Symbol or words in pictures; by default the name with blanks for underscores.
     """
 
     values: Callable[[PointState], np.ndarray | None]
     components: int = 1
     unit: str | None = None
+    symbol: str = ""
 
 
 def _with_three_components(vectors: np.ndarray) -> np.ndarray:
@@ -185,18 +190,19 @@ def _with_three_components(vectors: np.ndarray) -> np.ndarray:
 
 
 POINT_FIELDS = {
-    "position": PointField(lambda state: _with_three_components(state.position), 3, "length"),
-    "displacement": PointField(lambda state: _with_three_components(state.displacement), 3, "length"),
-    "principal_stretch": PointField(lambda state: state.stretches[:, 0].copy()),
-    "principal_stretches": PointField(lambda state: state.principal_stretches, 3),
-    "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
-    "C33": PointField(lambda state: None if state.plane == "space" else state.deformation_gradient[:, 2, 2] ** 2),
-    "stress": PointField(lambda state: state.stress, 9, "stress"),
-    "cauchy_stress": PointField(lambda state: state.cauchy_stress, 9, "stress"),
-    "von_mises": PointField(PointState.von_mises, unit="stress"),
-    "pressure": PointField(PointState.pressure, unit="stress"),
-    "energy_density": PointField(lambda state: state.energy_density, unit="stress"),
-    "deformation_gradient": PointField(lambda state: state.deformation_gradient, 9),
+    "position": PointField(lambda state: _with_three_components(state.position), 3, "length", "X"),
+    "displacement": PointField(lambda state: _with_three_components(state.displacement), 3, "length", "u"),
+    "principal_stretch": PointField(lambda state: state.stretches[:, 0].copy(), symbol="greatest principal stretch λ₁"),
+    "principal_stretches": PointField(lambda state: state.principal_stretches, 3, symbol="λ"),
+    "volume_ratio": PointField(lambda state: state.volume_ratio.copy(), symbol="volume ratio J"),
+    "C33": PointField(lambda state: None if state.plane == "space" else state.deformation_gradient[:, 2, 2] ** 2, symbol="C₃₃"),
+    "stress": PointField(lambda state: state.stress, 9, "stress", "P"),
+    "cauchy_stress": PointField(lambda state: state.cauchy_stress, 9, "stress", "σ"),
+    "von_mises": PointField(PointState.von_mises, unit="stress", symbol="von Mises stress"),
+    "pressure": PointField(PointState.pressure, unit="stress", symbol="pressure p"),
+    "volume": PointField(lambda state: state.volumes),
+    "energy_density": PointField(lambda state: state.energy_density, unit="stress", symbol="energy density W"),
+    "deformation_gradient": PointField(lambda state: state.deformation_gradient, 9, symbol="F"),
     "domain_deviation": PointField(lambda state: state.deviation),
     "member_deviation": PointField(lambda state: state.member_deviation, unit="stress"),
     "damage": PointField(lambda state: state.damage),
@@ -249,10 +255,19 @@ def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
     return values if values.ndim == 1 else np.linalg.norm(values, axis=1)
 
 
-def unit_of(name: str) -> str | None:
-    """Return which of a scene's units ("length" or "stress") a field or a component has; None if it has none of them."""
-    field = POINT_FIELDS.get(name) or POINT_FIELDS.get(_split(name)[0])
-    return field and field.unit
+def label_of(name: str, units: Units) -> str:
+    """Return the label of a field or a component in pictures: symbol or words, and the unit, such as "u₂ (cm)" or "|u| (cm)"."""
+    base, indices = _split(name) if name not in POINT_FIELDS else (name, ())
+    field = POINT_FIELDS.get(base, PointField(lambda state: None))
+    symbol = (field.symbol or base.replace("_", " ")) + "".join("₁₂₃"[index] for index in indices)
+    if field.components == 3 and not indices:
+        symbol = f"|{symbol}|"
+    return units.label(symbol, field.unit) if field.unit else symbol
+
+
+def greatest_of(fields: dict[str, np.ndarray], name: str) -> float:
+    """Return the greatest absolute value of all components of the field to which a name, such as ``stress_22``, belongs."""
+    return float(np.abs(fields[name if name in fields else _split(name)[0]]).max())
 
 
 def _split(name: str) -> tuple[str, tuple[int, ...]]:

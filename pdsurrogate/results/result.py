@@ -15,7 +15,7 @@ from ..html_tables import html_facts
 from ..scenes import Scene
 from .contents import contents_in
 from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
-from .measures import unit_of, values_of
+from .measures import label_of, values_of
 from .states import States, StatesInFiles, deformed_cells
 from .tables import column_unit, html_history, read_table, write_tables
 
@@ -187,7 +187,7 @@ class Result:
         >>> type(result.figure()).__name__
         'Figure'
         """
-        chosen = self.chosen_states()
+        chosen = self.chosen_states(6 if self.scene.dimension == 2 and self.scene.fracture is None else 4)
         if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
             field = "damage"
         elif not self.scene.stretched:
@@ -320,7 +320,7 @@ class Result:
         return _drawings().states_figure(self, field, [range(len(self.states))[level]], limits)
 
     def label(self, field: str) -> str:
-        """Return the label of a field or a component: its name and its unit.
+        """Return the label of a field or a component in pictures: symbol or words, and the unit, such as "u₂ (cm)".
 
         Parameters
         ----------
@@ -335,12 +335,10 @@ class Result:
         --------
         >>> import pdsurrogate as pds
         >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
-        >>> "stress_11" in result.label("stress_11")
-        True
+        >>> result.label("displacement_2")
+        'u₂ (cm)'
         """
-        kind = unit_of(field)
-        name = f"|{field}|" if field in ("displacement", "position") else field
-        return self.scene.units.label(name, kind) if kind else name
+        return label_of(field, self.scene.units)
 
     def table(self):
         """Return the history as a table: steps, loading parameter, forces and displacements where the body is held or loaded, energies.
@@ -419,7 +417,7 @@ class Result:
         return [number for number, level in enumerate(self.levels) if "time" in level]
 
     def chosen_states(self, most: int = 4) -> list[int]:
-        """Return the numbers of the states that `figure` shows: all if grips load the body without dynamics, otherwise a few.
+        """Return the numbers of the states that `figure` shows: all if grips load the body without dynamics, otherwise at most `most`.
 
         These are spread evenly over all outputs, or, with grips or fracture, over the outputs from the first one in dynamics on. If bonds
         break in dynamics, the states are spread evenly over the number of broken bonds.

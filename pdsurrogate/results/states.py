@@ -175,7 +175,13 @@ def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
     d, cells = body.dimension, body.cells
     F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]
     state = body.points, fields["displacement"][:, :d], F
+    damaged = fields.get("damage", np.zeros(len(body))) > 0
+
+    def parted(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        broken = damaged[one] & damaged[other]
+        return broken if body.separates is None else broken | body.separates(body.points[one], body.points[other])
+
     # Neighbors can separate only where bonds are cut or break.
-    if np.any(fields.get("damage", 0)) or body.separates is not None:
-        cells = cells.torn(*state)
+    if damaged.any() or body.separates is not None:
+        cells = cells.torn(*state, parted)
     return cells, cells.moved(*state)

@@ -13,7 +13,7 @@ CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexa
 """Names of the types of cells in meshio, by dimension and number of corners."""
 
 DISPLACEMENT = "displacement"
-EXACT = ("position", DISPLACEMENT)
+EXACT = ("position", DISPLACEMENT, "volume")
 """Fields that are written in double precision: all others follow from them, and are written in single."""
 
 NUMBER = "number"

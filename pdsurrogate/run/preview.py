@@ -21,6 +21,7 @@ from ..problem import Problem, compile_scene
 from ..problem.materials import scene_errors
 from ..results import figures
 from ..scenes import Load, Part, Prescribed, Scene
+from ..scenes.regions import label_of_region
 from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
 
@@ -93,7 +94,7 @@ def preview(scene: Scene) -> Figure:
     with matplotlib.rc_context(figures.STYLE):
         draw = _in_space if scene.dimension == 3 else _in_the_plane
         figure, axes = draw(problem, marks, colors)
-        axes.set_title(f"{scene.name}: {len(problem.body):,} points, spacing {scene.units.amount(problem.body.spacing, 'length', 'g')}")
+        axes.set_title(f"{scene.name}: {len(problem.body):,} points, spacing {scene.units.amount(problem.body.spacing, 'length', '.4g')}")
         handles: list[Artist] = [Patch(color=mark.color, label=mark.text) for mark in marks]
         handles += [Line2D([], [], color="black", lw=2, label="cut")] if scene.precuts else []
         handles += [Line2D([], [], color="black", marker="x", ls="", label="probe")] if scene.probes else []
@@ -108,14 +109,14 @@ def _marks(problem: Problem) -> list[_Mark]:
     found: list[tuple[str, np.ndarray, np.ndarray | None]] = []
     for number, part in enumerate(scene.materials):
         key = f"materials.{number}"
-        found.append((f"{regions.label(part.region, key)}: {part.material.law}", regions.points(part.region, f"{key}.region"), None))
+        found.append((f"{label_of_region(part.region, key)}: {part.material.law}", regions.points(part.region, f"{key}.region"), None))
     entries: tuple[Part | Prescribed | Load, ...] = (*scene.materials, *scene.prescribed, *scene.loads)
     used = {entry.region for entry in entries if isinstance(entry.region, str)}
     found += [(name, regions.points(name), None) for name in scene.regions if name not in used]
     for one in sorted(problem.prescriptions, key=lambda one: one.key.startswith("holds")):
         found.append((f"{one.holder or one.name}: {one.words}", regions.points(one.region, one.key), one.displacement))
     for number, load in enumerate(scene.loads):
-        value, label = np.array(getattr(load, load.kind)), load.name or regions.label(load.region, f"loads.{number}")
+        value, label = np.array(getattr(load, load.kind)), load.name or label_of_region(load.region, f"loads.{number}")
         size = f"({', '.join(f'{component:g}' for component in value)})" if value.ndim else f"{value:g}"
         points = regions.points(load.region) if load.kind != "body_force" else np.zeros(0, dtype=int)
         found.append((f"{label}: {load.kind.replace('_', ' ')} {size}", points, value if value.ndim else None))
@@ -134,7 +135,8 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> t
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
     extent = (high - low).max()
     size = (high - low) / extent * 5.0
-    figure = Figure(figsize=(size[0] + 2.6, max(size[1] + 0.8, 1.6)), layout=ConstrainedLayoutEngine(w_pad=0.15))
+    beside = 1.2 + 0.075 * max((len(mark.text) for mark in marks), default=0)  # for the legend
+    figure = Figure(figsize=(size[0] + beside, max(size[1] + 0.8, 1.6)), layout=ConstrainedLayoutEngine(w_pad=0.15))
     axes = figure.subplots()
     color, width = ("white", 0.3) if len(body) <= MOST_CELLS_WITH_EDGES else ("face", 0.2)
     # The stub of PolyCollection leaves out that it takes one array of polygons.
@@ -156,7 +158,7 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> t
         axes.annotate(probe.name, (probe.at[0], probe.at[1]), xytext=(4, 4), textcoords="offset points")
     room = 1.25 * ARROW * extent if any(mark.arrow is not None for mark in marks) else 0.03 * extent
     axes.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + room), aspect="equal")
-    axes.set(xlabel=scene.units.label("x1", "length"), ylabel=scene.units.label("x2", "length"))
+    axes.set(xlabel=scene.units.label(figures.PLACES[0], "length"), ylabel=scene.units.label(figures.PLACES[1], "length"))
     return figure, axes
 
 
@@ -166,9 +168,7 @@ def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axes = figure.add_subplot(projection="3d", computed_zorder=False)
-    figures.draw_outside(axes, body.cells, nodes, colors, np.array([low, high]), zoom=0.95)
-    axes.set(xticks=[], yticks=[], zticks=[])
-    axes.set_axis_on()
+    figures.draw_outside(axes, body.cells, nodes, colors, np.array([low, high]), filled=0.9)
     for mark in marks:
         if mark.arrow is not None:
             axes.quiver(*mark.place, *(2 * ARROW * (high - low).max() * mark.arrow), color=mark.color, lw=2, zorder=5)
@@ -179,9 +179,8 @@ def _in_space(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> tuple
         hidden = _hidden(np.array(probe.at), tree, np.asarray(body.cell).min(), reach)
         axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7, alpha=0.35 if hidden else 1)
         axes.text(*probe.at, f" {probe.name}{' (hidden)' if hidden else ''}", zorder=8, alpha=0.6 if hidden else 1)
-    for name, one, other, axis in zip("123", low, high, (axes.xaxis, axes.yaxis, axes.zaxis), strict=True):
-        axis.set_label_text(f"x{name}: {scene.units.amount(f'{one:.4g} to {other:.4g}', 'length')}")
-        axis.labelpad = -5  # there are no ticks between it and the axis
+    sides = (f"{place}: {one:.3g} to {other:.3g}" for place, one, other in zip(figures.PLACES, low, high, strict=True))
+    axes.text2D(0.5, -0.04, scene.units.amount(", ".join(sides), "length"), transform=axes.transAxes, ha="center")
     return figure, axes
 
 

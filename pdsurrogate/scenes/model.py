@@ -267,6 +267,11 @@ def _dimension_of(data: Mapping[str, Any]) -> int:
     return data["body"].dimension if "body" in data else 2
 
 
+def with_unit(what: str, unit: str | None) -> str:
+    """Return the name of a quantity with its unit, if it has one, as in print: "force (kPa·cm²)" for the unit "kPa cm^2"."""
+    return f"{what} ({unit.replace(' ', '·').replace('^2', '²').replace('^3', '³')})" if unit else what
+
+
 class Units(StrictModel):
     """Names of the units of a scene. Values are not converted, and quantities without a named unit are shown without one.
 
@@ -296,8 +301,7 @@ class Units(StrictModel):
 
     def label(self, what: str, kind: str) -> str:
         """Return the name `what` of a quantity with its unit in brackets, for headers and axes; `kind` is "length" or "force", say."""
-        unit = getattr(self, kind)
-        return f"{what} ({unit})" if unit else what
+        return with_unit(what, getattr(self, kind))
 
     def amount(self, number: float | str, kind: str, form: str = "", power: str = "") -> str:
         """Return a number, or text such as "0 to 2", followed by the unit of its `kind` ("length", say) and a power such as "^2".

@@ -200,3 +200,10 @@ def references_in(key: str, region: str | Region) -> Iterator[tuple[str, str | R
     if isinstance(region, Region):
         for inner, member in region.members():
             yield from references_in(f"{key}.{inner}", member)
+
+
+def label_of_region(reference: str | Region, otherwise: str) -> str:
+    """Return a region's label for results: its name, edge or group (other characters than A-Za-z0-9_.- become _), else `otherwise`."""
+    if isinstance(reference, str):
+        return reference
+    return reference.edge or re.sub(r"[^A-Za-z0-9_.-]", "_", reference.group or "").lstrip("_.-")[:64] or otherwise

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from ..results import tables
 from ..results.figures import STYLE
 from ..scenes import SceneError
+from ..scenes.model import with_unit
 from ..scenes.problems import suggestion
 from ..scenes.reading import leaves
 from .description import Study
@@ -125,11 +126,13 @@ def label_of(key: str, units: Mapping[str, str]) -> str:
     """
     parts = [part.removesuffix("_reference") for part in key.split(".")]
     kind = next((kind for kind, pattern in UNITS.items() if any(re.fullmatch(pattern, part) for part in parts)), None)
-    return f"{key} ({units[kind]})" if units.get(kind) else key
+    return with_unit(key, units.get(kind))
 
 
 def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]) -> Figure | None:
     """Return a figure of every varying quantity against every varying parameter, up to `MOST_DRAWN` of each; None if nothing varies.
+
+    Runs that differ in this parameter alone are joined by a line; its color stands for the other parameters.
 
     `rows` are those of the study's table, and `parameters` the columns of parameters. `units` gives the names of the units of length,
     stress, force and energy from a run's summary; it is empty for a study of fits of surrogates, which has no units.
@@ -145,13 +148,21 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mappi
         for row_of_axes, quantity in zip(axes, down, strict=True):
             for axis, key in zip(row_of_axes, across, strict=True):
                 places, words = _places([row.get(key) for row in rows])
-                drawn = [(place, row[quantity]) for place, row in zip(places, rows, strict=True) if _is_number(row.get(quantity))]
-                axis.plot(*zip(*drawn, strict=True), "o", ms=3.5, alpha=0.7)
+                lines: dict[str, list] = {}
+                for place, row in zip(places, rows, strict=True):
+                    others = ", ".join(f"{other.split('.')[-1]} {_cell(row.get(other))}" for other in across if other != key)
+                    if _is_number(row.get(quantity)):
+                        lines.setdefault(others.replace("_", " "), []).append((place, row[quantity]))
+                color = {} if len(lines) <= MOST_DRAWN else {"color": "C0"}
+                for others, drawn in lines.items():
+                    axis.plot(*zip(*sorted(drawn), strict=True), "o-", ms=3.5, lw=0.8, label=others, **color)
+                if 1 < len(lines) <= MOST_DRAWN and quantity == down[0]:
+                    axis.legend(fontsize=7)
                 if words:
                     axis.set_xticks(range(len(words)), words, rotation=30, ha="right")
-            row_of_axes[0].set_ylabel(label_of(quantity, units))
+            row_of_axes[0].set_ylabel(label_of(quantity, units).replace("_", " "))
         for axis, key in zip(axes[-1], across, strict=True):
-            axis.set_xlabel(label_of(key, units))
+            axis.set_xlabel(label_of(key, units).replace("_", " "))
         return figure
 
 

@@ -57,6 +57,7 @@ def test_fields_of_a_homogeneous_state(name, plane):
         "pressure": -np.trace(sigma) / 3,
         "von_mises": np.sqrt(1.5) * np.linalg.norm(deviator),
         "energy_density": module.energy_density(LAW, F),
+        "volume": body.volumes,
     } | ({} if plane == "space" else {"C33": full[2, 2] ** 2})
     for key, value in expected.items():
         np.testing.assert_allclose(fields[key], np.broadcast_to(value, fields[key].shape), atol=2e-9, err_msg=key)
@@ -83,13 +84,18 @@ def test_stress_and_energy_are_those_of_the_learned_energy_that_ran():
     np.testing.assert_allclose(fields["energy_density"], plane_stress.energy_density(LAW, far), rtol=1e-9)
 
 
+def anywhere(one, other):
+    """Flags of neighbors between which a crack may open: all of them."""
+    return np.ones(len(one), dtype=bool)
+
+
 @pytest.mark.parametrize("body", [sheet(), cube()], ids=["plane", "space"])
 def test_corners_of_cells_follow_an_affine_motion(body):
     cells, d = body.cells, body.dimension
     F = F3[:d, :d]
     state = body.points, body.points @ (F - np.eye(d)).T, np.broadcast_to(F, (len(body), d, d))
     np.testing.assert_allclose(cells.moved(*state), cells.nodes @ (F - np.eye(d)).T, atol=1e-13)
-    assert cells.torn(*state) is cells
+    assert cells.torn(*state, anywhere) is cells
     np.testing.assert_allclose(cells.nodes[cells.blocks[0]].mean(axis=1), body.points, atol=1e-13)
     np.testing.assert_allclose(
         [cells.nodes.min(), cells.nodes.max(axis=0)[-1]], [0, body.points[:, -1].max() + body.cell[-1] / 2], atol=1e-13
@@ -114,9 +120,11 @@ def test_an_open_crack_has_two_flanks():
     body = cube(6)
     moving = (body.points < 0.5).all(axis=1)
     displacement, gradients = np.where(moving[:, None], -0.2, 0.0) * np.ones(3), np.broadcast_to(np.eye(3), (len(body), 3, 3))
-    cells = body.cells.torn(body.points, displacement, gradients)
+    state = body.points, displacement, gradients
+    assert body.cells.torn(*state, lambda one, other: one < 0) is body.cells
+    cells = body.cells.torn(*state, anywhere)
     assert len(cells.nodes) - len(body.cells.nodes) == 4**3 - 3**3
-    np.testing.assert_allclose(np.unique(cells.moved(body.points, displacement, gradients).round(12)), [-0.2, 0.0])
+    np.testing.assert_allclose(np.unique(cells.moved(*state).round(12)), [-0.2, 0.0])
 
 
 @pytest.mark.parametrize("body", [sheet(), cube()], ids=["plane", "space"])
@@ -143,11 +151,16 @@ def test_a_cut_through_the_middle_is_a_section_of_the_body():
     split = ((0, 1, 3, 4), (1, 2, 3, 6), (1, 4, 5, 6), (3, 4, 6, 7), (1, 3, 4, 6))
     tetrahedra = CellMesh(cells.nodes, (np.concatenate([cells.blocks[0][:, list(corners)] for corners in split]),))
     for mesh in (cells, tetrahedra):
-        polygons, owners = section(mesh, 2.0 * mesh.nodes, 2, 0.47)
+        polygons, owners, rim = section(mesh, 2.0 * mesh.nodes, 2, 0.47)
         assert len(polygons) == len(owners)
         areas = [0.5 * np.linalg.norm(sum(np.cross(a, b) for a, b in zip(p, np.roll(p, -1, axis=0), strict=True))[2]) for p in polygons]
         assert sum(areas) == pytest.approx(4.0)
         assert all(np.allclose(polygon[:, 2], 0.94) for polygon in polygons)
+        if mesh is not cells:  # tetrahedra of neighbors that do not share their sides
+            continue
+        # Around the section: a square of side 2.
+        assert np.linalg.norm(rim[:, 1] - rim[:, 0], axis=1).sum() == pytest.approx(8.0)
+        assert (np.isclose(rim[..., :2], 0) | np.isclose(rim[..., :2], 2)).any(axis=2).all()
 
 
 def test_a_scene_in_space_has_files_pictures_and_tables(tmp_path):

@@ -38,7 +38,8 @@ def parts_of(body, bounds, reach):
     for rank, (low, high) in enumerate(itertools.pairwise(bounds)):
         x = body.points[:, 0]
         numbers = np.flatnonzero((x > low - reach) & (x < high + reach))
-        part = Body(body.points[numbers], body.volumes[numbers], body.horizon, body.spacing)
+        cells = body.cells.only(np.isin(np.arange(len(body)), numbers))[0]
+        part = Body(body.points[numbers], body.volumes[numbers], body.horizon, body.spacing, mesh_cells=cells)
         own = (x[numbers] > low) & (x[numbers] < high)
         object.__setattr__(part, "share", SomePoints(rank, len(bounds) - 1, numbers, own))
         yield numbers, part

@@ -8,6 +8,7 @@ import pdsurrogate as pds
 from pdsurrogate.discretization import discretize, surface_of
 from pdsurrogate.problem.regions import BodyRegions
 from pdsurrogate.scenes import Region, SceneError, load_scene
+from pdsurrogate.scenes.regions import label_of_region
 
 PLATE = {
     "name": "plate",
@@ -161,9 +162,9 @@ def test_names_and_edges(plate):
     assert regions.edge(Region(**{"or": ["bottom"]})) == "bottom"
     assert regions.edge(Region(**{"not": "bottom"})) is None
     assert regions.edge(Region(**{"and": ["bottom", "left"]})) is None
-    assert regions.label("quarter", "loads.0") == "quarter"
-    assert regions.label(Region(edge="top"), "loads.0") == "top"
-    assert regions.label(Region(box=((0, 0), (1, 1))), "loads.0") == "loads.0"
+    assert label_of_region("quarter", "loads.0") == "quarter"
+    assert label_of_region(Region(edge="top"), "loads.0") == "top"
+    assert label_of_region(Region(box=((0, 0), (1, 1))), "loads.0") == "loads.0"
 
 
 def said_of(kind, said, **changes):

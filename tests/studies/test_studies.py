@@ -403,7 +403,7 @@ UNITS = {"length": "cm", "stress": "kPa", "force": "kPa cm^2", "energy": "kPa cm
         ("holes.0.radius", "holes.0.radius (cm)"),
         ("material.bulk_modulus", "material.bulk_modulus (kPa)"),
         ("probes.tip.displacement.0", "probes.tip.displacement.0 (cm)"),
-        ("forces.right.0", "forces.right.0 (kPa cm^2)"),
+        ("forces.right.0", "forces.right.0 (kPa·cm²)"),
         ("nominal_stress_reference", "nominal_stress_reference (kPa)"),
         ("nominal_stress_error", "nominal_stress_error"),
         ("n_force_evaluations", "n_force_evaluations"),
@@ -417,4 +417,4 @@ def test_axes_of_the_figure_have_units(key, label):
 def test_the_figure_names_what_it_draws():
     rows = [{"run": "a", "spacing": 0.1, "nominal_stress": 1.0}, {"run": "b", "spacing": 0.2, "nominal_stress": 1.1}]
     (axis,) = study_figure(rows, ["spacing"], UNITS).axes
-    assert (axis.get_xlabel(), axis.get_ylabel()) == ("spacing (cm)", "nominal_stress (kPa)")
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("spacing (cm)", "nominal stress (kPa)")
