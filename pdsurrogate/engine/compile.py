@@ -16,12 +16,14 @@ from __future__ import annotations
 import logging
 import pickle
 import sys
+import time
 import types as python_types
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import BinaryIO
 
 import numba
 import numpy as np
@@ -37,7 +39,16 @@ from .intrinsics import writes
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
 
+try:
+    import fcntl
+except ImportError:  # on Windows each process compiles for itself
+    fcntl = None  # type: ignore[assignment]
+
 logger = logging.getLogger(__name__)
+
+LONGEST_COMPILATION = 60.0
+"""Seconds that a process waits for another one that compiles the same function, before it compiles the function, too. Chosen: ten times
+what the slowest pass takes on a free core."""
 
 # `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver detects a diverging run.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
@@ -55,10 +66,39 @@ def compiled_digest(*values) -> str:
 
 
 class CacheFile(IndexDataCacheFile):
-    """Files of numba's disk cache for one function, with a checksum.
+    """Files of numba's disk cache for one function, with a checksum; only one process at a time compiles the function.
 
     Files that cannot be read, as after a full disk or a power cut, count as missing and are written again.
     """
+
+    _lock: BinaryIO | None = None
+
+    def load(self, key):
+        """Return the code stored under a key; return None if there is none, and lock the function until `save` or the end of the process.
+
+        If another process holds the lock, wait until it has stored its code.
+        """
+        found = super().load(key)
+        if found is None and fcntl is not None:
+            with suppress(OSError):  # a file system without locks, or a full one
+                self._lock = open(f"{self._index_path}.lock", "wb")  # noqa: SIM115 - held until `_unlock`
+                wait_for_lock(self._lock)
+            found = super().load(key)
+            if found is not None:
+                self._unlock()
+        return found
+
+    def save(self, key, data):
+        try:
+            super().save(key, data)
+        finally:
+            self._unlock()
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            Path(self._lock.name).unlink(missing_ok=True)
+            self._lock.close()
+            self._lock = None
 
     def _load_index(self):
         with suppress(Exception):  # whatever a damaged pickle raises
@@ -75,6 +115,16 @@ class CacheFile(IndexDataCacheFile):
         if _checksum(kept[4:]) != kept[:4]:
             raise OSError(f"{name} is damaged")  # numba treats this error as a missing file
         return pickle.loads(kept[4:])
+
+
+def wait_for_lock(file: BinaryIO) -> None:
+    """Lock a file for this process; wait while another process holds the lock, for `LONGEST_COMPILATION` at most."""
+    until = time.monotonic() + LONGEST_COMPILATION
+    while time.monotonic() < until:
+        try:
+            return fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):
+            time.sleep(0.02)
 
 
 def _checksum(data: bytes) -> bytes:
