@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from several_ranks import HERE, TIMEOUT, Ranks, environment, on_ranks, several
 
+import pdsurrogate as pds
 from pdsurrogate.body import grid
 from pdsurrogate.ranks import ALONE, NotUnderMPI, bisected, bond_counts, communicator
 from pdsurrogate.results.states import StatesInFiles
@@ -29,8 +30,9 @@ def ranks():
 # Who takes part.
 
 
-def test_one_process_is_alone():
+def test_one_process_is_alone_and_loads_nothing_of_mpi():
     assert communicator() is ALONE
+    pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.05), "analytic")
     assert "mpi4py" not in sys.modules
 
 
@@ -365,6 +367,7 @@ def test_an_invalid_state_on_one_rank_ends_all_with_its_message(ranks, tmp_path)
     check_soon(tmp_path / "out.happened")
     assert [reply["status"] for reply in done] == [1, 1], done
     assert done[0]["err"].count("the run failed") == 1
+    assert "Traceback" not in done[0]["err"]
     assert not done[1]["err"]
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["converged"] is False
