@@ -41,7 +41,7 @@ class Ranks:
 
     def __init__(self, size):
         self.size, self.compiled = size, False
-        self._process, self._log = None, tempfile.TemporaryFile("w+")
+        self._process, self._log = None, tempfile.TemporaryFile("w+")  # noqa: SIM115 - as long as the processes
 
     def __enter__(self):
         command = on_ranks(self.size, HERE / "ranks" / "served.py")

@@ -23,7 +23,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import BinaryIO
 
 import numba
 import numpy as np
@@ -39,16 +38,11 @@ from .intrinsics import writes
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
 
-try:
-    import fcntl
-except ImportError:  # on Windows each process compiles for itself
-    fcntl = None  # type: ignore[assignment]
-
 logger = logging.getLogger(__name__)
 
-LONGEST_COMPILATION = 60.0
-"""Seconds that a process waits for another one that compiles the same function, before it compiles the function, too. Chosen: ten times
-what the slowest pass takes on a free core."""
+LONGEST_WAIT = 20.0
+"""Greatest number of seconds that a process waits for another one to compile a function. Chosen: a few times what the slowest function
+takes on a free core; a process that is killed while it compiles makes the next one wait for so long."""
 
 # `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver detects a diverging run.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
@@ -71,34 +65,33 @@ class CacheFile(IndexDataCacheFile):
     Files that cannot be read, as after a full disk or a power cut, count as missing and are written again.
     """
 
-    _lock: BinaryIO | None = None
+    def __init__(self, *arguments) -> None:
+        super().__init__(*arguments)
+        self._mark, self._is_marked = Path(f"{self._index_path}.compiling"), False
 
     def load(self, key):
-        """Return the code stored under a key; return None if there is none, and lock the function until `save` or the end of the process.
-
-        If another process holds the lock, wait until it has stored its code.
-        """
-        found = super().load(key)
-        if found is None and fcntl is not None:
-            with suppress(OSError):  # a file system without locks, or a full one
-                self._lock = open(f"{self._index_path}.lock", "wb")  # noqa: SIM115 - held until `_unlock`
-                wait_for_lock(self._lock)
-            found = super().load(key)
-            if found is not None:
-                self._unlock()
+        """Return the code stored under a key; wait for it if another process compiles the function, or return None if this one has to."""
+        until = time.monotonic() + LONGEST_WAIT
+        while (found := super().load(key)) is None and not self._has_mark() and time.monotonic() < until:
+            time.sleep(0.02)
         return found
 
     def save(self, key, data):
         try:
             super().save(key, data)
         finally:
-            self._unlock()
+            self._mark.unlink(missing_ok=True)
+            self._is_marked = False
 
-    def _unlock(self) -> None:
-        if self._lock is not None:
-            Path(self._lock.name).unlink(missing_ok=True)
-            self._lock.close()
-            self._lock = None
+    def _has_mark(self) -> bool:
+        """Return whether this process has marked the function as its own to compile, or the mark of another process is too old to wait."""
+        try:
+            self._mark.touch(exist_ok=self._is_marked)
+        except OSError:  # the mark of another process, or a folder that cannot be written to
+            with suppress(OSError):
+                return time.time() - self._mark.stat().st_mtime > LONGEST_WAIT
+        self._is_marked = True
+        return True
 
     def _load_index(self):
         with suppress(Exception):  # whatever a damaged pickle raises
@@ -115,16 +108,6 @@ class CacheFile(IndexDataCacheFile):
         if _checksum(kept[4:]) != kept[:4]:
             raise OSError(f"{name} is damaged")  # numba treats this error as a missing file
         return pickle.loads(kept[4:])
-
-
-def wait_for_lock(file: BinaryIO) -> None:
-    """Lock a file for this process; wait while another process holds the lock, for `LONGEST_COMPILATION` at most."""
-    until = time.monotonic() + LONGEST_COMPILATION
-    while time.monotonic() < until:
-        try:
-            return fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except (BlockingIOError, PermissionError):
-            time.sleep(0.02)
 
 
 def _checksum(data: bytes) -> bytes:

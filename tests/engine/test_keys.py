@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import textwrap
+import time
 
 import numba
 import numpy as np
@@ -133,42 +134,35 @@ def test_a_damaged_cache_is_none(tmp_path, twice, kind, damage):
 
 
 BESIDE = """
-import sys, time
+import sys
 from kept_by_a_test import twice
 from pdsurrogate.engine import compile as compile_module
 
-what, compile_module.LONGEST_COMPILATION = sys.argv[1], float(sys.argv[2])
-kernel = compile_module.kernel(twice)
-print("begins", flush=True)
-if what == "holds":
-    assert kernel._cache.load_overload((compile_module.numba.float64,), kernel.targetctx) is None
-    print("holds", flush=True)
-    time.sleep(600)
+compile_module.LONGEST_WAIT = float(sys.argv[1])
 with compile_module.compilation_clock() as clock:
-    assert kernel(3.0) == 6.0
+    print("begins", flush=True)
+    assert compile_module.kernel(twice)(3.0) == 6.0
 print("compiled" if clock.seconds else "loaded", flush=True)
 """
 
 
 def test_of_several_processes_one_compiles_while_the_others_wait(tmp_path, twice):
-    """A process that waits for too long compiles, too; when the one that compiles is killed, the others do not wait for it any more."""
+    """This process begins to compile and never ends, as one that is killed: another one waits, and a third has no patience."""
 
-    def beside(what, most):
-        command = [sys.executable, "-c", BESIDE, what, str(most)]
+    def beside(longest_wait):
+        command = [sys.executable, "-c", BESIDE, str(longest_wait)]
         process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
         assert process.stdout.readline() == "begins\n"
         return process
 
-    holds = beside("holds", 600)
-    assert holds.stdout.readline() == "holds\n"
-    waits, hurries = beside("waits", 600), beside("hurries", 0.5)
-    assert hurries.stdout.readline() == "compiled\n"
+    kernel = compile_module.kernel(twice)
+    assert kernel._cache.load_overload((numba.float64,), kernel.targetctx) is None
+    waits = beside(600)
+    time.sleep(1)
+    hurries = beside(0.5)
     assert waits.poll() is None
-    holds.kill()
-    assert waits.stdout.readline() == "loaded\n"
-    for process in (holds, waits, hurries):
-        process.communicate()
-    assert not list(tmp_path.rglob("*.lock"))
+    assert [process.communicate()[0] for process in (hurries, waits)] == ["compiled\n", "loaded\n"]
+    assert not list(tmp_path.rglob("*.compiling"))
 
 
 def test_a_full_disk_under_the_cache_is_done_without(twice, monkeypatch, caplog):

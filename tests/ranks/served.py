@@ -1,4 +1,4 @@
-"""Run by `several_ranks.Ranks` on several ranks: cases one after another, each on the first ranks of them, in one start of the processes."""
+"""Run by `several_ranks.Ranks` on several ranks: cases one after another, each on the first ranks, in one start of the processes."""
 
 import base64
 import contextlib
