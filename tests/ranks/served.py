@@ -33,7 +33,7 @@ def orders():
 
 def done(communicator, folder, module, function, arguments):
     """What a function returns or how it ends, and what it prints, as of a process that does nothing else."""
-    sys.modules["pdsurrogate.ranks.communicator"]._world = communicator
+    vars(sys.modules["pdsurrogate.ranks.communicator"])["_world"] = communicator
     os.chdir(folder)
     found = {"value": None, "error": None, "status": 0, "compiled": False}
     compiles = lambda: found.update(compiled=True)  # noqa: E731
