@@ -1,9 +1,13 @@
 """Processes of their own for runs on several ranks: a test that hangs must end too."""
 
+import base64
 import importlib.util
 import os
+import pickle
 import subprocess
 import sys
+import tempfile
+import threading
 from pathlib import Path
 
 import pytest
@@ -26,20 +30,65 @@ def environment():
     return {**os.environ, **SLEEPING, "NUMBA_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(map(str, (HERE.parent, HERE)))}
 
 
-def run(ranks, *arguments, mpi4py=True, expected=0, cwd=None):
-    """Output of a Python command on some ranks."""
+def on_ranks(ranks, *arguments, mpi4py=True):
+    """The command that starts Python on some ranks."""
     command = [sys.executable, *(["-m", "mpi4py"] if mpi4py else []), *map(str, arguments)]
-    if ranks > 1:
-        command = [str(MPIEXEC), "-n", str(ranks), *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), cwd=cwd, check=False)
-    assert (done.returncode == 0) == (expected == 0), done.stdout + done.stderr
-    return done.stdout + done.stderr
+    return [str(MPIEXEC), "-n", str(ranks), *command]
 
 
-def run_loaded(ranks, *arguments):
-    """Output of a Python command that says "compiled" where it has compiled: it runs once more then, with all code from the cache.
+class Ranks:
+    """Processes that run cases of `tests/ranks` one after another, each on one rank or several: a process takes seconds to begin."""
 
-    What a process compiles itself may differ from what others load, in the last bits: so a bonded cube in space did.
-    """
-    printed = run(ranks, *arguments, mpi4py=ranks > 1)
-    return run(ranks, *arguments, mpi4py=ranks > 1) if "compiled" in printed else printed
+    def __init__(self, size):
+        self.size, self.compiled = size, False
+        self._process, self._log = None, tempfile.TemporaryFile("w+")  # noqa: SIM115 - as long as the processes
+
+    def __enter__(self):
+        command = on_ranks(self.size, HERE / "ranks" / "served.py")
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._log}
+        self._process, self.compiled = subprocess.Popen(command, text=True, env=environment(), **pipes), False
+        return self
+
+    def __exit__(self, *error):
+        self._process.stdin.close()
+        try:
+            self._process.wait(10)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def __call__(self, ranks, function, *arguments, module="cases", folder=HERE):
+        """What a function of `tests/ranks` does on each of so many ranks: its value, or its status and error, and what it prints."""
+        order = ranks, str(folder), module, function, tuple(str(one) if isinstance(one, Path) else one for one in arguments)
+        limit = threading.Timer(TIMEOUT, self._process.kill)
+        limit.start()
+        try:
+            self._process.stdin.write(base64.b64encode(pickle.dumps(order)).decode() + "\n")
+            self._process.stdin.flush()
+            line = self._process.stdout.readline()
+        finally:
+            limit.cancel()
+        if not line:
+            self.__exit__()
+            self.__enter__()
+            self._log.seek(0)
+            raise AssertionError(f"the ranks have ended: {self._log.read()}")
+        replies = pickle.loads(base64.b64decode(line))
+        self.compiled |= any(reply["compiled"] for reply in replies)
+        return replies
+
+    def load(self):
+        """Begin anew if the processes have compiled anything, and return whether they do.
+
+        What a process compiles itself may differ from what others load, in the last bits: so a bonded cube in space did.
+        """
+        compiled = self.compiled
+        if compiled:
+            self.__exit__()
+            self.__enter__()
+        return compiled
+
+    def loaded(self, *case, **where):
+        """What a function does with all code from the cache."""
+        replies = self(*case, **where)
+        return self(*case, **where) if self.load() else replies

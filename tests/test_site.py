@@ -58,7 +58,7 @@ def test_two_pages_with_one_title_fail_the_build():
     ],
 )
 def test_names_in_code_are_links(written, linked):
-    found = re.findall(r'<autoref identifier="([^"]*)"', hooks.CODE.sub(hooks._linked, written))
+    found = re.findall(r'<autoref identifier="([^"]*)"', hooks.CODE.sub(hooks.linked, written))
     assert found == ([linked] if linked else [])
 
 

@@ -48,7 +48,7 @@ def _mathml(match: re.Match) -> str:
     return f'<div class="equation"{anchor}><div tabindex="0">{formula}</div>{label}</div>'
 
 
-def _linked(match: re.Match) -> str:
+def linked(match: re.Match) -> str:
     """Code that names a public name, or a member of one, as a link to its description."""
     if not match["name"]:
         return match[0]
@@ -76,7 +76,7 @@ def on_page_content(content, page, config, files):
     content = EQUATION.sub(_mathml, content)
     if 'class="arithmatex"' in content:
         raise PluginError(f"{page.file.src_uri}: an equation was not translated")
-    return CODE.sub(_linked, content)
+    return CODE.sub(linked, content)
 
 
 def on_env(env, config, files):

@@ -82,7 +82,7 @@ def _looked_at(part: type[StrictModel]) -> WrapValidator:
     return WrapValidator(lambda value, _: part.model_validate(value) and value)
 
 
-class _Errors(StrictModel):
+class ErrorEntries(StrictModel):
     """Relative errors of a surrogate over a set of states.
 
     Parameters
@@ -100,7 +100,7 @@ class _Errors(StrictModel):
     energy_rms: Share | None = None
 
 
-class _Bin(_Errors):
+class BinEntries(ErrorEntries):
     """Relative errors of a surrogate over the states of one interval of strain.
 
     Parameters
@@ -112,7 +112,7 @@ class _Bin(_Errors):
     strain: tuple[Share, Share]
 
 
-class _Report(StrictModel):
+class ReportEntries(StrictModel):
     """Errors of a surrogate as `pdsurrogate.evaluate` reports them; fields that are not declared here are finite numbers.
 
     Parameters
@@ -121,11 +121,11 @@ class _Report(StrictModel):
         Least and greatest principal stretch of the states. Unit: none.
     n_samples : int
         Number of states.
-    on_surface : _Errors
+    on_surface : ErrorEntries
         Errors in states of plane stress; for an isochoric energy in states of constant volume.
-    off_surface : _Errors, optional
+    off_surface : ErrorEntries, optional
         Errors of a bond force in states beside plane stress, which bonds meet in a simulation.
-    by_strain : list of _Bin
+    by_strain : list of BinEntries
         Errors by intervals of strain.
     **extra_data : float
         Further errors, as `pdsurrogate.evaluate` reports them.
@@ -136,29 +136,29 @@ class _Report(StrictModel):
 
     stretch_range: tuple[Positive, Positive]
     n_samples: Annotated[int, Field(strict=True, gt=0)]
-    on_surface: _Errors
-    off_surface: _Errors | None = None
-    by_strain: tuple[_Bin, ...] = ()
+    on_surface: ErrorEntries
+    off_surface: ErrorEntries | None = None
+    by_strain: tuple[BinEntries, ...] = ()
 
 
-class _Reports(StrictModel):
+class ReportsEntries(StrictModel):
     """Reports of errors by title.
 
     Parameters
     ----------
-    box : _Report
+    box : ReportEntries
         Errors over all pairs of principal stretches in the range of the domain.
-    **extra_data : _Report
+    **extra_data : ReportEntries
         Errors over other states.
     """
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, _Report]
+    __pydantic_extra__: dict[str, ReportEntries]
 
-    box: _Report
+    box: ReportEntries
 
 
-class _Features(StrictModel):
+class FeatureEntries(StrictModel):
     """Inputs and outputs of a surrogate.
 
     Parameters
@@ -182,7 +182,7 @@ class _Features(StrictModel):
     units: str
 
 
-class _Identification(StrictModel):
+class IdentificationEntries(StrictModel):
     """Identification of the law from test data.
 
     Parameters
@@ -201,7 +201,7 @@ class _Identification(StrictModel):
     law: dict[str, Any]
 
 
-class _Training(StrictModel):
+class TrainingEntries(StrictModel):
     """How the surrogate was trained; a simulation reads only `identification`, the rest informs people.
 
     Parameters
@@ -218,7 +218,7 @@ class _Training(StrictModel):
         Relative errors by fold; empty without a cross-validation.
     search : list of dict
         Settings that were compared, with their errors; empty without a comparison.
-    identification : _Identification, optional
+    identification : IdentificationEntries, optional
         Fit of the law to test data, if the law was identified.
     resampling : dict, optional
         Error of the spline that stands for a regressor without compiled code.
@@ -230,13 +230,13 @@ class _Training(StrictModel):
     outcome: dict[str, Any]
     cross_validation: tuple[dict[str, Any], ...]
     search: tuple[dict[str, Any], ...]
-    identification: _Identification | None = None
+    identification: IdentificationEntries | None = None
     resampling: dict[str, Any] | None = None
 
 
-Reports = Annotated[dict[str, Any], _looked_at(_Reports)]
-Features = Annotated[dict[str, Any], _looked_at(_Features)]
-Training = Annotated[dict[str, Any], _looked_at(_Training)]
+Reports = Annotated[dict[str, Any], _looked_at(ReportsEntries)]
+Features = Annotated[dict[str, Any], _looked_at(FeatureEntries)]
+Training = Annotated[dict[str, Any], _looked_at(TrainingEntries)]
 
 
 class Material(StrictModel):

@@ -146,7 +146,7 @@ class Body:
             object.__setattr__(self, "spacing", float(volumes.mean() ** (1 / points.shape[1])))
         _check_distance_of_planes(self)
         object.__setattr__(self, "cell", np.full(points.shape[1], self.spacing) if self.cell is None else np.array(self.cell, dtype=float))
-        object.__setattr__(self, "ghosts", Ghosts.reflected(points, self.planes, self.horizon))
+        object.__setattr__(self, "ghosts", Ghosts.reflected(points, self.planes, self.horizon, self.share))
 
     def __len__(self) -> int:
         return len(self.points)

@@ -1,12 +1,18 @@
-"""Ghosts: images of points beyond reflection planes, whose values follow from those of the points by a linear map."""
+"""Ghosts: images of points beyond reflection planes, whose values follow from those of the points by a linear map.
+
+Images follow the points in arrays of n + m rows. A method that fills such an array first brings the rows of halo points from the ranks that
+own them, since an image may mirror a halo point.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..kernels import ghosts as kernels
+from ..ranks import Share
 
 WITH_ROUNDING = 1 + 1e-9
 """Factor on a horizon wherever points within it are found: points at exactly the horizon, whose computed distance may exceed it by
@@ -66,6 +72,8 @@ class Ghosts:
     parent : ndarray of int64, shape (m,)
         Number of the point or ghost that the ghost mirrors in `plane`: its source, or for an image of an image another ghost.
     planes : tuple of ReflectionPlane
+    share : Share
+        Points that this rank works on, of which these are the images.
     share_along : float or None
         The argument `share` of `held_by_clamps`; None if deformation gradients are continued as displacements are.
     """
@@ -81,11 +89,12 @@ class Ghosts:
     gradient_reflection: np.ndarray
     parent: np.ndarray
     planes: tuple[ReflectionPlane, ...]
+    share: Share
     share_along: float | None = None
 
     @classmethod
-    def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Ghosts:
-        """Return the ghosts of points: their images within a horizon beyond planes, and images of images where planes meet.
+    def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float, share: Share) -> Ghosts:
+        """Return the ghosts of the points of a share: their images within a horizon beyond planes, and images of images where planes meet.
 
         Raise ValueError if points lie beyond a plane, or if the parity of a plane is of another dimension than the points.
         """
@@ -111,7 +120,7 @@ class Ghosts:
             joined += own * parity[near], flip * reflection[near], carried
             source, places, number, image, parent, parity, reflection, lever = map(np.concatenate, zip(held, joined, strict=True))
         made = (source.astype(np.uint32), places, parity, reflection, number, image, lever, parity, reflection, parent)
-        return cls(*(np.ascontiguousarray(each[n:]) for each in made), planes)
+        return cls(*(np.ascontiguousarray(each[n:]) for each in made), planes, share)
 
     def __len__(self) -> int:
         return len(self.source)
@@ -134,10 +143,11 @@ class Ghosts:
         return replace(self, gradient_parity=parity, gradient_reflection=reflection, share_along=share)
 
     def shifts(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-        """Return the shifts of the ghosts for `fill_positions`, shape (m, d), if every plane is displaced by u(X) = displacement + turn X.
+        """Return the shifts of the ghosts, shape (m, d), if every plane is displaced by u(X) = displacement + turn X.
 
-        `points` (n, d) are the reference positions of the body's points. `displacements` have shape (planes, d). `turns` (planes, d, d)
-        belong to planes that are odd in all components; a rotation Q has turn Q - I.
+        The ghost of a source at y is at shift + P y with the parity P. `points` (n, d) are the reference positions of the body's points.
+        `displacements` have shape (planes, d). `turns` (planes, d, d) belong to planes that are odd in all components; a rotation Q has
+        turn Q - I.
         """
         at_rest = self.points - self.parity * points[self.source]
         return at_rest + self.moved_by_planes(points, displacements, turns)
@@ -210,13 +220,14 @@ class Ghosts:
             np.add.at(moments, above[again] - n, of_gradients[:, None] * moments[own[again]] * of_directions)
         return levers
 
-    def fill_positions(self, positions: np.ndarray, shifts: np.ndarray) -> None:
-        """Write the positions of the ghosts, shift + P y_source with the parity P, into `positions` (n + m, d)."""
-        kernels.fill_vectors(positions, self.source, self.parity, shifts)
+    def _fill(self, kernel: Callable, values: np.ndarray, *arguments: np.ndarray | float) -> None:
+        self.share.fill(values)
+        if len(self):
+            kernel(values, self.source, *arguments)
 
     def fill_displacements(self, displacements: np.ndarray) -> None:
         """Write the displacements of the ghosts for fixed planes, P u_source with the parity P, into `displacements` (n + m, d)."""
-        kernels.fill_vectors(displacements, self.source, self.parity, np.zeros_like(self.parity))
+        self._fill(kernels.fill_vectors, displacements, self.parity)
 
     def fold_forces(self, forces: np.ndarray) -> None:
         """Add the forces on ghosts to the forces on their sources, in place: the transpose of `fill_displacements`."""
@@ -228,10 +239,13 @@ class Ghosts:
         On a body that is symmetric about the plane, the result equals F as summed over the ghost's own horizon (theory (20)).
         The signs are `gradient_parity` and `gradient_reflection`; the part of F due to the motion of the plane is not added here.
         """
-        kernels.fill_matrices(gradients, self.source, self.gradient_parity, self.gradient_reflection, 1.0)
+        self._fill(kernels.fill_matrices, gradients, self.gradient_parity, self.gradient_reflection, 1.0)
 
     def fill_changes(self, changes: np.ndarray) -> None:
-        """Write the changes of the ghosts' deformation gradients, P dF_source S with parity P and reflection S, into `changes`."""
+        """Write the changes of the ghosts' deformation gradients, P dF_source S with parity P and reflection S, into `changes`.
+
+        Unlike the other methods this one sends no messages: the changes of halo points must be known.
+        """
         kernels.fill_matrices(changes, self.source, self.gradient_parity, self.gradient_reflection, 0.0)
 
     def fold_moments(self, moments: np.ndarray) -> None:
@@ -240,12 +254,12 @@ class Ghosts:
 
     def fill_shapes(self, shapes: np.ndarray) -> None:
         """Write the shape tensors of the ghosts (or their inverses), S K_source S with the reflection S, into `shapes`."""
-        kernels.fill_symmetric(shapes, self.source, self.reflection)
+        self._fill(kernels.fill_symmetric, shapes, self.reflection)
 
     def fill(self, values: np.ndarray) -> None:
         """Copy scalar values from the sources to the ghosts, in place."""
-        if len(self):
-            values[-len(self) :] = values[self.source]
+        self.share.fill(values)
+        values[len(values) - len(self) :] = values[self.source]
 
 
 def _continuation(plane: ReflectionPlane, share: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -228,7 +228,7 @@ class _Images:
     """
 
     def __init__(self, body: Body, planes: Sequence[ReflectionPlane]) -> None:
-        self.count, ghosts = len(body), Ghosts.reflected(body.points, tuple(planes), _reach(body))
+        self.count, ghosts = len(body), Ghosts.reflected(body.points, tuple(planes), _reach(body), body.share)
         self.points = np.concatenate([body.points, ghosts.points])
         self.source = np.concatenate([np.arange(len(body)), ghosts.source])
         self.signs = np.concatenate([np.ones(body.points.shape), ghosts.reflection])

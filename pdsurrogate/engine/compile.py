@@ -16,6 +16,7 @@ from __future__ import annotations
 import logging
 import pickle
 import sys
+import time
 import types as python_types
 import zlib
 from collections.abc import Callable
@@ -39,6 +40,10 @@ from .threads import start_threads
 
 logger = logging.getLogger(__name__)
 
+LONGEST_WAIT = 20.0
+"""Greatest number of seconds that a process waits for another one to compile a function. Chosen: a few times what the slowest function
+takes on a free core; a process that is killed while it compiles makes the next one wait for so long."""
+
 # `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver detects a diverging run.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
@@ -55,10 +60,38 @@ def compiled_digest(*values) -> str:
 
 
 class CacheFile(IndexDataCacheFile):
-    """Files of numba's disk cache for one function, with a checksum.
+    """Files of numba's disk cache for one function, with a checksum; only one process at a time compiles the function.
 
     Files that cannot be read, as after a full disk or a power cut, count as missing and are written again.
     """
+
+    def __init__(self, *arguments) -> None:
+        super().__init__(*arguments)
+        self._mark, self._is_marked = Path(f"{self._index_path}.compiling"), False
+
+    def load(self, key):
+        """Return the code stored under a key; wait for it if another process compiles the function, or return None if this one has to."""
+        until = time.monotonic() + LONGEST_WAIT
+        while (found := super().load(key)) is None and not self._has_mark() and time.monotonic() < until:
+            time.sleep(0.02)
+        return found
+
+    def save(self, key, data):
+        try:
+            super().save(key, data)
+        finally:
+            self._mark.unlink(missing_ok=True)
+            self._is_marked = False
+
+    def _has_mark(self) -> bool:
+        """Return whether this process has marked the function as its own to compile, or the mark of another process is too old to wait."""
+        try:
+            self._mark.touch(exist_ok=self._is_marked)
+        except OSError:  # the mark of another process, or a folder that cannot be written to
+            with suppress(OSError):
+                return time.time() - self._mark.stat().st_mtime > LONGEST_WAIT
+        self._is_marked = True
+        return True
 
     def _load_index(self):
         with suppress(Exception):  # whatever a damaged pickle raises

@@ -61,9 +61,8 @@ class BondAssociatedStress(Term):
         weights = body.weigh(np.linalg.norm(bond, axis=1))
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
         horizon_volumes = np.bincount(table_owners, volumes[self._table], total)
-        body.share.fill(horizon_volumes[:n])
         # The horizon of an image extends beyond the existing images, so it has the volume of the mirrored point's horizon.
-        horizon_volumes[n:] = horizon_volumes[body.ghosts.source]
+        body.ghosts.fill(horizon_volumes)
 
         table = self._table_pointers, self._table
         self._common_pointers, self._common = np.zeros(len(owners) + 1, dtype=np.uint64), np.empty(0, dtype=np.uint16)

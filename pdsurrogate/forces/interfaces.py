@@ -8,8 +8,7 @@ from scipy.spatial import cKDTree
 
 from ..body import Body
 from ..body.ghosts import WITH_ROUNDING
-from ..kernels.reference_state import shape_rows
-from .kinematics import Kinematics
+from .kinematics import Kinematics, find_shapes
 
 NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
 """Trial radii, in point spacings, of the neighborhood from which the value at a place is interpolated: the first that contains enough
@@ -150,9 +149,8 @@ class Interfaces:
         self._images: tuple[np.ndarray, sparse.csr_array, sparse.csr_array] | None = None
         if share.any(mirrored.nnz > 0):
             is_image = (mirrored.diagonal() != 0).astype(float)[:, None]
-            share.fill(is_image)
             self._images = is_image, *self._with_transpose(mirrored)
-        share.fill(self.depths, self.normals)
+        share.fill(self.normals)
         body.ghosts.fill(self.depths)
         d = body.dimension
         self.on_jumps = np.zeros((n, d))
@@ -202,14 +200,13 @@ class Interfaces:
         `owners` are the first points of all directed bonds, and `weights` their present weights. Bonds of points whose other bonds do not
         determine a gradient are removed from `left_out` instead.
         """
-        body, bonds = self._body, self._body.bonds
+        bonds = self._body.bonds
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
             kept[self.left_out] = 0.0
             inverse, supported = np.zeros_like(kinematics.inverse_shape), np.zeros_like(kinematics.supported)
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
-            shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbors, body.all_points, kept, inverse, supported)
-            body.share.fill(inverse, supported)
+            find_shapes(self._body, rows, kept, inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
         touched = np.flatnonzero(supported[owners])
         if not len(touched):
@@ -257,7 +254,6 @@ class Interfaces:
         self.jumps[:n] = self._jump @ positions[:n]
         if self._images is not None:
             self.jumps[:n] -= self._by_gradient * self._images[0] * _along(gradients[:n], self.normals)
-        self._body.share.fill(self.jumps)
         self._body.ghosts.fill_displacements(self.jumps)
         own -= self._corrections[0] @ self.jumps
 
@@ -288,7 +284,7 @@ class Interfaces:
         own_moments : ndarray, shape (n, d d)
             Derivative of the energy by the points' own gradients; terms of mirror images are added in place.
         """
-        n, ghosts, share = len(self._body), self._body.ghosts, self._body.share
+        n, ghosts = len(self._body), self._body.ghosts
         on_jumps = -self.depths[:, None] * forces
         self._gradient_ghosts.fold_moments(moments)
         on_slopes = _along(moments[:n], self.normals)
@@ -296,24 +292,25 @@ class Interfaces:
             is_image, _, back = self._images
             on_images = on_slopes * is_image
             on_slopes = on_slopes - on_images
-            share.fill(on_images)
-            own_moments += back @ _columns(self.normals, on_images)
-            share.fill(own_moments)
+            own_moments += self._summed(back, _columns(self.normals, on_images))
         on_jumps[:n] -= on_slopes
         columns = own_moments.reshape(-1, forces.shape[1])
-        on_jumps += self._corrections[1] @ columns
+        on_jumps += self._summed(self._corrections[1], columns)
         ghosts.fold_forces(on_jumps)
         own = on_jumps[:n]
         if self._images is not None:
             own_moments += self._by_gradient * is_image * _columns(self.normals, own)
-            share.fill(own_moments)
-        share.fill(own)
-        self.on_jumps = self._jump_back @ own
+        self.on_jumps = self._summed(self._jump_back, own)
         if self._one_sided is None:
             return self.on_jumps
-        pulls = self._one_sided[1] @ columns
+        pulls = self._summed(self._one_sided[1], columns)
         ghosts.fold_forces(pulls)
         return self.on_jumps - pulls[:n]
+
+    def _summed(self, transpose: sparse.csr_array, values: np.ndarray) -> np.ndarray:
+        """Return the product of a transpose, which sums over points of other ranks too, with values; their halo is filled first."""
+        self._body.share.fill(values.reshape(len(self._body), -1))
+        return transpose @ values
 
 
 def _along(gradients: np.ndarray, normals: np.ndarray) -> np.ndarray:

@@ -73,7 +73,7 @@ class Kinematics:
         self.weighted_bonds[:] = vectors * factors[:, None]
         self.inverse_shape = np.zeros((total, d * (d + 1) // 2))
         self.supported = np.zeros(total, dtype=np.uint8)
-        self._find_shapes(np.arange(len(body), dtype=np.uint32))
+        find_shapes(body, np.arange(len(body), dtype=np.uint32), self.weighted_bonds, self.inverse_shape, self.supported)
 
         self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
         self.changes, self.formed = 0, False
@@ -93,15 +93,6 @@ class Kinematics:
         """Number of each point itself, then of the point that each ghost mirrors, shape (n + m,)."""
         return np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
 
-    def _find_shapes(self, rows: np.ndarray) -> None:
-        """Compute `inverse_shape` and `supported` of the points `rows`, then of all images."""
-        body, bonds = self.body, self.body.bonds
-        bonds_of_rows = rows, bonds.pointers, bonds.neighbors, body.all_points, self.weighted_bonds
-        shape_rows[body.dimension](*bonds_of_rows, self.inverse_shape, self.supported)
-        body.share.fill(self.inverse_shape, self.supported)
-        body.ghosts.fill_shapes(self.inverse_shape)
-        body.ghosts.fill(self.supported)
-
     def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
         """Break pairs: remove them from the horizons of their ends; return the numbers of all pairs that a changed horizon affects.
 
@@ -111,7 +102,7 @@ class Kinematics:
         self.weighted_bonds[np.concatenate([bonds[pairs] for bonds in self.bonds_of_pairs])] = 0.0
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
-        self._find_shapes(touched)
+        find_shapes(self.body, touched, self.weighted_bonds, self.inverse_shape, self.supported)
         self.formed, self.changes = False, self.changes + 1
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True
@@ -210,15 +201,13 @@ class Kinematics:
             self._complete_gradients()
 
     def _complete_gradients(self) -> None:
-        """Finish gradients of points that were just computed: correct them at interfaces, and copy them to halo and ghosts.
+        """Finish gradients of points that were just computed: correct them at interfaces, and complete them on halo and ghosts.
 
         In a body of several materials, also update the copies of points that each material evaluates (`seen`).
         """
         if self.interfaces is not None:
             self.interfaces.correct(self.positions, self.gradients)
-        self.body.share.fill(self.gradients)
-        if len(self.body.ghosts):
-            self.gradient_ghosts.fill_gradients(self.gradients)
+        self.gradient_ghosts.fill_gradients(self.gradients)
         if self._gradient_shifts is not None:
             self.gradients[len(self.body) :] += self._gradient_shifts
         if self.interfaces is not None:
@@ -231,6 +220,14 @@ class Kinematics:
         """Return the deformation gradients F of the body's points, shape (n, d, d)."""
         self.form_gradients()
         return matrices(self.gradients[: len(self.body)])
+
+
+def find_shapes(body: Body, rows: np.ndarray, weighted_bonds: np.ndarray, inverse_shape: np.ndarray, supported: np.ndarray) -> None:
+    """Write inverse shape tensors and flags of support of the points `rows`, see `Kinematics`, and complete them on halo and ghosts."""
+    bonds = body.bonds
+    shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbors, body.all_points, weighted_bonds, inverse_shape, supported)
+    body.ghosts.fill_shapes(inverse_shape)
+    body.ghosts.fill(supported)
 
 
 def symmetric(triangles: np.ndarray) -> np.ndarray:

@@ -64,14 +64,14 @@ class PairEnergy(Term):
         else:
             self._parts = [PairEnergies(*one) for one in each]
         (part, *_), collect, further = self._parts, [], []
+        self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
         self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
         if not whole:
-            sizes, total, collect, further = (d, d * d), len(body.all_points), [self._collect], [self._on_jumps]
+            sizes, total, collect, further = (d, d * d), len(body.all_points), [self._collect], [self._on_jumps, self._stresses]
             self._forces, self._moments = (aligned_rows((len(bonds.first), size), binding.precision) for size in sizes)
             self._seen_forces, self._seen_moments = (np.zeros((total, size)) for size in sizes)
             self._unit = 1.0
         self._find = Steps(body.share, *steps, *(part.find for part in self._parts), *collect)
-        self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
         self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, *further)
         self.nearly_incompressible = whole and self.selective
 

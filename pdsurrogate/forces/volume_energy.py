@@ -179,14 +179,13 @@ class LinearizedDilatation:
         self._body.share.fill(displacements)
         self._place.give("given", displacements)
         self._find_changes()
-        self._body.share.clear(self._changes)
         return self._changes.astype(float)
 
     def forces(self, values: np.ndarray) -> np.ndarray:
         """Return D^T s, shape (n, d), vectors such as forces, for `values` s (n,) at the points; the cost is about that of `changes`."""
         # The smoothing, weighted by volumes, is its own transpose. A power of two keeps the values in the range of single precision.
         pressures = values / self._body.volumes
-        unit = power_of_two(self._body.share.total(float(np.abs(pressures).sum())))
+        unit = power_of_two(self._body.share.sum(np.abs(pressures)))
         np.divide(pressures, unit, out=self._values, casting="same_kind")
         self._find_forces()
         return -unit * self._forces[: len(values)]
@@ -196,7 +195,7 @@ class LinearizedDilatation:
 
         c_k are the `coefficients`, T_k are Chebyshev polynomials; the sum is taken by Clenshaw's recurrence.
         """
-        smoothing, chunks, share, n = self._volume.smoothing, self._chunks, self._body.share, len(self._body)
+        smoothing, chunks, n = self._volume.smoothing, self._chunks, len(self._body)
         values, once, found, *sums = np.zeros((5, n), dtype=np.float32)
         (first, second), steps = sums, []
         for k in reversed(range(len(coefficients))):
@@ -205,14 +204,13 @@ class LinearizedDilatation:
             others = (-factor / 2, first), (coefficients[k], values), (-1.0, second)
             steps += [first, smoothing.bind(first, once, chunks), once, smoothing.bind_sum(once, factor, others, out, chunks)]
             first, second = second, first
-        run = Steps(share, *steps)
+        run = Steps(self._body.share, *steps)
 
         def product(given: np.ndarray) -> np.ndarray:
             values[:] = given
             for array in sums:
                 array[:] = 0.0
             run()
-            share.clear(found)
             return found.astype(float)
 
         return product

@@ -9,24 +9,18 @@ for positions y, deformation gradients F and inverse shape tensors K, in every d
 image are products. Ghosts follow the points in arrays of n + m rows; matrices are stored by columns.
 """
 
-from ..engine.compile import inlined, kernel
+from ..engine.compile import kernel
 from ..engine.passes import Pass, share_of
 
 
-@inlined
-def _component(values, source, parity, shift, g, r):
-    """Return component r of the vector on ghost g, shift + P v, where v is the vector on the source and P = diag(parity)."""
-    return shift[g, r] + parity[g, r] * values[source[g], r]
-
-
 @kernel
-def fill_vectors(values, source, parity, shift):
-    """Write the vectors on the m ghosts, the last m rows of `values`: shift + P v, v the vector on the source, P = diag(parity)."""
+def fill_vectors(values, source, parity):
+    """Write the vectors on the m ghosts, the last m rows of `values`: P v, v the vector on the source, P = diag(parity)."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
         for r in range(dimension):
-            values[n + g, r] = _component(values, source, parity, shift, g, r)
+            values[n + g, r] = parity[g, r] * values[source[g], r]
 
 
 @Pass
@@ -38,7 +32,7 @@ def place_points(chunk, given, source, parity, shift, positions):
             positions[i, r] = given[i, r]
     for g in share_of(parity.shape[0], chunk):
         for r in range(dimension):
-            positions[n + g, r] = _component(given, source, parity, shift, g, r)
+            positions[n + g, r] = shift[g, r] + parity[g, r] * given[source[g], r]
 
 
 @kernel

@@ -66,7 +66,7 @@ class Cracks:
         point with all its bonds det F <= 0 remains an error.
         """
         run = self._run
-        bonds, n, mirror, share = run.body.bonds, len(run.body), run.body.ghosts.source, run.body.share
+        bonds, n, share = run.body.bonds, len(run.body), run.body.share
         F = run.force.deformation_gradients()
         ratio = F[:, 0, 0] * F[:, 1, 1] - F[:, 1, 0] * F[:, 0, 1] if F.shape[1] == 2 else np.linalg.det(F)
         collapsed, crushed = np.flatnonzero(~(ratio > LEAST_RATIO)), run.force.collapsed_pairs()
@@ -75,14 +75,13 @@ class Cracks:
         broken = np.flatnonzero(self._damage.broken)
         failed = np.zeros(len(run.body.all_points), dtype=bool)
         failed[np.intersect1d(collapsed, np.concatenate([bonds.first[broken], bonds.second[broken]]))] = True
-        share.fill(failed[:n])
-        failed[n:] = failed[mirror]
+        run.body.ghosts.fill(failed)
         failing = failed[bonds.first] | failed[bonds.second]
         if share.any(len(crushed)):
             # A bond whose own gradient has collapsed is broken if one of its ends has lost other bonds.
             lost = np.zeros(len(run.body.all_points), dtype=bool)
             lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
-            share.fill(lost[:n])
+            run.body.ghosts.fill(lost)
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self._damage.broken)
         if share.any(len(pairs)):

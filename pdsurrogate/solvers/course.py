@@ -213,14 +213,11 @@ class Paths:
         The compression must exceed both `COMPRESSED` times the greatest tension and `NO_STRESS` times the shear modulus; the argument
         `least`, which `Pull.pushes` compares, is ignored.
         """
-        n, bonds, positions = len(self.body), self.body.bonds, force.positions
-        arms, pulls = positions[bonds.second] - positions[bonds.first], force.pair_forces()
-        stress = np.empty((n, self.body.dimension, self.body.dimension))
-        for i in range(self.body.dimension):
-            for j in range(self.body.dimension):
-                product = (pulls[:, i] * arms[:, j] + pulls[:, j] * arms[:, i]) / 4
-                stress[:, i, j] = sums_at_points(n, bonds.first, bonds.second, product, 1) / self.body.volumes
-        least, *_, greatest = np.linalg.eigvalsh(stress).T
+        (n, d), first, second, positions = self.body.points.shape, self.body.bonds.first, self.body.bonds.second, force.positions
+        arms, pulls = positions[second] - positions[first], force.pair_forces()
+        products = (pulls[:, :, None] * arms[:, None] + arms[:, :, None] * pulls[:, None]) / 4
+        sums = sums_at_points(n, first, second, products.reshape(-1, d * d), 1) / self.body.volumes[:, None]
+        least, *_, greatest = np.linalg.eigvalsh(sums[self._share.own].reshape(-1, d, d)).T
         least, greatest = -self._share.greatest(-least), self._share.greatest(greatest)
         return bool(least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus))
 
@@ -241,7 +238,6 @@ class Paths:
         portions, guess = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN)), positions
         for start, end in pairwise(np.linspace(before, after, portions + 1)):
             guess = self._extended(guess, self._loading.plane_motions(start), end)
-        self._share.fill(positions)
         return guess, self._share.greatest(greatest_bond_strain(self.body, positions, guess))
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:

@@ -97,15 +97,16 @@ class Support:
 
     def fold(self, forces: np.ndarray) -> None:
         """Subtract the force on the held point from the force on each other point around the place, in `forces` (n, d), in place."""
-        self._body.share.fill(forces)
-        if len(self._point):
-            forces[self._others, self._part.components] -= forces[self._point, self._part.components]
+        forces[self._others, self._part.components] -= self._at_point(forces)
 
     def spread(self, reactions: np.ndarray) -> None:
         """Copy the reaction at the held point to the other points around the place; `reactions` (n, d) is changed in place."""
-        self._body.share.fill(reactions)
-        if len(self._point):
-            reactions[self._others, self._part.components] = reactions[self._point, self._part.components]
+        reactions[self._others, self._part.components] = self._at_point(reactions)
+
+    def _at_point(self, values: np.ndarray) -> np.ndarray:
+        """Return, on all ranks, the held components of the values (n, d) at the held point, which one rank owns."""
+        own = self._part.points[self._body.share.own[self._part.points]]
+        return self._body.share.total(values[own].sum(axis=0))[list(self._part.components)]
 
     def fields(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return, for each held component, the weights (n, d) of the mean displacement, and a displacement field (n, d) with the mean 1.

@@ -265,10 +265,9 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
     Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3.
     """
     body, share, around = network.body, network.body.share, free.copy()
-    share.fill(around)
     degrees = sums_at_points(len(body), network.first, network.second, np.ones(len(network.first)), 1)
     of_owners = degrees.copy()
-    share.fill(of_owners)
+    share.fill(around, of_owners)
     invert = _inverse_here(network, around * (degrees == of_owners)[:, None])
     balanced, (modes, coarse) = drift_remover(body, around), _affine_motions(network, around)
     k = modes.shape[1]
@@ -381,5 +380,4 @@ def is_rigid(force: InternalForce) -> bool:
 
 def strain_of(force: InternalForce) -> float:
     """Return the greatest strain of a bond in the state last evaluated: absolute change of length divided by undeformed length."""
-    n = len(force.body)
-    return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))
+    return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions))

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import textwrap
+import time
 
 import numba
 import numpy as np
@@ -130,6 +131,38 @@ def test_a_damaged_cache_is_none(tmp_path, twice, kind, damage):
     path.write_bytes({"empty": b"", "half": half, "zeros": half.ljust(len(content), b"\0")}[damage])
     assert compiled()
     assert not compiled()
+
+
+BESIDE = """
+import sys
+from kept_by_a_test import twice
+from pdsurrogate.engine import compile as compile_module
+
+compile_module.LONGEST_WAIT = float(sys.argv[1])
+with compile_module.compilation_clock() as clock:
+    print("begins", flush=True)
+    assert compile_module.kernel(twice)(3.0) == 6.0
+print("compiled" if clock.seconds else "loaded", flush=True)
+"""
+
+
+def test_of_several_processes_one_compiles_while_the_others_wait(tmp_path, twice):
+    """This process begins to compile and never ends, as one that is killed: another one waits, and a third has no patience."""
+
+    def beside(longest_wait):
+        command = [sys.executable, "-c", BESIDE, str(longest_wait)]
+        process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+        assert process.stdout.readline() == "begins\n"
+        return process
+
+    kernel = compile_module.kernel(twice)
+    assert kernel._cache.load_overload((numba.float64,), kernel.targetctx) is None
+    waits = beside(600)
+    time.sleep(1)
+    hurries = beside(0.5)
+    assert waits.poll() is None
+    assert [process.communicate()[0] for process in (hurries, waits)] == ["compiled\n", "loaded\n"]
+    assert not list(tmp_path.rglob("*.compiling"))
 
 
 def test_a_full_disk_under_the_cache_is_done_without(twice, monkeypatch, caplog):

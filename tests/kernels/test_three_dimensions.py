@@ -96,11 +96,9 @@ class Passes:
         body.ghosts.fill(self.supported)
 
     def placed(self, positions, plane_displacements=0.0):
-        ghosts, n = self.body.ghosts, len(self.body)
-        y = np.zeros((n + len(ghosts), 3))
-        y[:n] = positions
-        ghosts.fill_positions(y, ghosts.shifts(self.body.points, np.zeros((len(self.body.planes), 3)) + plane_displacements))
-        return y
+        ghosts = self.body.ghosts
+        shifts = ghosts.shifts(self.body.points, np.zeros((len(self.body.planes), 3)) + plane_displacements)
+        return np.vstack([positions, shifts + ghosts.parity * positions[ghosts.source]])
 
     def gradients(self, positions, unsupported=1.0):
         bonds, F = self.body.bonds, np.zeros((len(positions), 9))

@@ -1,11 +1,8 @@
-"""Run by `test_ranks.py` on one rank or several: forces, and positions after explicit steps, of every force model, into a file."""
-
-import sys
+"""Forces, and positions after explicit steps, of every force model, on one rank or several."""
 
 import numpy as np
 
 from pdsurrogate.body import ReflectionPlane, divided
-from pdsurrogate.engine.compile import compilation_clock
 from pdsurrogate.forces import ForceSettings
 from pdsurrogate.ranks import communicator
 from pdsurrogate.solvers.dynamics import ExplicitDynamics
@@ -47,15 +44,10 @@ def measured(row, steps, ranks):
     return found
 
 
-def main(out: str, steps: int, names: list[str]) -> None:
-    ranks, arrays = communicator(), {}
-    with compilation_clock(lambda: print("compiled", flush=True)):
-        for row in TABLE:
-            if not names or row.name in names:
-                arrays |= {f"{row.name}: {key}": values for key, values in measured(row, steps, ranks).items()}
-    if ranks.rank == 0:
-        np.savez(out, **arrays)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), sys.argv[3:])
+def arrays(steps, names=()):
+    """What is measured of models given by their names, or of all, by the model's name and what it is."""
+    ranks, found = communicator(), {}
+    for row in TABLE:
+        if not names or row.name in names:
+            found |= {f"{row.name}: {key}": values for key, values in measured(row, steps, ranks).items()}
+    return found

@@ -1,4 +1,4 @@
-"""Run by `test_ranks_files.py` on several ranks: arrays of a body in parts, in the order of the whole body and back."""
+"""Arrays of a body in parts, in the order of the whole body and back, on several ranks."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def names(body, numbers, total):
     }
 
 
-def main():
+def check():
     ranks = communicator()
     for d in (2, 3):
         planes = (ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]), ReflectionPlane(1, 0.0, -1, (1, -1, 1)[:d]))
@@ -43,9 +43,3 @@ def main():
             if ranks.rank == 0:
                 assert np.array_equal(there, expected[kind]), (d, kind)
             assert np.array_equal(rows.hand_out(there), values), (d, kind, ranks.rank)
-    if ranks.rank == 0:
-        print("in order")
-
-
-if __name__ == "__main__":
-    main()

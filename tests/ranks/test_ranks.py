@@ -1,16 +1,165 @@
-"""A run on several ranks against the same on one; processes of their own, for a test that hangs must end too."""
+"""Runs on several ranks: who takes part, that they find, say and leave what one process does, and how they end when something fails."""
 
 import json
+import os
 import re
+import shutil
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
-from several_ranks import HERE, MPIEXEC, TIMEOUT, environment, run, several
+from several_ranks import HERE, TIMEOUT, Ranks, environment, on_ranks, several
 
+import pdsurrogate as pds
 from pdsurrogate.body import grid
 from pdsurrogate.ranks import ALONE, NotUnderMPI, bisected, bond_counts, communicator
+from pdsurrogate.results.states import StatesInFiles
+from pdsurrogate.stress_test.conformance import TABLE
+
+
+@pytest.fixture(scope="module")
+def ranks():
+    """Three processes, in which cases run on one, two or three ranks."""
+    with Ranks(3) as started:
+        yield started
+
+
+# Who takes part.
+
+
+def test_one_process_is_alone_and_loads_nothing_of_mpi():
+    assert communicator() is ALONE
+    pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.05), "analytic")
+    assert "mpi4py" not in sys.modules
+
+
+@pytest.mark.parametrize("parts", [2, 3, 5, 8])
+def test_parts_have_as_many_bonds_and_each_point_once(parts):
+    points = grid((0, 0), (3, 2), 0.1)
+    points = points[np.linalg.norm(points - [1.0, 1.0], axis=1) > 0.4]
+    bonds = bond_counts(points, 0.315)
+    part = bisected(points, bonds, parts)
+    assert set(part) == set(range(parts))
+    of_parts = np.bincount(part, bonds)
+    # A cut goes between points: it may be off by one at each of the levels, and one has 30 of some 400 bonds.
+    assert of_parts.max() / of_parts.mean() < 1.1
+
+
+def test_bonds_are_counted_with_the_point_itself():
+    points = grid((0, 0), (1, 1), 0.1)
+    assert bond_counts(points, 0.11).max() == 5
+    np.testing.assert_array_equal(bond_counts(points, 0.11, slice(0, 3)), [3, 4, 4])
+
+
+@several
+def test_processes_that_do_not_know_of_each_other_are_refused(ranks, monkeypatch):
+    """The launcher tells each of them that there are two, and the command says in one line what to start in its place."""
+    asks = on_ranks(2, "-c", "from pdsurrogate.ranks import communicator; communicator()", mpi4py=False)
+    done = subprocess.run(asks, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), check=False)
+    assert done.returncode != 0
+    assert done.stderr.count("NotUnderMPI: 2 processes were started") == 2, done.stderr
+    (reply,) = ranks(1, "not_under_mpi", "run", "hole")
+    assert reply["status"] == 2
+    assert "mpiexec -n 2 python -m mpi4py -m pdsurrogate" in reply["err"]
+
+
+def test_where_mpi4py_is_missing_the_refusal_says_what_to_install(monkeypatch):
+    monkeypatch.setenv("PMI_SIZE", "2")
+    monkeypatch.setitem(sys.modules, "mpi4py", None)  # as where it is not installed
+    with pytest.raises(NotUnderMPI, match=r'pip install "pdsurrogate\[mpi\]" && mpiexec -n 2 python -m mpi4py'):
+        communicator()
+
+
+# The same bits, and equilibrium within the tolerance.
+
+QUICK = "analytic", "bond-energy", "neo-hookean-energy"
+
+
+@several
+def test_forces_and_steps_have_the_same_bits(ranks):
+    alone = ranks.loaded(1, "arrays", 30, QUICK, module="every_model")[0]["value"]
+    check_bits(alone, ranks(2, "arrays", 30, QUICK, module="every_model")[0]["value"], QUICK)
+
+
+@several
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [2, 3, 4])
+def test_forces_and_steps_of_every_model_have_the_same_bits(number):
+    with Ranks(number) as ranks:
+        alone = ranks.loaded(1, "arrays", 100, module="every_model")[0]["value"]
+        shared = ranks(number, "arrays", 100, module="every_model")[0]["value"]
+    check_bits(alone, shared, [row.name for row in TABLE])
+
+
+def check_bits(alone, shared, models):
+    assert list(alone) == list(shared) == [f"{model}: {what}" for model in models for what in ("forces", "energy", "positions")]
+    for name, values in alone.items():
+        model, what = name.split(": ")
+        # Bonds are taken in blocks of a part's own, and the last of a block by other instructions, which round differently.  The time step,
+        # from differences of such forces, differs in the thirteenth digit then.
+        close = {"forces": 1e-14 * np.abs(values).max(), "positions": 1e-12}
+        if what == "energy":
+            np.testing.assert_allclose(shared[name], values, rtol=1e-12, err_msg=name)
+        else:
+            np.testing.assert_allclose(shared[name], values, rtol=0, atol=close[what] if model == "ba-nosb" else 0, err_msg=name)
+
+
+@several
+@pytest.mark.parametrize("number", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_forces_of_two_materials_have_the_same_bits(ranks, number):
+    """Bond forces and energies, in sheets and space, beside a slanted interface that reaches over parts; energies but for rounding."""
+    alone = ranks.loaded(1, "digests_of_cases", module="two_materials")[0]["value"]
+    shared = ranks(number, "digests_of_cases", module="two_materials")[0]["value"]
+    assert len(alone) == 4
+    for one, other in zip(alone, shared, strict=True):
+        assert one["beside"] == other["beside"] > 10
+        energies = one.pop("energy"), other.pop("energy")
+        assert one == other
+        assert energies[0] is None or energies[1] == pytest.approx(energies[0], rel=1e-12)
+
+
+EQUILIBRIA = [
+    ("hole", "analytic", {"spacing": 0.1}, 2),
+    ("bonded-block", None, {"spacing": 1 / 6, "stretches": 1.2}, 2),
+    ("bimaterial", None, {"spacing": 0.1, "stretches": 1.2}, 2),
+]
+
+LARGER = [
+    ("ring-pressure", "analytic", {}, 3),
+    ("bimaterial", None, {"spacing": 0.05}, 3),
+    ("bonded-block", None, {"spacing": 0.125, "material.bulk_modulus": 1000}, 2),
+    ("torsion", None, {"spacing": 0.125}, 3),
+    ("inflation", None, {"spacing": 0.1}, 2),
+    ("plane-strain-block", None, {"spacing": 0.05}, 2),
+]
+
+
+@several
+@pytest.mark.parametrize("case", [*EQUILIBRIA, *(pytest.param(case, marks=pytest.mark.slow) for case in LARGER)], ids=lambda case: case[0])
+def test_equilibrium_within_the_tolerance(ranks, case):
+    """Results agree as well as residuals of 1e-6 let them, and several ranks take at most 1.6 times the evaluations of one factor.
+
+    Three parts of a ring touch one another all around; little but its planes of symmetry holds it.  The bulk modulus of blocks is 100 or
+    1000 times the shear modulus: without a preconditioner that knows it they take ten times the evaluations.
+    """
+    *scene, number = case
+    levels = [ranks(some, "levels", *scene)[0]["value"] for some in (1, number)]
+    for alone, shared in zip(*levels, strict=True):
+        assert shared["method"] == alone["method"]
+        assert shared["evaluations"] <= 1.6 * alone["evaluations"]
+        for key in ("nominal_stress", "energy", "greatest_lateral_displacement"):
+            if key in alone:
+                assert shared[key] == pytest.approx(alone[key], rel=1e-5)
+        for name, probe in alone.get("probes", {}).items():
+            # The ring is soft: with residuals of 1e-6 one rank's own displacements across a plane of symmetry are 5e-5 of those along.
+            moved = np.array(probe["displacement"])
+            np.testing.assert_allclose(shared["probes"][name]["displacement"], moved, rtol=0, atol=1e-4 * np.abs(moved).max())
+
+
+# What a run says and leaves.
 
 WAVE = """
 name = "wave"
@@ -41,44 +190,28 @@ edge = "top"
 travel = 1.0
 """
 
-
-def test_one_process_is_alone():
-    assert communicator() is ALONE
-    assert "mpi4py" not in sys.modules
-
-
-@pytest.mark.parametrize("parts", [2, 3, 5, 8])
-def test_parts_have_as_many_bonds_and_each_point_once(parts):
-    points = grid((0, 0), (3, 2), 0.1)
-    points = points[np.linalg.norm(points - [1.0, 1.0], axis=1) > 0.4]
-    bonds = bond_counts(points, 0.315)
-    part = bisected(points, bonds, parts)
-    assert set(part) == set(range(parts))
-    of_parts = np.bincount(part, bonds)
-    # A cut goes between points: it may be off by one at each of the levels, and one has 30 of some 400 bonds.
-    assert of_parts.max() / of_parts.mean() < 1.1
-
-
-def test_bonds_are_counted_with_the_point_itself():
-    points = grid((0, 0), (1, 1), 0.1)
-    assert bond_counts(points, 0.11).max() == 5
-    np.testing.assert_array_equal(bond_counts(points, 0.11, slice(0, 3)), [3, 4, 4])
+HOLE = ["run", "hole", "--force", "analytic", "--set", "spacing=0.25", "--set", "stretches=1.05", "--threads", "1"]
 
 
 @several
-def test_a_run_writes_what_one_process_writes(tmp_path):
+def test_a_run_writes_what_one_process_writes(ranks, tmp_path):
     scene = tmp_path / "wave.toml"
     scene.write_text(WAVE)
-    for ranks in (1, 2):
-        run(ranks, "-m", "pdsurrogate", "run", scene, "--force", "analytic", "--out", tmp_path / str(ranks), mpi4py=ranks > 1)
-    one, two = (sorted(path.name for path in (tmp_path / name).iterdir()) for name in "12")
-    assert set(one) - {"checkpoint.npz"} == set(two) - {"checkpoint.npz"}
+    for number in (1, 2):
+        done = ranks(number, "command", "run", scene, "--force", "analytic", "--out", tmp_path / str(number))
+        assert all(reply["status"] == 0 for reply in done), done
+    one, two = (files(tmp_path / name) for name in "12")
+    assert one == two
     assert (tmp_path / "1" / "wave-001.vtu").read_bytes() == (tmp_path / "2" / "wave-001.vtu").read_bytes()
     alone, shared = (json.loads((tmp_path / name / "summary.json").read_text()) for name in "12")
     assert shared.pop("ranks") == 2
     for key in ("n_points", "n_bonds", "n_directed_bonds", "n_ghost_points", "n_force_evaluations", "n_steps", "converged"):
         assert shared[key] == alone[key], key
     assert shared["peak_nominal_stress"] == pytest.approx(alone["peak_nominal_stress"], rel=1e-12)
+
+
+def files(home):
+    return sorted(str(path.relative_to(home)) for path in home.rglob("*") if path.name != "checkpoint.npz")
 
 
 SAID = re.compile(r"[\d.]+ ns per|[\d.]+ s(?= in all| compiling)|\d+(?= force evaluations)")
@@ -94,81 +227,197 @@ CASES = {
 
 @several
 @pytest.mark.parametrize("case", CASES)
-def test_three_ranks_say_what_one_says(case, tmp_path):
+def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
     """Line by line on either stream but for times and counts of evaluations, with one exit status, and with the same files left behind."""
     settings, expected = CASES[case]
-    command = [sys.executable, "-m", "pdsurrogate", "run", "hole", "--force", "analytic", "--out", "out/hole", "--threads", "1"]
-    command += ["--set", "spacing=0.25", "--set", "stretches=1.05", *settings]
-    several = [str(MPIEXEC), "-n", "3", sys.executable, "-m", "mpi4py", *command[1:]]
-    said = []
-    for name, line in (("one", command), ("three", several)):
-        home = tmp_path / name
+    command, homes, said = [*HOLE, "--out", "out/hole", *settings], (tmp_path / "one", tmp_path / "three"), []
+    for number, home in zip((1, 3), homes, strict=True):
         home.mkdir()
-        done = subprocess.run(line, cwd=home, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), check=False)
-        assert done.returncode == expected, done.stderr
-        streams = [SAID.sub("*", stream).splitlines() for stream in (done.stdout, done.stderr)]
+        if number == 3 and expected == 1:  # by the command that a user types
+            command = on_ranks(3, "-m", "pdsurrogate", *command)
+            done = subprocess.run(command, cwd=home, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), check=False)
+            statuses, streams = {done.returncode}, (done.stdout, done.stderr)
+        else:
+            replies = ranks(number, "command", *command, folder=home)
+            statuses, streams = {reply["status"] for reply in replies}, ("".join(reply[key] for reply in replies) for key in ("out", "err"))
+        said.append([SAID.sub("*", stream).splitlines() for stream in streams])
+        assert statuses == {expected}, said
         # What one rank has no reason to say, and three only on fewer cores; and what whoever comes first says of the cache.
-        streams[1] = [text for text in streams[1] if "take as many ranks as cores" not in text and "Compiling kernels" not in text]
-        said.append((streams, sorted(str(path.relative_to(home)) for path in home.rglob("*") if path.name != "checkpoint.npz")))
+        said[-1][1] = [text for text in said[-1][1] if "take as many ranks as cores" not in text and "Compiling kernels" not in text]
     assert said[0] == said[1]
-    assert bool(said[0][1]) == (expected < 2), "a run that is refused leaves nothing"
+    assert files(homes[0]) == files(homes[1])
+    assert bool(files(homes[0])) == (expected < 2), "a run that is refused leaves nothing"
 
 
-def test_a_script_asks_who_takes_part(tmp_path):
-    """The guide's own script, which in one process loads nothing of MPI."""
+@several
+def test_a_script_asks_who_takes_part(ranks, tmp_path):
+    """The guide's own script."""
     block = re.search(r"^```python\n(.*?)^```", (HERE.parent / "docs" / "guide" / "ranks.md").read_text(), re.MULTILINE | re.DOTALL)[1]
-    (tmp_path / "script.py").write_text(block + "import sys\nassert ranks.size > 1 or 'mpi4py' not in sys.modules\n")
-    both = [1, 2] if several.args[0] is False else [1]
+    (tmp_path / "script.py").write_text(block)
     stresses = []
-    for ranks in both:
-        printed = run(ranks, "script.py", mpi4py=ranks > 1, cwd=tmp_path)
-        (found,) = re.findall(rf"^([\d.]+) on {ranks} ranks$", printed, re.MULTILINE)
+    for number in (1, 2):
+        printed = "".join(reply["out"] for reply in ranks(number, "script", "script.py", folder=tmp_path))
+        (found,) = re.findall(rf"^([\d.]+) on {number} ranks$", printed, re.MULTILINE)
         stresses.append(float(found))
         assert (tmp_path / "stress.png").stat().st_size > 5000
-    assert stresses[-1] == pytest.approx(stresses[0], rel=1e-5)
+        (tmp_path / "stress.png").unlink()
+    assert stresses[1] == pytest.approx(stresses[0], rel=1e-5)
 
 
-REFUSED = """
-import sys
-import pdsurrogate as pds
-from pdsurrogate.ranks import communicator
+@several
+def test_large_bodies_are_written_in_pieces(ranks, tmp_path):
+    assert ranks(2, "command", *HOLE, "--out", tmp_path / "whole")[0]["status"] == 0
+    done = ranks(2, "in_pieces", *HOLE, "--out", tmp_path / "pieces")[0]
+    assert done["status"] == 0, done
+    assert "no picture of it is drawn" in done["err"]
+    states = sorted(path.name for path in (tmp_path / "pieces").glob("*vtu"))
+    assert states == ["hole-000.piece0.vtu", "hole-000.piece1.vtu", "hole-000.pvtu"]
+    whole, pieces = (StatesInFiles.saved(tmp_path / name, "hole")[0][1] for name in ("whole", "pieces"))
+    assert list(whole) == list(pieces)
+    for name, values in whole.items():
+        np.testing.assert_array_equal(pieces[name], values)
 
-class Rubber:
-    def __init__(self, limit):
-        self.limit = limit
 
-    def bond_force(self, stretch, rotation, length, C33, J):
-        if communicator().rank == 1 and stretch.max() > self.limit:
-            raise RuntimeError("boom")
-        return pds.AnalyticBondForce().bond_force(stretch, rotation, length, C33, J)
+# Checkpoints.
 
-for limit in (1.35, 1.25):  # on the way, and while it is tried before the run
+
+@several
+def test_arrays_of_parts_come_in_the_order_of_the_whole_body_and_go_back(ranks):
+    """Of points, images, directed bonds and pairs, in the plane and in space, between two planes of reflection and beside a cut."""
+    assert [reply["error"] for reply in ranks(3, "check", module="orders")] == [None] * 3
+
+
+TEAR = ["run", "tear", "--force", "analytic", "--threads", "1", "--set", "spacing=0.25", "--set", "stretches=1.1"]
+TEAR += ["--set", "body.size=[4.0, 3.0]", "--set", "precuts=[{start=[0.0, 1.5], end=[1.5, 1.5]}]", "--set", "dynamics.stretch=1.3"]
+TEAR += ["--set", "fracture.critical_stretch=1.5", "--set", "dynamics.outputs=4", "--set", "dynamics.stretch_rate=40.0"]
+"""A sheet of 192 points, whose crack begins at step 39 and has run through half of it at step 75."""
+
+
+@several
+def test_a_run_checkpointed_on_two_ranks_goes_on_on_three_and_on_one(ranks, tmp_path):
+    done = ranks(2, "disturbed", "interrupted", 49, *TEAR, "--out", tmp_path / "a")[0]
+    assert "interrupted; the checkpoint is in" in done["err"], done
+    arrays = np.load(tmp_path / "a" / "checkpoint.npz")
+    assert arrays["positions"].shape == (192, 2)
+    assert 0 < arrays["broken"].sum() < 140
+    folders = {1: tmp_path / "one", 2: tmp_path / "a", 3: tmp_path / "three"}
+    for folder in (folders[1], folders[3]):
+        shutil.copytree(tmp_path / "a", folder)
+    ranks.load()
+    for number, folder in folders.items():
+        done = ranks(number, "command", *TEAR, "--out", folder, "--resume")[0]
+        assert "140 bonds broken" in done["out"], done
+    displacements = [last_displacement(folder) for folder in folders.values()]
+    # Explicit steps are the same on any number of ranks to the last bit, and so are the pairs that break.
+    assert np.array_equal(displacements[0], displacements[1])
+    assert np.array_equal(displacements[0], displacements[2])
+    cracks = [json.loads((folder / "summary.json").read_text())["crack"] for folder in folders.values()]
+    # The forces of grips are summed rank by rank.
+    stresses = [crack["peak"].pop("nominal_stress") for crack in cracks]
+    assert stresses == pytest.approx(stresses[:1] * 3, rel=1e-12)
+    assert cracks[0] == cracks[1] == cracks[2]
+
+
+def last_displacement(folder):
+    """Displacements of the last state, which are written in double precision."""
+    return StatesInFiles.saved(folder, json.loads((folder / "summary.json").read_text())["scene"])[-1][1]["displacement"]
+
+
+@several
+def test_a_force_with_state_at_the_bonds_of_images_writes_checkpoints(ranks, tmp_path):
+    """Two ranks ended in an error at the first checkpoint of `ba-nosb`; the residual is held to 1e-6 of a shear modulus over a spacing."""
+    scene, stresses = ["run", "uniaxial", "--force", "ba-nosb", "--set", "spacing=0.25", "--set", "stretches=1.05"], []
+    for number in (1, 2):
+        done = ranks(number, "command", *scene, "--out", tmp_path / str(number))
+        assert all(reply["status"] == 0 for reply in done), done
+        stresses.append(json.loads((tmp_path / str(number) / "summary.json").read_text())["levels"][0]["nominal_stress"])
+    assert stresses[1] == pytest.approx(stresses[0], rel=1e-5)
+
+
+# How runs end.
+
+
+@several
+@pytest.mark.parametrize(("limit", "error"), [(1.35, "SimulationFailed"), (1.25, "SceneError")], ids=["on the way", "tried before the run"])
+def test_what_one_rank_raises_reaches_all(ranks, limit, error):
+    for reply in ranks(2, "with_an_error", limit):
+        assert reply["error"].startswith(error), reply
+        assert "boom" in reply["error"]
+
+
+@several
+def test_different_scenes_are_refused_on_all_ranks(ranks):
+    for reply in ranks(2, "different_scenes"):
+        assert "the ranks were not given the same scene" in reply["error"]
+
+
+MOVING = [*HOLE, "--set", "dynamics={stretch=1.2, stretch_rate=0.5, density=0.01, outputs=3, safety=0.1}"]
+"""A sheet of 188 points in some hundred steps, with three outputs, to which something happens in the second third."""
+
+
+def check_soon(happened):
+    """All ranks have ended within ten seconds of what happens to one."""
+    # On a machine with more work than cores all takes longer.
+    assert time.time() - happened.stat().st_mtime < 10 * max(1.0, os.getloadavg()[0] / os.cpu_count())
+
+
+@several
+def test_an_invalid_state_on_one_rank_ends_all_with_its_message(ranks, tmp_path):
+    done = ranks(2, "disturbed", "invalid", 60, *MOVING, "--out", tmp_path / "out")
+    check_soon(tmp_path / "out.happened")
+    assert [reply["status"] for reply in done] == [1, 1], done
+    assert done[0]["err"].count("the run failed") == 1
+    assert "Traceback" not in done[0]["err"]
+    assert not done[1]["err"]
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["converged"] is False
+    assert len(summary["levels"]) == 1
+    assert len(list((tmp_path / "out").glob("*.vtu"))) >= 2
+
+
+def check_kept(folder):
+    assert sorted(path.name for path in folder.glob("*.vtu")) == ["hole-000.vtu", "hole-001.vtu"]
+    with np.load(folder / "checkpoint.npz") as arrays:
+        assert np.isfinite(arrays["positions"]).all()
+
+
+def ends(command, status, happened, interrupt=False):
+    """Output of processes of their own that have to end, all of them and with a status, soon after what happens to them."""
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment())
     try:
-        pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.3, 1.5]), Rubber(limit))
-    except (pds.SimulationFailed, pds.SceneError) as error:
-        # Written at once: the lines of two ranks do not mix.
-        sys.stdout.write(f"{limit} {communicator().rank} {'boom' in str(error)}\\n")
-        sys.stdout.flush()
-pds.simulate(pds.load_scene('uniaxial', spacing=0.25 - 0.05 * communicator().rank), 'analytic')
-"""
+        if interrupt:
+            until = time.monotonic() + TIMEOUT
+            while not happened.exists() and process.poll() is None and time.monotonic() < until:
+                time.sleep(0.02)
+            process.send_signal(signal.SIGINT)
+        told = process.communicate(timeout=TIMEOUT)[0]
+    finally:
+        process.kill()
+    check_soon(happened)
+    assert process.returncode == status, told
+    assert "Traceback" not in told
+    return told
 
 
 @several
-def test_what_one_rank_raises_reaches_all_and_different_scenes_are_refused():
-    """One start of two ranks for three refusals, the last of which ends it."""
-    printed = run(2, "-c", REFUSED, expected=1)
-    told = [line for line in printed.splitlines() if line.endswith((" True", " False"))]
-    assert sorted(told) == ["1.25 0 True", "1.25 1 True", "1.35 0 True", "1.35 1 True"], printed
-    assert "the ranks were not given the same scene" in printed
+def test_a_full_disk_ends_all_with_its_message(tmp_path):
+    told = ends(on_ranks(2, HERE / "ranks" / "cases.py", "full", 60, *MOVING, "--out", tmp_path / "out"), 1, tmp_path / "out.happened")
+    assert "could not write" in told
+    assert "File too large" in told
+    check_kept(tmp_path / "out")
 
 
 @several
-def test_processes_that_do_not_know_of_each_other_are_refused():
-    assert "python -m mpi4py -m pdsurrogate" in run(2, "-m", "pdsurrogate", "run", "hole", mpi4py=False, expected=2)
+def test_a_rank_that_is_killed_ends_all_and_leaves_a_checkpoint(tmp_path):
+    ends(on_ranks(2, HERE / "ranks" / "cases.py", "killed", 60, *MOVING, "--out", tmp_path / "out"), 9, tmp_path / "out.happened")
+    check_kept(tmp_path / "out")
 
 
-def test_where_mpi4py_is_missing_the_refusal_says_what_to_install(monkeypatch):
-    monkeypatch.setenv("PMI_SIZE", "2")
-    monkeypatch.setitem(sys.modules, "mpi4py", None)  # as where it is not installed
-    with pytest.raises(NotUnderMPI, match=r'pip install "pdsurrogate\[mpi\]" && mpiexec -n 2 python -m mpi4py'):
-        communicator()
+@several
+def test_ctrl_c_ends_all_with_results_and_a_checkpoint(tmp_path):
+    slower = [argument.replace("safety=0.1", "safety=0.01") for argument in MOVING]
+    command = on_ranks(2, HERE / "ranks" / "cases.py", "told", 60, *slower, "--out", tmp_path / "out")
+    told = ends(command, 130, tmp_path / "out.happened", interrupt=True)
+    assert "interrupted; the checkpoint is in" in told, told
+    assert (tmp_path / "out" / "checkpoint.npz").exists()
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["failure"].endswith("interrupted")

@@ -1,12 +1,10 @@
-"""Run by `test_ranks.py` on one rank or several: digests of the forces on bodies of two materials, and of what they found them with."""
+"""Digests of the forces on bodies of two materials, and of what they found them with, on one rank or several."""
 
 import hashlib
-import json
 
 import numpy as np
 
 from pdsurrogate.body import Body, ReflectionPlane, divided
-from pdsurrogate.engine.compile import compilation_clock
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.forces.interfaces import SIGHT
 from pdsurrogate.materials import NeoHookean
@@ -52,10 +50,5 @@ def digests(name, plane, ranks):
     return found
 
 
-if __name__ == "__main__":
-    everyone = communicator()
-    with compilation_clock(lambda: print("compiled", flush=True)):
-        for case in CASES:
-            row = digests(*case, everyone)
-            if everyone.rank == 0:
-                print(json.dumps(row), flush=True)
+def digests_of_cases():
+    return [digests(*case, communicator()) for case in CASES]

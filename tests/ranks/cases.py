@@ -1,0 +1,100 @@
+"""Cases that `served.py` runs: the command line, with what happens in the midst of a run; scenes; a script; and errors."""
+
+import os
+import resource
+import runpy
+import sys
+
+import pdsurrogate as pds
+from pdsurrogate.cli import main
+from pdsurrogate.ranks import communicator
+from pdsurrogate.run import run
+from pdsurrogate.run.transient import Transient
+
+
+def command(*arguments):
+    sys.argv = ["pdsurrogate", *arguments]
+    main()
+
+
+def not_under_mpi(*arguments):
+    """Run as one of two processes that a launcher has started without mpi4py."""
+    known = {name: sys.modules.pop(name) for name in ("mpi4py.run", "mpi4py.MPI") if name in sys.modules}
+    os.environ["PMI_SIZE"], size = "2", os.environ.get("PMI_SIZE")
+    try:
+        command(*arguments)
+    finally:
+        sys.modules |= known
+        os.environ["PMI_SIZE"] = size
+
+
+def in_pieces(*arguments):
+    """Run a body so small as if it were too large to be gathered."""
+    most, run.MOST_GATHERED = run.MOST_GATHERED, 10
+    try:
+        command(*arguments)
+    finally:
+        run.MOST_GATHERED = most
+
+
+def disturbed(what, at, *arguments):
+    """Run, until something happens on one rank before a step of the dynamics."""
+    ranks, step, limits = communicator(), Transient.step, resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def counted(transient):
+        if transient.integrator.steps == at:
+            if ranks.rank == 0:
+                open(arguments[arguments.index("--out") + 1] + ".happened", "w").close()
+            happens(what, ranks, transient.run)
+        step(transient)
+
+    Transient.step = counted
+    try:
+        command(*arguments)
+    finally:
+        Transient.step = step
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def happens(what, ranks, run):
+    last = ranks.rank == ranks.size - 1
+    if what == "interrupted" and last:
+        run.interruption.told = True
+    elif what == "invalid" and last:
+        run.positions[run.body.share.own.nonzero()[0][-1]] += 100 * run.body.spacing
+    elif what == "killed" and last:
+        os.kill(os.getpid(), 9)
+    elif what == "full" and ranks.rank == 0:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (500, resource.RLIM_INFINITY))
+
+
+def levels(scene, force, changes):
+    return pds.simulate(pds.load_scene(scene, changes), force).levels
+
+
+def script(path):
+    runpy.run_path(path, run_name="__main__")
+
+
+class Rubber:
+    """Exact forces of bonds, with an error on the second rank beyond a stretch."""
+
+    def __init__(self, limit):
+        self.limit = limit
+
+    def bond_force(self, stretch, rotation, length, C33, J):
+        if communicator().rank == 1 and stretch.max() > self.limit:
+            raise RuntimeError("boom")
+        return pds.AnalyticBondForce().bond_force(stretch, rotation, length, C33, J)
+
+
+def with_an_error(limit):
+    pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.3, 1.5]), Rubber(limit))
+
+
+def different_scenes():
+    pds.simulate(pds.load_scene("uniaxial", spacing=0.25 - 0.05 * communicator().rank), "analytic")
+
+
+if __name__ == "__main__":
+    disturbed(sys.argv[1], int(sys.argv[2]), *sys.argv[3:])
