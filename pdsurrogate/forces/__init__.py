@@ -16,34 +16,6 @@ from .settings import ForceSettings
 FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}
 """Force models that need no artifact, by their names in scenes and on the command line."""
 
-__all__ = [
-    "FORCES",
-    "AnalyticBondForce",
-    "BANOSBForce",
-    "BondEnergyForce",
-    "CompilerSwitchedOff",
-    "Domain",
-    "EnergyNetwork",
-    "EnergySurrogate",
-    "ForceModel",
-    "ForceSettings",
-    "ForceSurrogate",
-    "InternalForce",
-    "InvalidState",
-    "IsochoricNetwork",
-    "LearnedBondForce",
-    "LearnedEnergy",
-    "Member",
-    "NOSBForce",
-    "NetworkForce",
-    "OutsideDomain",
-    "OutsideDomainWarning",
-    "OwnBondForce",
-    "OwnForceFailed",
-    "OwnForceInvalid",
-    "PolynomialForce",
-    "Portion",
-    "SplineForce",
-    "bind_portions",
-    "is_own_force",
-]
+__all__ = ["AnalyticBondForce", "BANOSBForce", "BondEnergyForce", "ForceModel", "ForceSettings", "NOSBForce", "OwnBondForce"]
+__all__ += ["EnergyNetwork", "EnergySurrogate", "ForceSurrogate", "IsochoricNetwork", "NetworkForce", "PolynomialForce", "SplineForce"]
+__all__ += ["InvalidState", "OutsideDomain", "OutsideDomainWarning"]
