@@ -7,7 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.artifacts import ArtifactError, next_version, own_folder, store
+from pdsurrogate.artifacts import ArtifactError, own_folder, store
+from pdsurrogate.artifacts.store import next_version
 from pdsurrogate.cli import app
 
 

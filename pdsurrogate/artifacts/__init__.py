@@ -9,22 +9,6 @@ An artifact is a folder ``NAME/VERSION/`` of up to four files:
   explicit trust.
 """
 
-from .card import Card
+from .card import ArtifactError, Card
 from .material import with_material
-from .store import (
-    ArtifactError,
-    called,
-    default_force,
-    find_artifact,
-    law_of,
-    list_artifacts,
-    load_card,
-    load_pipeline,
-    load_surrogate,
-    new_artifact,
-    next_version,
-    own_folder,
-    parted,
-    save_artifact,
-    surrogate_for,
-)
+from .store import default_force, find_artifact, list_artifacts, load_card, load_pipeline, load_surrogate, own_folder, surrogate_for

@@ -11,7 +11,7 @@ import numpy as np
 from typer import Argument, Option
 
 from .. import learning
-from ..artifacts import load_card, load_surrogate, new_artifact, next_version, own_folder
+from ..artifacts.store import load_card, load_surrogate, new_artifact, next_version, own_folder
 from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data, reporting

@@ -12,7 +12,7 @@ from typing import Annotated
 from rich.markup import escape
 from typer import Argument, Option
 
-from ..artifacts import ArtifactError, called, list_artifacts, load_card
+from ..artifacts.store import ArtifactError, called, list_artifacts, load_card
 from ..materials import LAWS, Law
 from ..results.contents import leaves_of
 from ..results.files import write_text

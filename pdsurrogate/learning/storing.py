@@ -11,8 +11,8 @@ from sklearn.base import BaseEstimator
 
 from .. import __version__
 from ..arguments import check_kind, check_path, check_tables, kind_of
-from ..artifacts import new_artifact, next_version, own_folder, save_artifact
 from ..artifacts.card import check_plain
+from ..artifacts.store import new_artifact, next_version, own_folder, save_artifact
 from ..forces import LearnedBondForce, LearnedEnergy
 from ..materials import Law
 from ..materials.law import checked_law
@@ -117,7 +117,7 @@ def store(
     TypeError, ValueError
         If the model is not fitted, or does not predict the target of the samples.
     ArtifactError
-        See `pdsurrogate.artifacts.save_artifact`.
+        See `pdsurrogate.artifacts.store.save_artifact`.
 
     See Also
     --------

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from ..artifacts import law_of, load_card, load_surrogate
+from ..artifacts.store import law_of, load_card, load_surrogate
 from ..body import Body
 from ..body.ghosts import WITH_ROUNDING
 from ..forces import FORCES, ForceModel, ForceSettings, InternalForce, InvalidState

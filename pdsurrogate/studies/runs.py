@@ -18,6 +18,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from .. import artifacts
 from ..arguments import check_whole_number
+from ..artifacts.store import parted
 from ..discretization import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
@@ -168,7 +169,7 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     scene, model = artifacts.with_material(scene, force)
     if force not in FORCES:
         # The name with its present version; an artifact that cannot be found by name is given by its whole path.
-        named, which = artifacts.find_artifact(force), artifacts.parted(force)[1]
+        named, which = artifacts.find_artifact(force), parted(force)[1]
         name, force = f"{named.parent.name}@{named.name}", str(named.resolve())
         with suppress(artifacts.ArtifactError):
             force = name if artifacts.find_artifact(name).resolve() == named.resolve() else force

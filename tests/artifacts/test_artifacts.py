@@ -27,10 +27,9 @@ from pdsurrogate.artifacts import (
     load_card,
     load_pipeline,
     load_surrogate,
-    save_artifact,
     surrogate_for,
 )
-from pdsurrogate.artifacts.store import payload_of
+from pdsurrogate.artifacts.store import payload_of, save_artifact
 from pdsurrogate.learning.fitting import check_worth_storing
 
 LAW = pds.materials.NeoHookean()
