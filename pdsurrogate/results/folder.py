@@ -12,14 +12,12 @@ A folder holds a run of a scene if its summary or, without one, its checkpoint n
 """
 
 import json
-import os
 import re
-import socket
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from filelock import SoftFileLock, Timeout
 
 from .checkpoint import NAME as CHECKPOINT
 from .checkpoint import identity_in
@@ -38,9 +36,6 @@ class FolderTaken(ValueError):
 
 LOCK = ".pdsurrogate-run"
 
-_occupied: dict[Path, int] = {}
-"""Folders that this process holds, with the thread that holds each."""
-
 
 @contextmanager
 def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
@@ -55,57 +50,16 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
         If another run is still writing there after the wait.
     """
     with made(folder):
-        place, thread = folder.resolve(), threading.get_ident()
-        if _occupied.get(place) == thread:
-            yield
-            return
-        lock, until = place / LOCK, time.monotonic() + patience
-        while _occupied.get(place) != thread:
-            try:
-                with lock.open("x", encoding="utf-8") as file:
-                    file.write(f"{os.getpid()} {socket.gethostname()}")
-                _occupied[place] = thread
-            except FileExistsError:
-                _remove_if_left(lock, place, until)
+        path = folder.resolve() / LOCK
+        lock = SoftFileLock(path, is_singleton=True)
         try:
+            held = lock.acquire(patience, 0.2)
+        except Timeout:
+            process, host, *_ = [*head_of(path).decode(errors="replace").split(), "", ""]
+            taken = f"{folder}: {f'process {process} on {host}' if host else 'another process'} is writing a run there"
+            raise FolderTaken(f"{taken}; give another folder (if there is no such run, remove {path})") from None
+        with held:
             yield
-        finally:
-            del _occupied[place]
-            lock.unlink(missing_ok=True)
-
-
-def _remove_if_left(lock: Path, folder: Path, until: float) -> None:
-    """Remove the lock file of a folder if the process that wrote it no longer exists.
-
-    If the process may still exist, wait a moment, or raise FolderTaken after the time `until`, in seconds of ``time.monotonic``.
-    """
-    with suppress(FileNotFoundError):  # another process has removed it
-        owner = lock.read_text("utf-8")
-        process, _, host = owner.partition(" ")
-        here = host == socket.gethostname() and process.isdecimal()
-        if not here or folder in _occupied or (int(process) != os.getpid() and _lives(int(process))):
-            if time.monotonic() < until:
-                time.sleep(0.2)
-                return
-            who = f"process {process} on {host}" if host else "another process"
-            raise FolderTaken(f"{folder}: {who} is writing a run there; give another folder (if there is no such run, remove {lock})")
-        # Moved first: of two processes that find the same old lock, neither removes the new lock of the other.
-        aside = lock.with_name(f"{LOCK}-{os.getpid()}-{threading.get_ident()}")
-        lock.rename(aside)
-        if aside.read_text("utf-8") == owner:
-            aside.unlink()
-        else:
-            aside.rename(lock)
-
-
-def _lives(process: int) -> bool:
-    try:
-        with suppress(PermissionError):
-            if os.name != "nt":  # on Windows signal 0 ends the process
-                os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    return True
 
 
 _HEADS = {

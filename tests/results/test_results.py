@@ -5,7 +5,6 @@ import errno
 import json
 import os
 import re
-import socket
 import subprocess
 import sys
 
@@ -310,19 +309,23 @@ def test_roughness_tells_a_checkerboard_from_a_wave():
 def test_a_folder_holds_one_run_at_a_time(tmp_path):
     """Two runs in one folder mixed their files."""
     lock = tmp_path / LOCK
-    lock.write_text(f"{os.getppid()} {socket.gethostname()}")
+    with occupied(tmp_path):
+        own, host, *_ = lock.read_text().split()
+        assert own == str(os.getpid())
+    lock.write_text(f"{os.getppid()}\n{host}\n")
     with pytest.raises(FolderTaken, match=f"process {os.getppid()} on .* is writing a run there"):
         simulate(uniaxial(1.2), "neo-hookean", folder=tmp_path)
     ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path)])
     assert (ended.exit_code, names_in(tmp_path)) == (2, [LOCK])
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    for left in (gone.pid, os.getpid()):  # a number that the system has given anew
-        lock.write_text(f"{left} {socket.gethostname()}")
+    # The last one began at another time: the system has given its number anew.
+    for left in (f"{gone.pid}\n{host}\n", f"{os.getpid()}\n{host}\n1\n"):
+        lock.write_text(left)
         with occupied(tmp_path), occupied(tmp_path):
-            assert lock.read_text() == f"{os.getpid()} {socket.gethostname()}"
+            assert lock.read_text().split()[:2] == [own, host]
         assert names_in(tmp_path) == []
-    lock.write_text("1 another.host")
+    lock.write_text("1\nanother.host\n")
     with pytest.raises(FolderTaken, match=r"on another\.host"), occupied(tmp_path):
         pass
 
