@@ -6,7 +6,6 @@ own them, since an image may mirror a halo point.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -220,14 +219,10 @@ class Ghosts:
             np.add.at(moments, above[again] - n, of_gradients[:, None] * moments[own[again]] * of_directions)
         return levers
 
-    def _fill(self, kernel: Callable, values: np.ndarray, *arguments: np.ndarray | float) -> None:
-        self.share.fill(values)
-        if len(self):
-            kernel(values, self.source, *arguments)
-
     def fill_displacements(self, displacements: np.ndarray) -> None:
         """Write the displacements of the ghosts for fixed planes, P u_source with the parity P, into `displacements` (n + m, d)."""
-        self._fill(kernels.fill_vectors, displacements, self.parity)
+        self.fill(displacements)
+        displacements[len(displacements) - len(self) :] *= self.parity
 
     def fold_forces(self, forces: np.ndarray) -> None:
         """Add the forces on ghosts to the forces on their sources, in place: the transpose of `fill_displacements`."""
@@ -239,7 +234,9 @@ class Ghosts:
         On a body that is symmetric about the plane, the result equals F as summed over the ghost's own horizon (theory (20)).
         The signs are `gradient_parity` and `gradient_reflection`; the part of F due to the motion of the plane is not added here.
         """
-        self._fill(kernels.fill_matrices, gradients, self.gradient_parity, self.gradient_reflection, 1.0)
+        self.share.fill(gradients)
+        if len(self):
+            kernels.fill_matrices(gradients, self.source, self.gradient_parity, self.gradient_reflection, 1.0)
 
     def fill_changes(self, changes: np.ndarray) -> None:
         """Write the changes of the ghosts' deformation gradients, P dF_source S with parity P and reflection S, into `changes`.
@@ -254,10 +251,12 @@ class Ghosts:
 
     def fill_shapes(self, shapes: np.ndarray) -> None:
         """Write the shape tensors of the ghosts (or their inverses), S K_source S with the reflection S, into `shapes`."""
-        self._fill(kernels.fill_symmetric, shapes, self.reflection)
+        one, other = np.triu_indices(self.reflection.shape[1])
+        self.fill(shapes)
+        shapes[len(shapes) - len(self) :] *= self.reflection[:, one] * self.reflection[:, other]
 
     def fill(self, values: np.ndarray) -> None:
-        """Copy scalar values from the sources to the ghosts, in place."""
+        """Copy values from the sources to the ghosts, in place."""
         self.share.fill(values)
         values[len(values) - len(self) :] = values[self.source]
 

@@ -13,16 +13,6 @@ from ..engine.compile import kernel
 from ..engine.passes import Pass, share_of
 
 
-@kernel
-def fill_vectors(values, source, parity):
-    """Write the vectors on the m ghosts, the last m rows of `values`: P v, v the vector on the source, P = diag(parity)."""
-    m, dimension = parity.shape
-    n = values.shape[0] - m
-    for g in range(m):
-        for r in range(dimension):
-            values[n + g, r] = parity[g, r] * values[source[g], r]
-
-
 @Pass
 def place_points(chunk, given, source, parity, shift, positions):
     """Copy the positions of points, and compute the positions of ghosts: shift + P y, y the position of the source and P = diag(parity)."""
@@ -37,7 +27,7 @@ def place_points(chunk, given, source, parity, shift, positions):
 
 @kernel
 def fold_vectors(values, source, parity):
-    """Add P v to the vector on the source of each ghost, v the vector on the ghost, P = diag(parity); the transpose of `fill_vectors`.
+    """Add P v to the vector on the source of each ghost, v the vector on the ghost, P = diag(parity).
 
     The vectors on the ghosts stay as they are.
     """
@@ -78,19 +68,3 @@ def fold_matrices(values, source, parity, reflection):
                 at = c * dimension + r
                 values[source[g], at] += parity[g, r] * reflection[g, c] * values[n + g, at]
                 values[n + g, at] = 0.0
-
-
-@kernel
-def fill_symmetric(values, source, reflection):
-    """Write the symmetric matrices on ghosts, S K S, where K is the matrix on the source and S = diag(reflection).
-
-    Matrices are stored as their upper triangles, row by row.
-    """
-    m, dimension = reflection.shape
-    n = values.shape[0] - m
-    for g in range(m):
-        at = 0
-        for r in range(dimension):
-            for c in range(r, dimension):
-                values[n + g, at] = reflection[g, r] * reflection[g, c] * values[source[g], at]
-                at += 1
