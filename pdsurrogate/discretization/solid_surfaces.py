@@ -11,7 +11,7 @@ import math
 from itertools import pairwise, product
 
 import numpy as np
-from scipy.spatial import Delaunay
+from scipy.spatial import ConvexHull, Delaunay
 
 from ..body import Surface, encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
@@ -163,11 +163,7 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
     else:
         golden = (1 + math.sqrt(5)) / 2
         corners = np.array([np.roll([0.0, one, golden * other], turn) for turn in range(3) for one in (-1, 1) for other in (-1, 1)])
-        # Faces are the triples of corners that are two apart from each other.
-        near = np.abs(np.linalg.norm(corners[:, None] - corners, axis=2) - 2) < 0.1
-        faces = corners[
-            np.array([(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]])
-        ]
+        faces = corners[np.unique(np.sort(ConvexHull(corners).simplices, axis=1)[:, ::-1], axis=0)]
         # The greatest of the projected sides is 1.3 times the even division of the arc, and the arc 1.107 radii.
         count, whole = max(3, math.ceil(2.5 * sphere.radius / cell.min())), 20
     inward = np.linalg.det(faces) < 0
