@@ -28,11 +28,11 @@ PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
 apply to the model."""
 
 WEAKNESSES = {
-    "zero-energy modes": "points move against their neighbors almost freely: the force uses deformation gradients only, theory (10)",
+    "zero-energy modes": "points move almost freely against their neighbors: the force uses only deformation gradients (paper, Eq. (10))",
     "not conservative": "the force has no energy, so undamped motion can gain energy; add damping, or use an energy model",
     "moments": "pair forces across the bonds conserve linear momentum exactly, but angular momentum to second order in the spacing",
     "force at rest": "the fitted force does not vanish without deformation, so a body that is only rotated has forces",
-    "weights do not add up": "the weights, theory (13), do not add up to the volume of the horizon; mean stresses have an error of 6 %",
+    "weights do not add up": "the weights (paper, Eq. (13)) do not add up to the volume of the horizon: mean stresses have an error of 6 %",
     "no transverse stress": "the paper's features do not give T_mm; the scalar correction leaves errors of several percent at edges",
     "cut horizons": "corrections of incomplete horizons make thin bars too stiff in bending; use more points, or an energy model",
     "loses stability": "the body does not resist some displacement from a homogeneous state in which the material is stable",
