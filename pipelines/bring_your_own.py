@@ -134,7 +134,7 @@ def of_ten(folder: Path) -> str:
         path = pds.store(model, samples, LAW, folder, f"own-{number}", "1", name)
         card, force = pds.load_card(path), pds.load_surrogate(path)
         box, resampling = card.errors["box"], card.training.get("resampling")
-        taken = "as it is" if resampling is None else f"spline, {force.size}"
+        taken = "unchanged" if resampling is None else f"spline, {force.size}"
         names.append(name)
         rows.append(
             [
@@ -155,13 +155,13 @@ def of_ten(folder: Path) -> str:
     header = [
         "regressor",
         "fit (s)",
-        "taken over",
-        "error of resampling",
-        "jumps",
-        "error of the force",
+        "stored as",
+        "conversion error",
+        "largest jump",
+        "force error",
         "least slope",
-        "stress at 2, error",
-        "ns a bond",
+        "stress error at stretch 2",
+        "cost (ns)",
     ]
     table = [[name, *row, f"{cost:.0f}"] for name, row, cost in zip(names, rows, costs(cases), strict=True)]
     return markdown_table(header, table)
@@ -185,9 +185,9 @@ def refused(folder: Path) -> str:
         ("a classifier", "before the training", lambda: pds.surrogate_pipeline(LogisticRegression(), features="isochoric")),
         ("a transformer", "before the training", lambda: pds.surrogate_pipeline(StandardScaler(), features="isochoric")),
         ("a class, not an instance", "before the training", lambda: pds.surrogate_pipeline(Ridge, features="isochoric")),
-        ("a pipeline that is not fitted", "before the run", lambda: pds.simulate(scene, pds.surrogate_pipeline(features="isochoric"))),
+        ("an unfitted pipeline", "before the run", lambda: pds.simulate(scene, pds.surrogate_pipeline(features="isochoric"))),
         (
-            "a search without a fitted model",
+            "a grid search with `refit=False`",
             "before the run",
             lambda: pds.simulate(
                 scene,
@@ -199,13 +199,13 @@ def refused(folder: Path) -> str:
                 ).fit(samples.X, samples.y),
             ),
         ),
-        ("a regressor of bonds by itself", "before the run", lambda: pds.simulate(scene, LinearRegression().fit(samples.X, samples.y))),
+        ("a regressor without its samples", "before the run", lambda: pds.simulate(scene, LinearRegression().fit(samples.X, samples.y))),
         (
-            "a regressor of other columns",
-            "at storing",
+            "a regressor of three bond quantities",
+            "when it is stored",
             lambda: pds.store(LinearRegression().fit(samples.X[:, :3], samples.y), samples, LAW, folder, "none", "1", "none"),
         ),
-        ("a regressor that is far off", "at storing", lambda: stored(DummyRegressor())),
+        ("a regressor with a large error", "when it is stored", lambda: stored(DummyRegressor())),
     ]
     rows = []
     for what, when, action in cases:
@@ -215,7 +215,7 @@ def refused(folder: Path) -> str:
         except (ValueError, TypeError) as error:
             said = str(error)
         rows.append([what, when, said.replace("|", "\\|")])
-    return "\n".join(["| what | when | what is said |", "| --- | --- | --- |", *("| " + " | ".join(row) + " |" for row in rows)])
+    return "\n".join(["| input | rejected | message |", "| --- | --- | --- |", *("| " + " | ".join(row) + " |" for row in rows)])
 
 
 def search() -> str:
@@ -232,9 +232,9 @@ def search() -> str:
             rows.append([f"{features}, {units} units", f"{1 - row['score']:.1e}"])
     best = max(found.values(), key=lambda one: one.best_score_)
     units = best.best_params_[f"{path}__hidden_layer_sizes"][0]
-    table = markdown_table(["features and width", "1 - R² on the folds left out"], rows)
-    run = "`pds.simulate(scene, search)` of the best"
-    return f"{table}\n\n{run}, {units} units: stress at a stretch of 2 off by {percent(stress_error(best))}."
+    table = markdown_table(["features and width", "1 - R² on the held-out folds"], rows)
+    run = "`pds.simulate(scene, search)` with the best model"
+    return f"{table}\n\n{run} ({units} units): the stress error at stretch 2 is {percent(stress_error(best))}."
 
 
 NOISE, MEMBERS = 0.02, 8
@@ -292,7 +292,8 @@ def stresses_of_committees() -> str:
                 row.append(f"{100 * (np.abs(off) <= 2 * spread)[:, part].mean():.0f} %")
             rows.append([name, weights, *row])
             print(rows[-1], flush=True)
-    header = ["law", "weights", "off without noise", "between: off, spread", "within twice", "beyond: off, spread", "within twice"]
+    within = "within twice the spread"
+    header = ["law", "weights", "error without noise", "between the tests: error, spread", within, "beyond: error, spread", within]
     return markdown_table(header, rows)
 
 
@@ -331,11 +332,12 @@ def committees(folder: Path) -> str:
     return "\n\n".join(
         [
             stresses_of_committees(),
-            "A sheet with a hole, by artifacts of committees of the first law, with weights: how far off, and twice the spread:",
-            markdown_table(["noise, seed", "pull", "narrowing"], rows),
-            "The same of all laws (but for these by the energies themselves): RMS of how far off, RMS of the spread, and how many sets are "
-            "within twice their spread:",
-            markdown_table(["law", "weights", "pull", "narrowing"], counts),
+            "Sheets with a hole, from artifacts with committees for the first law with weights. The columns give the error and twice the "
+            "spread:",
+            markdown_table(["seed of the noise", "force", "narrowing"], rows),
+            "The same for all laws (the rows after the first are computed from the energies without artifacts): RMS error, RMS spread, and "
+            "number of sets with an error below twice the spread:",
+            markdown_table(["law", "weights", "force", "narrowing"], counts),
         ]
     )
 

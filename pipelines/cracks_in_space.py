@@ -123,12 +123,12 @@ def turned() -> str:
     """Direction and energy of a crack by the angle of the lattice and the horizon."""
     rows = [turned_row(angle, ratio) for ratio in RATIOS for angle in ANGLES]
     head = [
-        "horizon in spacings, angle of the lattice",
-        "tip diameter d in horizons",
+        "horizon (spacings), angle of the lattice (degrees)",
+        "tip diameter d / δ",
         "direction (degrees)",
-        "greatest distance from its plane (spacings)",
+        "largest distance from the plane of the precut (spacings)",
     ]
-    return markdown_table([*head, "energy account (%)"], rows)
+    return markdown_table([*head, "energy error (%)"], rows)
 
 
 def bonds_across(ratio: float, spacing: float, layers: int) -> float:
@@ -164,7 +164,7 @@ def strip_row(rate: float) -> list[str]:
         t = next(entry["t"] for entry in result.summary["crack"]["tips"] if entry["tip"] and entry["tip"][0] - TIP >= advance)
         reached.append(f"{strip_energy(law, 1 + t / (HIGH + 1)) / held:.2f}")
     found = spent(in_dynamics(result), bonds_across(2.2, 1.0, LAYERS), LAYERS, 4, 12)
-    return _told([f"strip, its clamps at {rate:g}", " / ".join(reached), *mode_figures(found, held, 1.0)])
+    return _told([f"strip, clamp speed {rate:g}", " / ".join(reached), *mode_figures(found, held, 1.0)])
 
 
 PEEL = {"length": 34.0, "leg": 4.0, "precut": 14.0, "begin": 7.5, "end": 26.0, "steady": 16.8}
@@ -213,7 +213,7 @@ def modes() -> str:
     torn, _ = torn_trousers(TEARS[0])
     rows = [*(strip_row(rate) for rate in (RATE, RATE / 4)), peel_row(critical)]
     rows.append(_mode_of_legs("trouser tear", torn, critical, "force_one_3", LEG_WIDTH, STEADY))
-    head = ["crack at 2.2 spacings", "G / (psi delta)", "speed over shear waves", "released by bonds / (psi delta)", "damped / (psi delta)"]
+    head = ["crack at 2.2 spacings", "G / (ψ δ)", "speed / speed of shear waves", "released / (ψ δ)", "damped / (ψ δ)"]
     return markdown_table(head, rows)
 
 
@@ -275,15 +275,15 @@ def tear_row(tear: Tear) -> list[str]:
 def trousers() -> str:
     """Force of the trouser tear against the fracture energy put in."""
     head = [
-        "horizon in spacings",
+        "horizon (spacings)",
         "spacing (mm)",
         "critical stretch",
         "fracture energy (N/mm)",
         "force (N)",
-        "2 F l/h - w (N/mm)",
+        "2 F λ/h - w (N/mm)",
         "error (%)",
     ]
-    head += ["greatest distance from its plane (mm)", "energy account (%)", "points", "steps"]
+    head += ["largest distance from the plane of the cut (mm)", "energy error (%)", "points", "steps"]
     return markdown_table(head, [tear_row(tear) for tear in TEARS])
 
 
@@ -304,8 +304,8 @@ def penny_row(spacing: float) -> list[str]:
 
 def penny() -> str:
     """Opening of the disc crack against linear elasticity."""
-    head = ["spacing (cm)", "force over that without the crack", "volume over Sneddon's", "volume over that in the cylinder"]
-    head += ["radius gained (spacings)"]
+    head = ["spacing (cm)", "force / force without the crack", "volume / Sneddon", "volume / finite elements"]
+    head += ["increase of the radius (spacings)"]
     return markdown_table(head, [penny_row(spacing) for spacing in (0.1, 1 / 15, 0.05)])
 
 

@@ -37,13 +37,11 @@ def scenes() -> str:
                 errors = {key.removesuffix("_error"): f"{100 * value:+.4f}" for key, value in level.items() if key.endswith("_error")}
                 displacement = errors.get("greatest_lateral_displacement", "")
                 rows.append([scene, force, f"{level['stretch']:g}", errors["nominal_stress"], displacement, str(level["evaluations"])])
-    return markdown_table(
-        ["scene", "force", "stretch", "nominal stress, error (%)", "greatest displacement, error (%)", "evaluations"], rows
-    )
+    return markdown_table(["scene", "force", "stretch", "stress error (%)", "largest displacement error (%)", "evaluations"], rows)
 
 
 STATES = {
-    "rest": np.eye(2),
+    "undeformed": np.eye(2),
     "uniaxial 2": np.diag([2.0, homogeneous.uniaxial(pds.materials.NeoHookean(), 2.0).lateral_stretch]),
     "uniaxial 3": np.diag([3.0, homogeneous.uniaxial(pds.materials.NeoHookean(), 3.0).lateral_stretch]),
     "shear 0.8": np.array([[1.0, 0.8], [0.0, 1.0]]),
@@ -69,7 +67,7 @@ def modes() -> str:
             values = np.linalg.eigvalsh(complement.T @ (A + A.T) / 2 @ complement)
             row.append(f"{values[0] / values[-1]:.1e}")
         rows.append(row)
-    return markdown_table(["force", *STATES], rows)
+    return markdown_table(["force model", *STATES], rows)
 
 
 ENERGY = "neo-hookean-energy"
@@ -127,7 +125,7 @@ def _drifts(cases: list[tuple]) -> str:
         change = failure or f"{totals[-500:].mean() - totals[:500].mean():+.1e}"
         rows.append([name, precision, change, f"{np.abs(totals).max():.1e}"])
         console.print(rows[-1])
-    return markdown_table(["force", "precision", f"drift over {STEPS:,} steps", "greatest departure"], rows)
+    return markdown_table(["force model", "precision", f"drift of the energy in {STEPS:,} steps", "largest difference"], rows)
 
 
 def solvers() -> str:
@@ -164,9 +162,7 @@ def tear() -> str:
         spent = begin["strain_energy"] + end["work"]
         parts = [f"{end[key]:.4g}" for key in ("work", "strain_energy", "kinetic_energy", "damped_energy", "released_energy")]
         rows.append([f"{spacing:g}", f"{begin['strain_energy']:.4g}", *parts, f"{100 * (end['work'] - gained) / spent:+.2f}"])
-    return markdown_table(
-        ["spacing", "stored at first", "work", "stored", "kinetic", "damped", "released", "gap (% of stored + work)"], rows
-    )
+    return markdown_table(["spacing", "stored at first", "work", "stored", "kinetic", "damped", "released", "energy error (%)"], rows)
 
 
 TABLES = {function.__name__: function for function in (scenes, modes, drift, isochoric_drift, solvers, tear)}

@@ -24,7 +24,7 @@ LARGE = 0.05 * Y.max() < Y
 HALF = np.arange(len(DATA)) // 2 % 2 == 0  # both stresses of a state go together
 ALL = np.ones(len(DATA), dtype=bool)
 TWO_MODES = (Y > 0) & ((np.abs(np.log(X[:, 1] * np.sqrt(X[:, 0]))) < 0.02) | (np.abs(X[:, 1] - 1) < 1e-9))
-PARTS = {"uniaxial and pure shear": TWO_MODES, "half of the grid": HALF, "the other half": ~HALF, "all of it": ALL}
+PARTS = {"uniaxial and pure shear": TWO_MODES, "half of the grid": HALF, "the other half": ~HALF, "the whole grid": ALL}
 """What is fitted; what is left out is asked for, or what was fitted where that is all."""
 
 LIMIT = 0.05
@@ -45,9 +45,9 @@ def of_data() -> str:
         return row
 
     parts = {name: known for name, known in PARTS.items() if known is not PARTS["the other half"]}
-    rows = [["an energy without a law", *scores(pds.identification.EnergyRegressor())]]
+    rows = [["`EnergyRegressor`", *scores(pds.identification.EnergyRegressor())]]
     rows += [[law, *scores(pds.identification.LawRegressor(law))] for law in fitted_laws() if law != "full-network"]
-    return markdown_table(["fitted to", *parts], rows)
+    return markdown_table(["model, fitted to", *parts], rows)
 
 
 def errors_of(predicted: np.ndarray) -> np.ndarray:
@@ -79,9 +79,14 @@ def stress_by_stress() -> str:
         shares = [f"{100 * (sizes <= most).mean():.0f} %" for most in (0.03, LIMIT)]
         greatest = f"{100 * np.median(sizes):.1f} %, {100 * sizes[-1]:.0f} %"
         rows.append([name, f"{inside.sum()} of {asked.sum()}", *shares, greatest, f"{curvature.min():.2f}", f"{slope:.3f}"])
-    header = ["fitted to", "within the hull", "met within 3 %", "within 5 %", "off: median, greatest", "least curvature", "least slope"]
+    header = ["fitted to", "stresses in the hull", "error below 3 %", "error below 5 %", "median and largest error"]
+    header += ["least curvature", "least slope"]
     alone = neighbors()
-    parts = [markdown_table(header, rows), of_two_modes(off["uniaxial and pure shear"]), of_neighbors(alone, off["all of it"], left_out)]
+    parts = [
+        markdown_table(header, rows),
+        of_two_modes(off["uniaxial and pure shear"]),
+        of_neighbors(alone, off["the whole grid"], left_out),
+    ]
     return "\n\n".join([*parts, of_classes(np.abs(alone) > LIMIT)])
 
 
@@ -90,18 +95,18 @@ def of_two_modes(off: np.ndarray) -> str:
     model = pds.identification.EnergyRegressor().fit(X[TWO_MODES], Y[TWO_MODES])
     inside = asked_of(TWO_MODES, model)
     kinds = {
-        "along a side longer than at rest": X[:, 0] > 1 + 1e-9,
-        "along the side held at its length in pure shear": np.abs(X[:, 0] - 1) < 1e-9,
-        "along a side shorter than at rest": X[:, 0] < 1 - 1e-9,
+        "a lengthened side": X[:, 0] > 1 + 1e-9,
+        "the side of constant length in pure shear": np.abs(X[:, 0] - 1) < 1e-9,
+        "a shortened side": X[:, 0] < 1 - 1e-9,
     }
     rows = []
     for name, chosen in kinds.items():
         sizes = np.abs(off[inside & chosen])
         rows.append([name, str(len(sizes)), f"{100 * (sizes <= LIMIT).mean():.0f} %", f"{100 * sizes.max():.0f} %"])
-    table = markdown_table(["stress left out by uniaxial and pure shear", "number", "within 5 %", "greatest"], rows)
+    table = markdown_table(["predicted from uniaxial and pure shear: stress along", "number", "error below 5 %", "largest error"], rows)
     return (
-        "Uniaxial tension and pure shear as they are measured tell the stress along the pulled side alone; what they leave open is the "
-        f"stress along the other:\n\n{table}"
+        "Measurements of uniaxial tension and pure shear contain the stress along the stretched side only. The largest errors of the first "
+        f"fit are therefore in the stress along the other side:\n\n{table}"
     )
 
 
@@ -126,19 +131,20 @@ def neighbors() -> np.ndarray:
 
 def of_neighbors(alone: np.ndarray, fitted: np.ndarray, left_out: np.ndarray) -> str:
     """Which measurements a regression of their neighbors misses, and which the energy."""
-    found = {"by its neighbors": alone, "energy, fitted to all": fitted, "energy, to the other half": left_out}
+    found = {"regression of the others": alone, "energy, fitted to all": fitted, "energy, fitted to the other half": left_out}
     rows = [
         [name, *(f"{np.sum(np.abs(off[LARGE]) > most)}" for most in (0.03, LIMIT)), f"{100 * np.nanmax(np.abs(off)):.1f} %"]
         for name, off in found.items()
     ]
-    counts = markdown_table([f"of {LARGE.sum()} stresses", "off by more than 3 %", "by more than 5 %", "greatest"], rows)
+    counts = markdown_table([f"prediction of {LARGE.sum()} stresses", "error above 3 %", "error above 5 %", "largest error"], rows)
     missed = np.flatnonzero(np.nanmax(np.abs([np.where(LARGE, off, 0) for off in found.values()]), axis=0) > LIMIT)
     missed = missed[np.argsort(-np.abs(alone[missed]))]
     rows = [[f"({X[n, 0]:g}, {X[n, 1]:g})", f"{Y[n]:g}", *(f"{100 * off[n]:+.1f} %" for off in found.values())] for n in missed]
     return (
-        "Every stress by a regression of the others alone, which knows of no energy (a Gaussian process over the two log-stretches, of the "
-        "stress over that of a Neo-Hookean rubber, without both stresses of its state), beside the energy fitted to all, and to the half "
-        f"of the grid that the stress is not of:\n\n{counts}\n\nThose that one of the three misses by more than 5 %:\n\n"
+        "For comparison, a regression that uses no energy predicts each stress from the others: a Gaussian process of the two "
+        "log-stretches for the stress divided by that of Neo-Hookean rubber, fitted without both stresses of the predicted state. The "
+        "other rows are the energy fitted to all stresses, and the energy fitted to the half of the grid that does not contain the "
+        f"stress:\n\n{counts}\n\nStresses for which one of the three predictions has an error above 5 %:\n\n"
         f"{markdown_table(['stretches', 'stress (MPa)', *found], rows)}"
     )
 
@@ -238,7 +244,7 @@ def of_classes(scattered: np.ndarray) -> str:
     powers = SymmetricExponentials((one, 0.0, 0.0) for one in dictionary(max(POSITIVE), max(NEGATIVE)))
     # Closer exponents, or more of them, differ by too little for weights of any sign.
     whole = SymmetricExponentials((float(one), 0.0, 0.0) for one in (*range(-4, 0), *range(1, 7)))
-    classes = {"powers, weights not negative": (powers, True), "powers, Hencky-convex": (whole, False)}
+    classes = {"powers, nonnegative weights": (powers, True), "powers, Hencky-convex": (whole, False)}
     for most in (3, 4, 5):
         mixed = SymmetricExponentials((p, q, 0) for p in range(1, most + 1) for q in range(p + 1))
         classes[f"mixed powers up to {most}, Hencky-convex"] = (mixed, False)
@@ -259,12 +265,15 @@ def of_classes(scattered: np.ndarray) -> str:
             sizes = np.abs(errors_of(energy.stresses(X) @ weights)[asked_of(half, model)])
             row.append(f"{100 * (sizes <= LIMIT).mean():.0f} %, {100 * sizes.max():.0f} %")
         rows.append(row)
-    header = ["class", "terms", "all", f"all but {scattered.sum()}", "least curvature", "left out by one half", "by the other"]
+    header = ["class", "terms", "all", f"all but {scattered.sum()}", "least curvature"]
+    header += ["predicted from one half", "from the other half"]
     return (
-        "What classes of energies can do at best: the greatest relative error where weights are fitted for it alone, to all of "
-        f"these stresses and to all but the {scattered.sum()} that their neighbors miss by more than 5 %; a lower bound of the "
-        "least curvature of the former by the log-stretches over the hull, over that at rest; and, fitted to one half for the sum "
-        "of the relative errors, the share of the other within 5 % and its greatest error. Mixed powers are sums of l1^p l2^q "
-        "l3^r over all orders, p at most so much, of which sums over the stretches and polynomials of the two invariants are "
-        f"some:\n\n{markdown_table(header, rows)}"
+        "The last table shows the best possible fit of several classes of energies. *All* is the smallest possible value of the "
+        f"largest relative error for all of these stresses, and *all but {scattered.sum()}* the same without the {scattered.sum()} "
+        "stresses that the regression of the others misses by more than 5 %. *Least curvature* is a lower bound of the curvature of "
+        "the first of these fits over the hull, divided by the curvature in the undeformed state. For the last two columns the "
+        "weights minimize the sum of the relative errors in one half of the grid; the columns give the share of the other half with "
+        "an error below 5 %, and its largest error. Mixed powers are sums of l1^p l2^q l3^r over all permutations, with p up to the "
+        "given number; sums over the stretches and polynomials of the two invariants are special cases:\n\n"
+        f"{markdown_table(header, rows)}"
     )

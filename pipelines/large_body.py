@@ -24,14 +24,14 @@ from pdsurrogate.results.provenance import processor
 console = Console()
 
 PARTS = {
-    "setting up: points, bonds, force": ("run/run.py", "__post_init__"),
+    "setup: points, bonds, force": ("run/run.py", "__post_init__"),
     "force evaluations": ("forces/internal_force.py", "__call__"),
-    "preconditioner: setting up": ("solvers/preconditioner.py", "preconditioner_of"),
+    "setup: preconditioner": ("solvers/preconditioner.py", "preconditioner_of"),
     "preconditioner: D linearized": ("forces/volume_energy.py", "take"),
     "pressure steps: D": ("forces/volume_energy.py", "changes"),
     "pressure steps: transpose of D": ("forces/volume_energy.py", "forces"),
-    "pressure steps: a cycle of multigrid for A": ("solvers/multigrid.py", "cycle"),
-    "pressure steps: their preconditioner": ("solvers/preconditioner.py", "precondition"),
+    "pressure steps: multigrid cycle": ("solvers/multigrid.py", "cycle"),
+    "pressure steps: preconditioner": ("solvers/preconditioner.py", "precondition"),
 }
 """Functions whose time is told, by file and name; none of them calls another."""
 
@@ -60,14 +60,14 @@ def main() -> None:
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     level = result.levels[-1]
     lines = [
-        f"{len(result.body):,} points ({arguments.points} a side): {seconds:,.0f} s by the clock and {worked:,.0f} s of processor time on "
-        f"{numba.get_num_threads()} threads of {processor()}, shared with other work; {memory:.2f} GiB at most;",
-        f"{result.summary['n_force_evaluations']} evaluations in all; residual {level['residual']:.1e}, nominal stress "
-        f"{level['nominal_stress']:.5f}. By the clock:",
+        f"{len(result.body):,} points ({arguments.points} per side): {seconds:,.0f} s of wall time and {worked:,.0f} s of processor time "
+        f"on {numba.get_num_threads()} threads of {processor()}, shared with other programs; {memory:.2f} GiB at most;",
+        f"{result.summary['n_force_evaluations']} evaluations in total; residual {level['residual']:.1e}, nominal stress "
+        f"{level['nominal_stress']:.5f}. Wall time of the parts:",
     ]
     rows = [[part, str(calls), f"{spent:,.0f}", f"{100 * spent / seconds:.0f}"] for part, (calls, spent) in split(profile).items()]
     left = seconds - sum(spent for _, spent in split(profile).values())
-    rows.append(["all else", "", f"{left:,.0f}", f"{100 * left / seconds:.0f}"])
+    rows.append(["other", "", f"{left:,.0f}", f"{100 * left / seconds:.0f}"])
     table = markdown_table(["part", "calls", "seconds", "%"], rows)
     console.print("\n".join(lines), table, sep="\n\n", soft_wrap=True)
     if arguments.docs:

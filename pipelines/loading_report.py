@@ -164,7 +164,7 @@ def main() -> None:
                     errors.append(f"{100 * (read(levels[case.level]) / reference - 1):+.2f}" if case.level < len(levels) else "none")
                     console.print(name, measure, spacing, errors[-1])
                 rows.append([name, measure, f"{reference:.5g}", " / ".join(f"{spacing:.4g}" for spacing in spacings), " / ".join(errors)])
-    table = markdown_table(["case", "measure", "reference", "spacing (cm)", "error (%)"], rows)
+    table = markdown_table(["case", "quantity", "reference", "spacing (cm)", "error (%)"], rows)
     console.print(table, soft_wrap=True)
     if arguments.docs:
         replace_block("loading", table)

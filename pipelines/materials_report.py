@@ -39,10 +39,10 @@ INCOMPRESSIBLE = 1e7
 console = Console(width=150)
 
 PUBLISHED = (
-    ("ogden", "all, by scatter", {"shear modulus": 0.4225}, "Ogden, Proc. R. Soc. A 326 (1972) 565"),
-    ("arruda-boyce", "all, by scatter", {"chain links": 26.5}, "Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389"),
-    ("gent", "tension, evenly", {"shear modulus": 0.24, "chain limit": 79.97}, "Hyperelastics.jl, example treloar.jl"),
-    ("yeoh", "tension, evenly", {"C10": 0.18, "C20": -2e-3, "C30": 5e-5}, "Altair Radioss, RD-V: 0210"),
+    ("ogden", "all modes, weighted by scatter", {"shear modulus": 0.4225}, "Ogden, Proc. R. Soc. A 326 (1972) 565"),
+    ("arruda-boyce", "all modes, weighted by scatter", {"chain links": 26.5}, "Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389"),
+    ("gent", "tension, equal weights", {"shear modulus": 0.24, "chain limit": 79.97}, "Hyperelastics.jl, example treloar.jl"),
+    ("yeoh", "tension, equal weights", {"C10": 0.18, "C20": -2e-3, "C30": 5e-5}, "Altair Radioss, RD-V: 0210"),
 )
 """Constants of Treloar's rubber, in MPa, as others give them: law, the data fitted to and their weights, constants and source."""
 
@@ -111,14 +111,14 @@ def beside_published() -> list[dict]:
     data = pds.load_test_data("treloar")
     tension = data.of("uniaxial")
     fits = {
-        "all, by scatter": (data.stretches, data.nominal_stress, data.balanced_weights()),
-        "tension, evenly": (tension.stretches, tension.nominal_stress),
+        "all modes, weighted by scatter": (data.stretches, data.nominal_stress, data.balanced_weights()),
+        "tension, equal weights": (tension.stretches, tension.nominal_stress),
     }
     rows = []
     for name, fitted_to, constants, source in PUBLISHED:
         law = pds.identification.LawRegressor(name, bulk_ratio=INCOMPRESSIBLE).fit(*fits[fitted_to]).law_
         for constant, value in constants.items():
-            found = {"here": CONSTANTS[constant](law), "published": f"{value:g}", "source": source}
+            found = {"this package": CONSTANTS[constant](law), "published": f"{value:g}", "source": source}
             rows.append({"law": name, "fitted to": fitted_to, "constant": constant, **found})
     show("Treloar's rubber, in MPa", rows)
     return rows
@@ -180,15 +180,15 @@ def speed(quick: bool) -> tuple[list[dict], str]:
             {
                 "law": law.name,
                 "exact ns/directed bond": exact["ns_per_directed_bond_1"],
-                "its bond pass": exact["ns_bond_pass_1"],
+                "exact, bond pass only": exact["ns_bond_pass_1"],
                 "surrogate ns/directed bond": learned["ns_per_directed_bond_1"],
                 "exact / surrogate": ratio,
-                "surrogate": model.size.removeprefix("degrees "),
+                "degrees of the surrogate": model.size.removeprefix("degrees "),
                 "RMS on / off": f"{errors[0][0]:.0e} / {errors[0][1]:.0e}",
-                "12 and 6": f"{errors[1][0]:.0e} / {errors[1][1]:.0e}",
+                "RMS on / off, degrees 12 and 6": f"{errors[1][0]:.0e} / {errors[1][1]:.0e}",
                 "J3 error": "exact" if np.isnan(thickness) else f"{thickness:.0e}",
-                "scene at 2: stress, displ. (%)": f"{100 * stress:.3f}, {100 * displacement:.3f}",
-                "least slope, exact": f"{slope:.2f}",
+                "scene uniaxial at 2: error of stress, displacement (%)": f"{100 * stress:.3f}, {100 * displacement:.3f}",
+                "least slope": f"{slope:.2f}",
                 "better": "surrogate" if ratio > 1.2 else "exact" if ratio < 1 / 1.2 else "exact, at the same cost",
             }
         )

@@ -3,23 +3,16 @@
     python pipelines/plane_strain_report.py [POINTS ...]
 
 POINTS are numbers of points along the smaller side, 16 24 32 50 by default; the last takes some minutes, and only the selective energy is
-taken so far.  The table goes to ``docs/validation/plane-strain.md``.
+taken so far.  The table goes into ``docs/validation/plane-strain.md``.
 """
 
 import sys
 
 import numpy as np
-from pages import VALIDATION
+from pages import replace_block
 
 import pdsurrogate as pds
 from pdsurrogate.forces.pair_energy import PairEnergy
-from pdsurrogate.results.files import write_text
-
-HEAD = """# Plane strain: the bonded block
-
-A block of 2 x 1 cm bonded to rigid plates, against finite elements: error of the force and of the bulge by force model, bulk modulus and
-spacing, and how rough the pressure is inside, over its spread. Made by `python pipelines/plane_strain_report.py`.
-"""
 
 
 class PlainEnergy(PairEnergy):
@@ -37,8 +30,18 @@ class AllAtTheBonds(pds.BondEnergyForce):
         return (PlainEnergy,)
 
 
-MODELS = {"bond-energy": "bond-energy", "all at the bonds": AllAtTheBonds(), "analytic": "analytic", "nosb": "nosb"}
-COLUMNS = ("force model", "K/mu", "points a side", "stretch", "force", "bulge", "checkerboard", "roughness", "evaluations")
+MODELS = {"bond-energy": "bond-energy", "all in the bonds": AllAtTheBonds(), "analytic": "analytic", "nosb": "nosb"}
+COLUMNS = (
+    "force model",
+    "K/mu",
+    "points per side",
+    "stretch",
+    "error of the force",
+    "error of the bulge",
+    "checkerboard",
+    "roughness",
+    "evaluations",
+)
 MOST_OF_OTHERS = 32
 """Points a side up to which the other models are compared."""
 
@@ -82,7 +85,7 @@ def main(sizes: list[int]) -> None:
                 for stretch in (0.95, 1.3):
                     lines.append(f"| {' | '.join(row(name, bulk, points, stretch))} |")
                     print(lines[-1], flush=True)
-                    write_text(VALIDATION / "plane-strain.md", f"{HEAD}\n" + "\n".join(lines) + "\n")
+                    replace_block("plane-strain", "\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -168,7 +168,7 @@ def cut(points: np.ndarray, horizon: float, parts: int, weights: np.ndarray) -> 
     ]
 
 
-CUT = ["parts", "own points, mean", "most bonds / mean", "largest halo / mean", "largest halo / own points"]
+CUT = ["parts", "own points (mean)", "largest number of bonds / mean", "largest halo / mean", "largest halo / own points"]
 
 
 def lattice(sides: int, dimension: int) -> np.ndarray:
@@ -204,7 +204,8 @@ def table_of_ranks(points: list[int], ranks: list[int]) -> list[list[str]]:
         for number in ranks:
             rows.append(row_of(measured(size, number)))
             print(*rows[-1], flush=True)
-    return [["points", "ranks", "own points", "halo", "processor, ms", "exchanges", "kB", "set-up, s", "held, MB", "at most, MB"], *rows]
+    figures = "processor time (ms)", "exchanges", "received (kB)", "setup (s)", "held (MB)", "at most (MB)"
+    return [["points", "ranks", "own points", "halo points", *figures], *rows]
 
 
 def table_of_threads(points: list[int]) -> list[list[str]]:
@@ -221,7 +222,7 @@ def table_of_threads(points: list[int]) -> list[list[str]]:
         rows.append([f"`{name}`, {first['model']}", *figures])
         print(*rows[-1], flush=True)
     return [
-        ["scene and force", "points", "1 rank of 2 threads, ms", "2 ranks of 1 thread, ms", "ranks / threads", "share of exchange"],
+        ["scene and force", "points", "1 rank of 2 threads (ms)", "2 ranks of 1 thread (ms)", "ranks / threads", "share of exchange"],
         *rows,
     ]
 

@@ -125,7 +125,9 @@ def uniaxial() -> list[dict]:
     cases = [TimedModel(pds.forces.BANOSBForce(), "float64", body), TimedModel(pds.load_surrogate("neo-hookean"), "float32", body)]
     slow, fast = measure_speed(cases, pds.materials.NeoHookean(), 20.0)
     ratio = slow["ns_per_directed_bond_1"] / fast["ns_per_directed_bond_1"]
-    rows.append(row("6.2, Table 2", f"cost of BA-NOSB over the surrogate's, per evaluation (paper: {PAPER_SPEED_RATIO})", ratio, None, ""))
+    rows.append(
+        row("6.2, Table 2", f"cost of BA-NOSB / cost of the surrogate, per evaluation (paper: {PAPER_SPEED_RATIO})", ratio, None, "")
+    )
     return rows
 
 
@@ -156,7 +158,7 @@ def pure_shear() -> list[dict]:
                 )
             )
             key = "greatest_lateral_displacement"
-            rows.append(row("6.3, Fig. 9", f"greatest u1 at {stretch:g} (cm)", level[key], level[f"{key}_reference"], "FEM", paper))
+            rows.append(row("6.3, Fig. 9", f"largest u1 at {stretch:g} (cm)", level[key], level[f"{key}_reference"], "FEM", paper))
     return rows
 
 
@@ -181,8 +183,8 @@ def hole() -> list[dict]:
     key = "greatest_lateral_displacement"
     return [
         row("6.4", "nominal stress at 1.2 (kPa)", level["nominal_stress"], level["nominal_stress_reference"], "FEM"),
-        row("6.4, Fig. 12", "greatest u1 of the left edge (cm)", level[key], level[f"{key}_reference"], "FEM", PAPER_HOLE_U1),
-        row("6.4, Fig. 12", "profile up to 1.9 cm from the middle, greatest deviation over its maximum", float(profile), None, "FEM"),
+        row("6.4, Fig. 12", "largest u1 of the left edge (cm)", level[key], level[f"{key}_reference"], "FEM", PAPER_HOLE_U1),
+        row("6.4, Fig. 12", "u1 of the left edge up to 1.9 cm from its middle, largest error / largest u1", float(profile), None, "FEM"),
     ]
 
 
@@ -237,7 +239,9 @@ def tear() -> list[dict]:
             rows.append(row(part, "stretch at the first broken bond", summary["crack"]["start"]["stretch"], None, ""))
             rows.append(row(part, "critical stretch", summary["critical_stretch"], None, ""))
             tips = np.array([tip for entry in summary["crack"]["tips"] for tip in entry["tips"]])
-            rows.append(row(part, "greatest distance of the crack from its line (cm)", float(np.abs(tips[:, 1] - 1.5).max()), None, ""))
+            rows.append(
+                row(part, "largest distance of the crack from the line of the precut (cm)", float(np.abs(tips[:, 1] - 1.5).max()), None, "")
+            )
             rows.append(row(part, "seconds", summary["seconds_total"], None, ""))
             if spacing == 0.02 and not changes:
                 save(result.figure(), FIGURES / "figure-14.png")
@@ -280,8 +284,8 @@ def voids() -> list[dict]:
     reached = [
         entry for entry in entries for tip in entry["tips"] if 1.35 - result.body.horizon < abs(tip[0]) < 1.35 + 3 * result.body.horizon
     ]
-    rows = [row("6.6, Fig. 17", "stretch at which the precuts' cracks reach the side voids", reached[-1]["stretch"], None, "")]
-    rows.append(row("6.6, Fig. 17", "stretch at which bonds break at the central void's boundary", near[0]["stretch"], None, ""))
+    rows = [row("6.6, Fig. 17", "stretch at which the cracks from the precuts reach the side voids", reached[-1]["stretch"], None, "")]
+    rows.append(row("6.6, Fig. 17", "stretch at which bonds break at the boundary of the central void", near[0]["stretch"], None, ""))
     rows.append(row("6.6", "peak nominal stress (kPa)", result.summary["peak_nominal_stress"], None, ""))
     return rows
 
@@ -319,7 +323,7 @@ def convergence() -> list[dict]:
             level = pds.simulate(
                 pds.load_scene(scene, spacing=spacing, stretches=[2.0 if scene == "pure-shear" else 1.2]), "analytic"
             ).levels[0]
-            for key, name in (("nominal_stress", "nominal stress"), ("greatest_lateral_displacement", "greatest lateral displacement")):
+            for key, name in (("nominal_stress", "nominal stress"), ("greatest_lateral_displacement", "largest lateral displacement")):
                 part = f"{scene}, spacing {spacing:g}"
                 rows.append(row(part, name, level[key], level[f"{key}_reference"], "FEM"))
     return rows
@@ -347,7 +351,7 @@ def table(rows: list[dict]) -> str:
                 "" if paper is None or reference is None else percent(paper, reference),
             ]
         )
-    return markdown_table(["section", "quantity", "found", "reference", "error (%)", "paper", "paper's error (%)"], cells)
+    return markdown_table(["section", "quantity", "result", "reference", "error (%)", "paper", "paper's error (%)"], cells)
 
 
 def pivot(rows: list[dict]) -> str:
@@ -372,7 +376,7 @@ def main() -> None:
     if arguments.docs:
         static = [entry for name in ("zero-energy", "uniaxial", "pure-shear", "hole", "gent", "voids") for entry in numbers[name]]
         static += [entry for entry in numbers["tear"] if entry["part"] == "6.5"]
-        replace_block("section 6", table(static))
+        replace_block("section-6", table(static))
         replace_block("tear", pivot([entry for entry in numbers["tear"] if entry["part"] != "6.5"]))
         replace_block("convergence", table(numbers["convergence"]))
 

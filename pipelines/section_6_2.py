@@ -32,8 +32,8 @@ RUNS = [
 
 # Chen, Yang, Liu 2024, Table 1 and section 6.2: nominal stress (kPa) and u2 (cm) at stretches 1.5, 2.0, 2.5.
 PAPER = [
-    ("paper, its network (Table 1)", (1.09, 1.80, 2.40), (0.0915, 0.145, 0.182)),
-    ("paper, its BA-NOSB", (1.06, 1.75, 2.32), (0.091, 0.145, 0.181)),
+    ("paper, network (Table 1)", (1.09, 1.80, 2.40), (0.0915, 0.145, 0.182)),
+    ("paper, BA-NOSB", (1.06, 1.75, 2.32), (0.091, 0.145, 0.181)),
 ]
 
 
@@ -89,7 +89,7 @@ def main() -> None:
     save(named["surrogate, isochoric features (default)"].figure(), FIGURES / "uniaxial.png")
     save(zero_energy_figure(named["surrogate, held columns"], named["NOSB, held columns"]), FIGURES / "zero-energy.png")
     if arguments.docs:
-        replace_block("section 6.2", text)
+        replace_block("section-6.2", text)
 
 
 if __name__ == "__main__":

@@ -242,9 +242,9 @@ CASES = {
 }
 HEADER = [
     "case",
-    "points a side",
-    "force, torque, sphere within (%)",
-    "side, axial force, sphere without (%)",
+    "points per side",
+    "force, torque, inner displacement (%)",
+    "side, axial force, outer displacement (%)",
     "field (%)",
     "pressure (%)",
     "checkerboard (%)",

@@ -67,7 +67,7 @@ def scaling_table() -> str:
         for case, cost, found in zip(cases, costs, memory, strict=True)
     ]
     table = markdown_table(
-        ["points", "directed bonds", "ns/directed bond, one thread", "all threads", "setting up (s)", "peak memory (GiB)"], rows
+        ["points", "directed bonds", "ns/directed bond, one thread", "all threads", "setup (s)", "peak memory (GiB)"], rows
     )
     return f"{table}\n\n{compare.caution(costs)}".strip()
 

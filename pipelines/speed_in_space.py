@@ -98,8 +98,8 @@ def table() -> str:
         ]
         for name, found in seconds.items()
     ]
-    costs = ["ns/directed bond, 1 thread", "this / NOSB", "this / learned Neo-Hookean in float32"]
-    header = ["force", *costs, "stress off, RMS", "greatest", "forces of the cube off"]
+    costs = ["ns/directed bond, 1 thread", "cost / NOSB", "cost / learned Neo-Hookean in float32"]
+    header = ["force", *costs, "stress error, RMS", "stress error, largest", "force error on the cube, RMS"]
     return markdown_table(header, rows)
 
 

@@ -1,8 +1,8 @@
-"""Hard cases for every force model, the fallback beyond a surrogate's domain, and what guarding it costs.
+"""Hard cases for every force model, the fallback outside a surrogate's domain, and the cost of checking the domain.
 
 python pipelines/stress_report.py                      print the tables
-python pipelines/stress_report.py --docs               and put them into the documentation, those of the cases into pages of their own
-python pipelines/stress_report.py --docs --plane space the cases of bodies in space alone
+python pipelines/stress_report.py --docs               and put them into the documentation
+python pipelines/stress_report.py --docs --plane space the cases of solids only
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import statistics
 import time
 
 import numpy as np
-from pages import VALIDATION, markdown_table, replace_block
+from pages import markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pds
@@ -21,7 +21,6 @@ from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.forces import Domain, ForceSettings
 from pdsurrogate.learning import surrogate_of
 from pdsurrogate.reports.speed import sheet
-from pdsurrogate.results.files import write_text
 from pdsurrogate.stress_test.report import BODIES, count, stress_test, table
 
 console = Console()
@@ -29,12 +28,8 @@ console = Console()
 SHORT = {"pass": "", "WEAK": "**weak** "}
 
 
-PAGES = {"stress": "hard-cases-table.md", "space": "hard-cases-in-space.md"}
-"""Of ``docs/validation``, by what is put to the cases."""
-
-
 def hard_cases(plane: str) -> str:
-    """The page of a plane: the table of all cases and models, and the named weaknesses explained."""
+    """Table of all cases and models of a plane, and explanations of the weaknesses in it."""
     began = time.perf_counter()
     with console.status("Starting") as status:
         report = stress_test(progress=lambda done, of, text: status.update(f"{done} of {of} cases, now {text}"), planes=[plane])
@@ -44,8 +39,7 @@ def hard_cases(plane: str) -> str:
     counts = [count(model) for model in report["models"]]
     body.append(["passed / weak / does not apply", "", *(f"{one['pass'] + one['stops']} / {one['weak']} / {one['-']}" for one in counts)])
     weaknesses = "\n".join(f"- *{name}*: {what}." for name, what in report["weaknesses"].items())
-    made = f"`pdsurrogate stress-test --plane {plane}`, made by `python pipelines/stress_report.py --docs --plane {plane}`, here in"
-    return f"# Hard cases of {BODIES[plane]}\n\n{made} {minutes:.0f} minutes.\n\n{markdown_table(header, body)}\n\n{weaknesses}"
+    return f"Made in {minutes:.0f} minutes.\n\n{markdown_table(header, body)}\n\n{weaknesses}"
 
 
 def _short(cell: str) -> str:
@@ -68,7 +62,7 @@ def fallback() -> str:
         errors = [100 * (level[key] / reference[key] - 1) for key in ("nominal_stress", "lateral_displacement")]
         rows.append([f"{level['stretch']:g}", *(f"{error:+.5f}" for error in errors), str(level["evaluations"])])
     text = markdown_table(["stretch", "nominal stress (%)", "lateral displacement (%)", "evaluations"], rows)
-    return f"{text}\n\n{100 * mine.summary['fallback_fraction']:.0f} % of the bond evaluations fell back."
+    return f"{text}\n\n{100 * mine.summary['fallback_fraction']:.0f} % of the bond evaluations used the exact bond force."
 
 
 def overhead() -> str:
@@ -92,7 +86,7 @@ def overhead() -> str:
                 ratios.append((seconds[0] + seconds[3]) / (seconds[1] + seconds[2]))
         assert guarded.fraction_outside == 0
         lines.append(f"{precision}: {100 * (statistics.median(ratios) - 1):+.1f} %")
-    return "Guarding the domain, nothing outside, share of the whole evaluation: " + ", ".join(lines) + "."
+    return "The check of the domain adds to the time of an evaluation, with all bonds inside: " + ", ".join(lines) + "."
 
 
 def jump() -> str:
@@ -115,7 +109,7 @@ def jump() -> str:
             finally:
                 Domain.interior = interior
         rows.append([f"{name}, {', '.join(changes)}", *cells])
-    return markdown_table(["scene", "force jumps at the edge", "band at the edge"], rows)
+    return markdown_table(["scene", "without a band", "with a band"], rows)
 
 
 def main() -> None:
@@ -132,7 +126,7 @@ def main() -> None:
         text = hard_cases(plane)
         console.print(f"{text}\n", soft_wrap=True, markup=False)
         if arguments.docs:
-            write_text(VALIDATION / PAGES[plane], f"{text}\n")
+            replace_block(f"hard-cases-{plane}", text)
 
 
 if __name__ == "__main__":

@@ -34,13 +34,13 @@ WIDTHS = (10, 20, 50, 163)
 """Points across a sheet of 3 x 1: 300, 1,200, 7,500 and some 80,000 of them."""
 
 SETTINGS = {
-    "two threads as GNU OpenMP has them": (2, {"GOMP_SPINCOUNT": "300000"}),
-    "the same again": (2, {"GOMP_SPINCOUNT": "300000"}),
-    f"two threads, {SPIN_COUNT:,} turns (pdsurrogate's)": (2, {}),
-    "two threads, 2,000 turns": (2, {"GOMP_SPINCOUNT": "2000"}),
-    "two threads, 10,000 turns": (2, {"GOMP_SPINCOUNT": "10000"}),
-    "two threads, 100 turns": (2, {"GOMP_SPINCOUNT": "100"}),
-    "two threads that sleep at once": (2, {"OMP_WAIT_POLICY": "passive"}),
+    "two threads, default of GNU OpenMP": (2, {"GOMP_SPINCOUNT": "300000"}),
+    "the same, repeated": (2, {"GOMP_SPINCOUNT": "300000"}),
+    f"two threads, {SPIN_COUNT:,} loops (pdsurrogate)": (2, {}),
+    "two threads, 2,000 loops": (2, {"GOMP_SPINCOUNT": "2000"}),
+    "two threads, 10,000 loops": (2, {"GOMP_SPINCOUNT": "10000"}),
+    "two threads, 100 loops": (2, {"GOMP_SPINCOUNT": "100"}),
+    "two threads that sleep immediately": (2, {"OMP_WAIT_POLICY": "passive"}),
     "one thread": (1, {}),
 }
 """Number of threads, and the variables that progress how they wait."""
@@ -173,7 +173,7 @@ def main() -> None:
     header = [
         f"ns per directed bond with {points} points",
         *(f"{others} other processes" for others in (0, *BUSY)),
-        "free cores, over the first",
+        "free cores, divided by the first row",
     ]
     typical = {key: np.quantile(values, 0.5 if key[1] else 0.25, axis=0) for key, values in costs.items()}
     rows, spinning = [], typical[next(iter(SETTINGS)), 0]

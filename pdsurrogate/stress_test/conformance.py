@@ -194,7 +194,7 @@ def rigid_rotation(subject: Subject) -> Outcome:
     return Outcome.below(np.max(found), 1e-9, "force at rest")
 
 
-@drawn("deformed and turned", "forces turn with the body, 1e-9", 1e-9, "accuracy")
+@drawn("rotation of a deformed body", "forces rotate with it, 1e-9", 1e-9, "accuracy")
 def objectivity(subject, force, positions):
     """Return relative changes of the forces (rotated back) and of the energy if a deformed body is rotated by 15 to 360 degrees and moved.
 
@@ -209,7 +209,7 @@ def objectivity(subject, force, positions):
     return errors
 
 
-@drawn("evaluated from rest", "the forces of the second evaluation, 1e-9", 1e-9, "last step of J3")
+@drawn("another start of the iteration for J3", "same forces, 1e-9", 1e-9, "last step of J3")
 def another_start(subject, force, positions):
     """Return the relative change of the forces if the iteration for J3 starts from the undeformed instead of the converged state.
 
@@ -221,7 +221,7 @@ def another_start(subject, force, positions):
     return np.abs(found - expected).max() / _scale(force, expected)
 
 
-@drawn("deformed and mirrored", "mirrored forces, 1e-9", 1e-9, "no mirror symmetry")
+@drawn("mirrored body", "mirrored forces, 1e-9", 1e-9, "no mirror symmetry")
 def mirror(subject, force, positions):
     """Return the relative difference of the forces on a mirrored body and the mirrored forces on the original; the limit is 1e-9."""
     across = MIRROR[: subject.dimension]
@@ -229,7 +229,7 @@ def mirror(subject, force, positions):
     return np.abs(_settled(_mirrored(subject), positions * across) - expected).max() / _scale(force, expected)
 
 
-@drawn("linear momentum", "sum of all forces below 1e-12 of their sizes", 1e-12, "accuracy")
+@drawn("linear momentum", "sum of all forces below 1e-12 of their magnitudes", 1e-12, "accuracy")
 def linear_momentum(subject, force, positions):
     """Return the sum of all forces on a body divided by the sum of their magnitudes.
 
@@ -239,7 +239,7 @@ def linear_momentum(subject, force, positions):
     return np.abs(forces.sum(axis=0)).max() / max(float(np.abs(forces).sum()), _scale(force, forces))
 
 
-@drawn("angular momentum", "moment of all forces below 1e-9 of its parts", 1e-9, "moments")
+@drawn("angular momentum", "moment of all forces below 1e-9 of the single moments", 1e-9, "moments")
 def angular_momentum(subject, force, positions):
     """Return the moment of all forces about the middle of the body, divided by the sum of (lever arm times force) over the points.
 
@@ -252,7 +252,7 @@ def angular_momentum(subject, force, positions):
     return moment / max(float((lengths * np.linalg.norm(forces, axis=1)).sum()), lengths.max() * _scale(force, forces))
 
 
-@drawn("points numbered otherwise", "the same forces, 1e-11", 1e-11, "accuracy")
+@drawn("another numbering of the points", "same forces, 1e-11", 1e-11, "accuracy")
 def order_of_points(subject, force, positions):
     """Return the relative change of the forces if the points are renumbered, which sums bonds in another order; the limit is 1e-11.
 
@@ -262,7 +262,7 @@ def order_of_points(subject, force, positions):
     return np.abs(_settled(renumbered, positions[order]) - expected[order]).max() / _scale(force, expected)
 
 
-@drawn("units of length and stress", "the same forces, 1e-9", 1e-9, "accuracy")
+@drawn("units of length and stress", "same forces, 1e-9", 1e-9, "accuracy")
 def units(subject, force, positions):
     """Return the relative changes of the forces if lengths are divided and stresses multiplied by 1e9, and the reverse; the limit is 1e-9.
 
@@ -286,7 +286,7 @@ GRADIENTS = (
 shipped artifact."""
 
 
-@case("homogeneous deformation", "mean stress as exact as the model states")
+@case("homogeneous deformation", "mean stress within the error that the model states")
 def homogeneous_stress(subject: Subject) -> Outcome:
     """Test the mean stress against the law's exact stress in four homogeneous states of three bodies with different weight functions.
 
@@ -329,19 +329,19 @@ def _stated_error(subject: Subject, F: np.ndarray) -> float:
     return 2 * max(entry["max"] for entry in bins if entry["strain"][0] <= strain <= entry["strain"][1])
 
 
-@case("float32 against float64", "forces within 2e-5")
+@case("float32 and float64", "forces within 2e-5")
 def single_precision(subject: Subject) -> Outcome:
     """Test that forces in float32 and float64 on a deformed body differ by at most 2e-5 of the greatest force.
 
     A few roundings of 6e-8 on each of some thirty bond forces, which are larger than their sum, stay below this limit.
     """
-    required("float32" in subject.takes("precision"), "double only")
+    required("float32" in subject.takes("precision"), "double precision only")
     body = plain(subject.dimension)
     single, double = (forces_at(subject.bind(body, precision=precision), wavy(body.points)) for precision in PRECISIONS)
     return Outcome.below(off(single, double), 2e-5, "accuracy")
 
 
-@case("kernel against NumPy", "the same values, 1e-10")
+@case("compiled kernel and NumPy", "same values, 1e-10")
 def kernel_and_numpy(subject: Subject) -> Outcome:
     """Test that a surrogate's compiled kernel and its NumPy implementation differ by at most 1e-10 of the greatest value.
 
@@ -349,8 +349,8 @@ def kernel_and_numpy(subject: Subject) -> Outcome:
     roundings of terms that are up to ten thousand times their sum leave 1e-10 in float64. `single_precision` tests float32.
     """
     model, law = subject.model, subject.law
-    required(subject.plane == "stress", "its face in NumPy is that of a sheet")
-    required(isinstance(model, ForceSurrogate | EnergySurrogate), "no face in NumPy")
+    required(subject.plane == "stress", "its NumPy implementation is for sheets")
+    required(isinstance(model, ForceSurrogate | EnergySurrogate), "no NumPy implementation")
     if isinstance(model, ForceSurrogate):
         X = training_samples(law, 1000, (0.8, 3.5), random_state=11).X.T
         found, expected = kernel_bond_force(model, law, np.float64)(*X), model.bond_force(*X)
@@ -362,7 +362,7 @@ def kernel_and_numpy(subject: Subject) -> Outcome:
     return Outcome.below(off(found, expected), 1e-10, "accuracy")
 
 
-@case("1 thread against 2", "bitwise the same")
+@case("1 thread and 2", "bitwise identical")
 def threads(subject: Subject) -> Outcome:
     """Test that forces on one thread and on two have the same bits, in every precision that the model supports."""
     required(most_threads() >= 2, "one thread was asked for, or numba started with one")
@@ -373,7 +373,7 @@ def threads(subject: Subject) -> Outcome:
                 force = subject.bind(body, precision=precision)
                 values += [forces_at(force, wavy(body.points)), _energy(force)]
     differing = sum(not np.array_equal(one, two) for one, two in zip(*found.values(), strict=True))
-    return _none_may(differing, "bitwise the same", "differ")
+    return _none_may(differing, "bitwise identical", "differ")
 
 
 def _none_may(count: int, none: str, some: str, weakness: str = "accuracy") -> Outcome:
@@ -381,7 +381,7 @@ def _none_may(count: int, none: str, some: str, weakness: str = "accuracy") -> O
     return Outcome(WEAK if count else PASS, some if count else none, float(count), 0.0, weakness if count else None)
 
 
-@case("half a sheet at a symmetry plane", "forces of the whole sheet, 1e-11")
+@case("half a body at a symmetry plane", "forces of the whole body, 1e-11")
 def reflected_half(subject: Subject) -> Outcome:
     """Test that the forces on half a body at a reflection plane equal the forces on that half of the whole, symmetrically deformed body.
 
@@ -399,7 +399,7 @@ def reflected_half(subject: Subject) -> Outcome:
     return Outcome.below(np.abs(found - expected[left]).max() / _scale(force, expected), 1e-11, "no mirror symmetry")
 
 
-@case("pair forces", "add up to the forces, 1e-10")
+@case("sum of the pair forces", "equals the force on each point, 1e-10")
 def pair_forces(subject: Subject) -> Outcome:
     """Test that the force on each point is the sum of its pair forces, on a free body and on a body with ghosts; the limit is 1e-10.
 
@@ -418,7 +418,7 @@ def pair_forces(subject: Subject) -> Outcome:
     return Outcome.below(np.max(errors), 1e-10, "accuracy")
 
 
-@case("broken bonds", "a body that never had them, 1e-9")
+@case("broken bonds", "forces of a body without these bonds, 1e-9")
 def broken_bonds(subject: Subject) -> Outcome:
     """Test that a body whose bonds break in two steps has the forces and energy of a body built without these bonds.
 
@@ -439,15 +439,15 @@ def broken_bonds(subject: Subject) -> Outcome:
     return Outcome.below(np.max([off(found, expected), lost, abs(_energy(force) - _energy(built))]), 1e-9, "accuracy")
 
 
-@case("bonds broken that were not to break", "refused")
+@case("breaking bonds without the setting breakable", "rejected")
 def unbreakable(subject: Subject) -> Outcome:
     """Test that a force bound without the setting ``breakable`` refuses to break bonds, and that its error names the setting."""
     force = subject.bind(plain(subject.dimension), precision=None)
     try:
         force.break_bonds(np.arange(5))
     except ValueError as error:
-        return _none_may(int("breakable" not in str(error)), "refused", f"refused without breakable ({error})")
-    return _none_may(1, "refused", "broken all the same")
+        return _none_may(int("breakable" not in str(error)), "rejected", f"rejected without breakable ({error})")
+    return _none_may(1, "rejected", "broken all the same")
 
 
 class _Killed(Exception):
@@ -462,10 +462,10 @@ class _Killing(Silent):
             raise _Killed
 
 
-@case("killed between levels and resumed", "bitwise the same")
+@case("run killed between outputs and resumed", "bitwise identical")
 def checkpoint(subject: Subject) -> Outcome:
     """Test that a run killed between two equilibria and resumed ends at bitwise the same positions as a run without a break."""
-    required(subject.plane != "space", "its run is that of a sheet")
+    required(subject.plane != "space", "tested on sheets only")
     # The exact solution is not computed, since it costs more than the run for some laws.
     changes = {"spacing": 0.1, "body.size": [0.8, 0.8], "stretches": [1.05, 1.15], "solver.tolerance": 1e-4, "reference": None}
     scene = load_scene("uniaxial", changes | {"plane": subject.plane}, material=subject.law.describe())
@@ -475,10 +475,10 @@ def checkpoint(subject: Subject) -> Outcome:
             subject.run(scene, folder=Path(name), progress=_Killing())
         resumed = subject.run(scene, folder=Path(name), resume=True)
         elsewhere = (resumed.displacement() != whole.displacement()).any(axis=1).sum()
-    return _none_may(int(elsewhere), "bitwise the same", "resumed to other positions")
+    return _none_may(int(elsewhere), "bitwise identical", "resumed to other positions")
 
 
-@case("turned inside out, not a number", "refused with the place")
+@case("inverted body, positions with NaN", "rejected with the place")
 def impossible_states(subject: Subject) -> Outcome:
     """Test that a mirrored body (det F < 0) and positions with NaN are refused by an error with the number and place of a point."""
     body = plain(subject.dimension)
@@ -492,14 +492,14 @@ def impossible_states(subject: Subject) -> Outcome:
         except InvalidState as error:
             if not re.search(rf"point \d+ at \(.*\): .*{reason}", str(error)):
                 taken.append(f"{reason}: {error}")
-    return _none_may(len(taken), "refused with the place", "; ".join(taken))
+    return _none_may(len(taken), "rejected with the place", "; ".join(taken))
 
 
 IN_WORDS = {"breakable": "bonds that break"}
 """Text by which error messages name a force setting, where it is not the name of the setting itself."""
 
 
-@case("settings that a model cannot honor", "refused by name")
+@case("unsupported settings", "rejected by name")
 def settings_refused(subject: Subject) -> Outcome:
     """Test that the model accepts exactly the values of force settings that it declares, and refuses others with the name of the setting.
 
@@ -520,7 +520,7 @@ def settings_refused(subject: Subject) -> Outcome:
         wrong += [f"{key}={value} changes nothing" for value in same if len(same) > 1 or not (alive or stated == value)]
         if set(taken) != set(declared.get(key, ())):
             wrong.append(f"{key} is declared as {declared.get(key, ())} and taken as {tuple(taken)}")
-    return _none_may(len(wrong), "refused by name", "; ".join(wrong), "settings ignored")
+    return _none_may(len(wrong), "rejected by name", "; ".join(wrong), "settings ignored")
 
 
 def _bind_with(subject: Subject, key: str, value: Any) -> InternalForce:
