@@ -368,7 +368,7 @@ class Scene(StrictModel):
     weight : str
         Weight of a bond of length l at the horizon d: ``"inverse"`` is d/l, as in the paper; ``"constant"`` is 1; ``"linear"`` is 1 - l/d.
     correction : {"tensor", "scalar", "none"}, optional
-        Correction of bond forces at incomplete horizons, beside edges: ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
+        Correction of bond forces at incomplete horizons, near edges: ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
         By default ``"tensor"`` if the force model supports it.
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
