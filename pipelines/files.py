@@ -13,9 +13,9 @@ PAGE = ROOT / "docs" / "development" / "files.md"
 
 HEAD = """# Files of the package
 
-Every file of `pdsurrogate/`, room by room, with what it is for and the names that it defines for others. `python pipelines/files.py` makes
-this page from the docstrings; a test compares them. Which room may import which, and where each formula is, says the
-[architecture](../architecture.md).
+This page lists every file of `pdsurrogate/` by subpackage, with its purpose and the public names that it defines. The script
+`pipelines/files.py` writes the page from the docstrings; a test compares them. [Architecture](../architecture.md) shows which subpackage
+may import which, and which file contains each formula.
 """
 
 

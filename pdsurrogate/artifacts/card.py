@@ -124,7 +124,7 @@ class ReportEntries(StrictModel):
     on_surface : ErrorEntries
         Errors in states of plane stress; for an isochoric energy in states of constant volume.
     off_surface : ErrorEntries, optional
-        Errors of a bond force in states beside plane stress, which bonds meet in a simulation.
+        Errors of a bond force in states that are not in plane stress, which occur in simulations.
     by_strain : list of BinEntries
         Errors by intervals of strain.
     **extra_data : float
@@ -213,7 +213,7 @@ class TrainingEntries(StrictModel):
     parameters : dict
         Parameters of the regressor.
     outcome : dict
-        Iterations and losses of the training, as far as the regressor has them.
+        Iterations and losses of the training, if the regressor reports them.
     cross_validation : list of dict
         Relative errors by fold; empty without a cross-validation.
     search : list of dict
@@ -221,7 +221,7 @@ class TrainingEntries(StrictModel):
     identification : IdentificationEntries, optional
         Fit of the law to test data, if the law was identified.
     resampling : dict, optional
-        Error of the spline that stands for a regressor without compiled code.
+        Error of the spline that replaces a regressor without compiled code.
     """
 
     design: dict[str, Any]
@@ -350,7 +350,7 @@ class Card(StrictModel):
     training : dict
         How the surrogate was trained.
     domain : DomainSpec
-        States in which the surrogate holds.
+        States for which the surrogate is valid.
     errors : dict
         Errors against the exact force or energy.
     made_with : dict of str
@@ -360,8 +360,8 @@ class Card(StrictModel):
     members : list of MemberSpec
         Members of the committee.
     digest : str, optional
-        SHA-256 of the entries on which a run depends; a card whose entries do not agree with it is refused. Cards of schema version 2 have
-        none.
+        SHA-256 of the entries on which a run depends; the package rejects a card whose entries do not match it. Cards of schema version 2
+        have none.
     """
 
     format: Literal["pdsurrogate artefact"]

@@ -231,7 +231,7 @@ class Ghosts:
     def fill_gradients(self, gradients: np.ndarray) -> None:
         """Write the deformation gradients of the ghosts, I + P (F_source - I) S with parity P and reflection S, into `gradients`.
 
-        On a body that is symmetric about the plane, the result equals F as summed over the ghost's own horizon (theory (20)).
+        On a body that is symmetric about the plane, the result equals F as summed over the ghost's own horizon (theory (1)).
         The signs are `gradient_parity` and `gradient_reflection`; the part of F due to the motion of the plane is not added here.
         """
         self.share.fill(gradients)

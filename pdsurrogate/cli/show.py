@@ -26,7 +26,7 @@ def show(
     field: Annotated[list[str] | None, Option(metavar="FIELD", help=FIELD_HELP)] = None,
     level: Annotated[int | None, Option(help="Number of the output, from 0; -1 is the last one, the default.")] = None,
     pictures: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the pictures; this one by default.")] = None,
-    html: Annotated[Path | None, Option(metavar="FILE", help="One page of HTML with all of it in the place of pictures.")] = None,
+    html: Annotated[Path | None, Option(metavar="FILE", help="Write one HTML page with all of it instead of pictures.")] = None,
 ) -> None:
     """Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."""
     with bad_input(OSError):

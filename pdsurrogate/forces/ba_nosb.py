@@ -1,4 +1,4 @@
-"""Bond-associated correspondence model, theory (11)-(15): the stable reference method of the paper."""
+"""Bond-associated correspondence model, paper (11)-(15): the stable reference method of the paper."""
 
 from typing import ClassVar
 

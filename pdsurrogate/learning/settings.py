@@ -52,7 +52,8 @@ class FitSettings(StrictModel):
     degree : int, sequence of int or str, optional
         Degrees of a polynomial in its features; in text separated by commas. By default 12,6.
     units : int, sequence of int or str, optional
-        Hidden units of a network, layer by layer; in text separated by commas. They choose a network in the place of a polynomial.
+        Hidden units of a network, layer by layer; in text separated by commas. If they are given, a network is fitted instead of a
+        polynomial.
     activation : str, optional
         Activation of a network: ``"algebraic"``, the default, ``"logistic"``, ``"tanh"`` or ``"relu"``.
     samples : int, optional
@@ -62,7 +63,7 @@ class FitSettings(StrictModel):
     greatest : float, optional
         Greatest principal stretch of the samples; by default 4, or as far as the law is finite. Unit: none.
     iterations : int, optional
-        Most iterations of the training of a network, by default 1000, or 500 for an energy.
+        Greatest number of iterations in the training of a network, by default 1000, or 500 for an energy.
     folds : int
         Folds of the cross-validation; 0 for none.
     seed : int

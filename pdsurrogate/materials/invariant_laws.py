@@ -16,9 +16,9 @@ class NeoHookean(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        Shear modulus mu at rest. Unit: stress.
+        Initial shear modulus mu. Unit: stress.
     bulk_modulus : float
-        Bulk modulus K at rest; the paper uses 100 mu throughout. Unit: stress.
+        Initial bulk modulus K; the paper uses 100 mu throughout. Unit: stress.
 
     References
     ----------
@@ -50,12 +50,12 @@ class MooneyRivlin(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        Shear modulus mu at rest, 2 (C10 + C01). Unit: stress.
+        Initial shear modulus mu, 2 (C10 + C01). Unit: stress.
     bulk_modulus : float
-        Bulk modulus K at rest. Unit: stress.
+        Initial bulk modulus K. Unit: stress.
     second_share : float
-        C01/(C10 + C01), from 0 to 1: outside one of the two constants is negative, and large strains are unstable. The default is an
-        example, not a fit. Unit: none.
+        C01/(C10 + C01), from 0 to 1. Outside this interval one of the two constants is negative, and large strains are unstable. The
+        default is an example, not a fit. Unit: none.
 
     References
     ----------
@@ -96,11 +96,12 @@ class Yeoh(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        Shear modulus mu at rest, 2 C10. Unit: stress.
+        Initial shear modulus mu, 2 C10. Unit: stress.
     bulk_modulus : float
-        Bulk modulus K at rest. Unit: stress.
+        Initial bulk modulus K. Unit: stress.
     second : float
-        a = C20/C10, above -sqrt(3 third): below, the stress falls at some strain. The default is an example, not a fit. Unit: none.
+        a = C20/C10, above -sqrt(3 third). Below this bound the stress decreases at some strain. The default is an example, not a fit. Unit:
+        none.
     third : float
         b = C30/C10, at least 0. The default is an example, not a fit. Unit: none.
 
@@ -148,9 +149,9 @@ class Gent(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        Shear modulus mu at rest. Unit: stress.
+        Initial shear modulus mu. Unit: stress.
     bulk_modulus : float
-        Bulk modulus K at rest; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu. Unit: stress.
+        Initial bulk modulus K; equal to 2/D in the paper, where D = 0.01 gives K = 200 mu. Unit: stress.
     chain_limit : float
         Limit Jm of I1bar - 3; 120 in the paper's section 6.7. Unit: none.
 
@@ -204,9 +205,9 @@ class ArrudaBoyce(InvariantLaw):
     Parameters
     ----------
     shear_modulus : float
-        Shear modulus mu at rest; n kT follows from it, mu = n kT beta0/(3 y0) with y0 = 1/sqrt(N). Unit: stress.
+        Initial shear modulus mu; n kT follows from it, mu = n kT beta0/(3 y0) with y0 = 1/sqrt(N). Unit: stress.
     bulk_modulus : float
-        Bulk modulus K at rest. Unit: stress.
+        Initial bulk modulus K. Unit: stress.
     chain_links : float
         Number N of links of a chain. Unit: none.
 

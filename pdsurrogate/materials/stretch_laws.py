@@ -37,13 +37,13 @@ class Ogden(PrincipalStretchLaw):
     Parameters
     ----------
     shear_modulus : float, optional
-        Shear modulus mu at rest. It follows from the terms, as sum_k mu_k alpha_k / 2, and if given must equal this sum. Unit: stress.
+        Initial shear modulus mu. It follows from the terms, as sum_k mu_k alpha_k / 2, and if given must equal this sum. Unit: stress.
     bulk_modulus : float, optional
-        Bulk modulus K at rest; 100 mu by default. Unit: stress.
+        Initial bulk modulus K; 100 mu by default. Unit: stress.
     moduli : tuple of float
-        Moduli mu_k, one to eight; each has the sign of its exponent, without which large strains are unstable. Unit: stress.
+        Moduli mu_k, one to eight; each has the sign of its exponent, because large strains are unstable otherwise. Unit: stress.
     exponents : tuple of float
-        Exponents alpha_k, as many; none is 0. Unit: none.
+        Exponents alpha_k, one for each modulus; none is 0. Unit: none.
 
     References
     ----------
@@ -144,14 +144,14 @@ class Polyconvex(Ogden):
     Parameters
     ----------
     shear_modulus : float, optional
-        Shear modulus mu at rest. It follows from the terms, as sum_k mu_k alpha_k / 2 + 2 a_1 + 3 sqrt 3 b_1, and if given must equal this
+        Initial shear modulus mu. It follows from the terms, as sum_k mu_k alpha_k / 2 + 2 a_1 + 3 sqrt 3 b_1, and if given must equal this
         sum. Unit: stress.
     bulk_modulus : float, optional
-        Bulk modulus K at rest; 100 mu by default. Unit: stress.
+        Initial bulk modulus K; 100 mu by default. Unit: stress.
     moduli : tuple of float
         Moduli mu_k, up to eight; each has the sign of its exponent. Unit: stress.
     exponents : tuple of float
-        Exponents alpha_k, as many, of size 1 or more. Unit: none.
+        Exponents alpha_k, one for each modulus, of magnitude 1 or more. Unit: none.
     first : tuple of float
         Constants a_1, a_2, a_3, not negative; fewer are followed by zeros. Unit: stress.
     second : tuple of float
@@ -255,11 +255,12 @@ class FullNetwork(PrincipalStretchLaw):
     Parameters
     ----------
     shear_modulus : float
-        Shear modulus mu at rest; n kT follows from it. Unit: stress.
+        Initial shear modulus mu; n kT follows from it. Unit: stress.
     bulk_modulus : float
-        Bulk modulus K at rest. Unit: stress.
+        Initial bulk modulus K. Unit: stress.
     chain_links : float
-        Number N of links of a chain. The default locks at a stretch of sqrt(60) = 7.7, just beyond Treloar's greatest, 7.6. Unit: none.
+        Number N of links of a chain. With the default the law ends at a stretch of sqrt(60) = 7.7, just beyond Treloar's greatest stretch,
+        7.6. Unit: none.
 
     References
     ----------

@@ -157,8 +157,8 @@ class DynamicsSettings(StrictModel):
     damping : float
         Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v, forces f). Unit: 1/time.
     viscosity : float, optional
-        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which material sends when it recoils behind a crack.
-        By default 0.7 spacings divided by the speed of shear waves with fracture, else 0. Unit: time.
+        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which arise where material unloads behind a crack. By
+        default 0.7 spacings divided by the speed of shear waves with fracture, else 0. Unit: time.
     safety : float
         Time step divided by the critical time step. The default stays stable if the tangent becomes twice as stiff between two estimates
         of the highest frequency (0.7^2 = 1/2). Unit: none.
@@ -180,8 +180,8 @@ class StepDynamics(DynamicsSettings):
     damping : float
         Rate c in the equation of motion M (a + c v) = f (masses M, accelerations a, velocities v, forces f). Unit: 1/time.
     viscosity : float, optional
-        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which material sends when it recoils behind a crack.
-        By default 0.7 spacings divided by the speed of shear waves with fracture, else 0. Unit: time.
+        Retardation time of a Kelvin-Voigt solid. It damps waves as short as a bond, which arise where material unloads behind a crack. By
+        default 0.7 spacings divided by the speed of shear waves with fracture, else 0. Unit: time.
     safety : float
         Time step divided by the critical time step. The default stays stable if the tangent becomes twice as stiff between two estimates
         of the highest frequency (0.7^2 = 1/2). Unit: none.
@@ -213,7 +213,7 @@ class Step(StrictModel):
     to : float
         Value of t at the end of the step. An unchanged value holds the body; a smaller value unloads it. Unit: none.
     outputs : int
-        Number of states that are recorded at even distances of t or time, the last at the end of the step.
+        Number of states that are recorded at equal intervals of t or time, the last at the end of the step.
     largest_increment : float, optional
         Greatest change of t between two equilibria. Unit: none.
     dynamics : StepDynamics, optional

@@ -196,7 +196,7 @@ class SolverSpec(StrictModel):
         ``"quasi-newton"`` is L-BFGS on the residual force; ``"relaxation"`` is adaptive dynamic relaxation; ``"explicit"`` is damped
         explicit stepping with a fixed time step, as in the paper.
     tolerance : float
-        Greatest residual: the largest force per volume that is left, times the spacing, divided by the shear modulus. Unit: none.
+        Greatest residual: the largest force per volume on a free component, times the spacing, divided by the shear modulus. Unit: none.
     most_evaluations : int
         Greatest number of force evaluations in the search for one equilibrium.
     largest_increment : float
@@ -220,10 +220,10 @@ class Fracture(StrictModel):
     Parameters
     ----------
     critical_stretch : float, optional
-        Stretch of a bond beyond which it breaks for good. Unit: none.
+        Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float, optional
         Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
-        tip, and it is refused where no diameter was measured for the force model, the plane and `horizon_ratio`. Unit: stress length.
+        tip, and the package rejects it if no diameter was measured for the force model, the plane and `horizon_ratio`. Unit: stress length.
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
@@ -244,7 +244,7 @@ class Dynamics(DynamicsSettings):
     stretch_rate : float
         Change of the stretch per unit time. Unit: 1/time.
     outputs : int
-        Number of states that are recorded at even distances of time.
+        Number of states that are recorded at equal intervals of time.
     """
 
     pace: ClassVar[str] = "stretch_rate"
@@ -327,10 +327,10 @@ class Scene(StrictModel):
         Title of tables and figures.
     spacing : float
         Distance between neighboring points, which is the side of their cells. If it does not divide a side of the body, the cells have the
-        nearest side that does. A mesh has its own spacing and needs none. Unit: length.
+        nearest side that does. A mesh defines its own spacing, so that this key is optional. Unit: length.
     stretches : float or list of float
         Stretches that the grips reach in equilibrium, in this order; a stretch is the distance of the grips divided by their undeformed
-        distance. One number stands for a list of it. Unit: none.
+        distance. A single number means a list with this number. Unit: none.
     body : shape or Mesh
         Shape of the undeformed body; without the key ``shape`` it is a rectangle.
     holes : list of shapes
@@ -341,8 +341,8 @@ class Scene(StrictModel):
         Plane stress for a thin sheet, plane strain for a long body of constant cross-section, ``"space"`` for a solid. By default plane
         stress for a body in the plane.
     material : MaterialSpec or str, optional
-        Material of the body outside the regions of `materials`; the name of a law stands for it with its default parameters. It may be
-        left out if the force model is an artifact, whose material is taken.
+        Material of the body outside the regions of `materials`; the name of a law alone means the law with its default parameters. Optional
+        if the force model is an artifact: the run then uses the material of the artifact.
     materials : list of Part
         Regions that have another material or are rigid.
     grips : list of Grip
@@ -356,31 +356,31 @@ class Scene(StrictModel):
     loads : list of Load
         Loads on regions.
     steps : float, Step or list of these
-        Steps of the loading program. They move the loading parameter t, which begins at 0. A number stands for a step to this value in
-        equilibrium, and one step for a list of it.
+        Steps of the loading program. They move the loading parameter t, which begins at 0. A number is a step to this value in equilibrium;
+        a single step means a list with one step.
     probes : list of Probe
         Places at which results are reported.
     support : {"reflected", "points"}
-        How an edge of the bounding box is held whose normal component is held: ``"reflected"`` continues the body beyond the edge by its
+        How an edge of the bounding box with a held normal component is held: ``"reflected"`` continues the body beyond the edge by its
         mirror image, which holds the edge exactly; ``"points"`` holds the outermost points, half a cell inside the edge.
     horizon_ratio : float
-        Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the paper, and 1.75 in space. Unit: none.
+        Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the paper, and 1.75 for solids. Unit: none.
     weight : str
         Weight of a bond of length l at the horizon d: ``"inverse"`` is d/l, as in the paper; ``"constant"`` is 1; ``"linear"`` is 1 - l/d.
     correction : {"tensor", "scalar", "none"}, optional
-        Correction of bond forces at incomplete horizons, beside edges: theory (21), the paper's (24)-(25), or nothing. By default
-        ``"tensor"`` if the force model takes it.
+        Correction of bond forces at incomplete horizons, near edges: ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
+        By default ``"tensor"`` if the force model supports it.
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
     precision : {"float32", "float64"}, optional
         Precision in which forces of bonds are computed; by default the force model chooses. Positions and sums are always in float64.
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional
-        What happens to a bond whose state is outside the domain of a surrogate: ``"fallback"``, the default, takes the exact force;
-        ``"extrapolate"`` takes the surrogate all the same; ``"warn"`` does so with a warning; ``"raise"`` ends the run.
+        What happens to a bond whose state is outside the domain of a surrogate: ``"fallback"``, the default, uses the exact force;
+        ``"extrapolate"`` uses the surrogate; ``"warn"`` does the same with a warning; ``"raise"`` ends the run.
     solver : SolverSpec
         Settings of the solver for equilibrium.
     fracture : Fracture, optional
-        When bonds break; needs dynamics.
+        Criterion by which bonds break; requires dynamics.
     dynamics : Dynamics, optional
         Dynamics after the last of `stretches`. A step has its own dynamics.
     units : Units

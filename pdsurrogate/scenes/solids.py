@@ -389,7 +389,7 @@ class ParallelogramCut(FlatCut):
     corner : point
         A corner. Unit: length.
     sides : pair of vectors
-        The two sides that begin there. Unit: length.
+        The two sides that start at the corner. Unit: length.
 
     Examples
     --------

@@ -178,7 +178,7 @@ class Study(StrictModel):
         parameters, then the second values and so on; ``"random"`` and ``"latin-hypercube"`` draw the values of `samples` runs, the first
         independently, the second evenly over the distribution of each parameter. The entries of a list are equally probable.
     samples : int, optional
-        Number of runs to draw; needed for the designs that draw.
+        Number of runs to draw; required for the two random designs.
     seed : int
         Seed of the draw.
     quantities : tuple of str, optional
