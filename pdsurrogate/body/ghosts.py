@@ -172,14 +172,12 @@ class Ghosts:
             feet[:, number, plane.axis] = plane.position
         return feet
 
-    def gradient_shifts(self, turns: np.ndarray) -> np.ndarray | None:
+    def gradient_shifts(self, turns: np.ndarray) -> np.ndarray:
         """Return the changes of the ghosts' gradients by turns Q - I (planes, d, d) of the planes; shape (m, d d), column after column.
 
-        Only the columns of F for directions along a plane change, as the body is bonded to the plane and turns with it. Return None if
-        `share_along` is 1: a ghost then has the gradient of its source, however its plane turns.
+        Only the columns of F for directions along a plane change, as the body is bonded to the plane and turns with it. They do not change
+        if `share_along` is 1: a ghost then has the gradient of its source, however its plane turns.
         """
-        if self.share_along == 1:
-            return None
         shifts = np.zeros((len(self), turns.shape[1], turns.shape[1]))
         # The planes are processed in order, since images of images copy the values of the images that they mirror.
         for number, plane in enumerate(self.planes):
@@ -219,35 +217,20 @@ class Ghosts:
             np.add.at(moments, above[again] - n, of_gradients[:, None] * moments[own[again]] * of_directions)
         return levers
 
-    def fill_displacements(self, displacements: np.ndarray) -> None:
-        """Write the displacements of the ghosts for fixed planes, P u_source with the parity P, into `displacements` (n + m, d)."""
-        self.fill(displacements)
-        displacements[len(displacements) - len(self) :] *= self.parity
+    @property
+    def of_gradients(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Source, parity and reflection of every ghost for deformation gradients, as the passes of `kernels.ghosts` take them.
 
-    def fold_forces(self, forces: np.ndarray) -> None:
-        """Add the forces on ghosts to the forces on their sources, in place: the transpose of `fill_displacements`."""
-        kernels.fold_vectors(forces, self.source, self.parity)
-
-    def fill_gradients(self, gradients: np.ndarray) -> None:
-        """Write the deformation gradients of the ghosts, I + P (F_source - I) S with parity P and reflection S, into `gradients`.
-
-        On a body that is symmetric about the plane, the result equals F as summed over the ghost's own horizon (theory (1)).
-        The signs are `gradient_parity` and `gradient_reflection`; the part of F due to the motion of the plane is not added here.
+        On a body that is symmetric about the plane, the gradients of ghosts equal F as summed over their own horizons (theory (1)).
         """
-        self.share.fill(gradients)
-        if len(self):
-            kernels.fill_matrices(gradients, self.source, self.gradient_parity, self.gradient_reflection, 1.0)
+        return self.source, self.gradient_parity, self.gradient_reflection
 
     def fill_changes(self, changes: np.ndarray) -> None:
         """Write the changes of the ghosts' deformation gradients, P dF_source S with parity P and reflection S, into `changes`.
 
         Unlike the other methods this one sends no messages: the changes of halo points must be known.
         """
-        kernels.fill_matrices(changes, self.source, self.gradient_parity, self.gradient_reflection, 0.0)
-
-    def fold_moments(self, moments: np.ndarray) -> None:
-        """Add moments (derivatives by F) of ghosts to those of their sources, and set them to zero: the transpose of `fill_changes`."""
-        kernels.fold_matrices(moments, self.source, self.gradient_parity, self.gradient_reflection)
+        kernels.fill_matrices(changes, *self.of_gradients, 0.0, np.zeros((len(self), changes.shape[1])))
 
     def fill_shapes(self, shapes: np.ndarray) -> None:
         """Write the shape tensors of the ghosts (or their inverses), S K_source S with the reflection S, into `shapes`."""

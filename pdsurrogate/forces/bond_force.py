@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Self, cast
 
 import numpy as np
@@ -19,7 +19,7 @@ from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.response import volume_residual_block
 from ..materials.states import principal_stretches
 from .errors import at_point
-from .material_points import MaterialPoints
+from .material_points import MaterialPoints, material_sums
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from .term import Binding, DomainWatch, Term, sum_on_pairs
@@ -152,18 +152,18 @@ class BondForces(Term):
             self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         self.learned_thickness = any(part.learns_thickness for part in self._parts)
         self._model, self._domain = models[0], models[0].domain if binding.whole else None
-        if binding.whole:
-            self._forces, self._unit, collect = self._parts[0].forces, self._parts[0].unit, []
-        else:
-            self._forces, self._unit = aligned_rows((len(bonds.first), 2), binding.precision), 1.0
-            collect = [partial(sum_on_pairs, self._forces, self._parts, "forces")]
-        sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self._unit, np.empty_like(body.points)
-        to_points = sum_pair_forces[2].bind(*sums, chunks=self.kinematics.chunks)
-        self.bind_steps(*(part.find for part in self._parts), *collect, to_points)
+        bounds, sums, forces, unit = np.arange(len(body) + 1, dtype=np.uint64), [], self._parts[0].forces, self._parts[0].unit
+        lists = bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
+        if not binding.whole:
+            # The sums of all materials are copied, and counted where they are not finite.
+            forces, unit, lists = np.zeros_like(body.all_points), 1.0, (bounds, np.zeros_like(bounds), bonds.incidence)
+            sums = material_sums(self.kinematics, self.materials, "forces", self._parts, forces)
+        to_points = sum_pair_forces[2].bind(forces, *lists, unit, np.empty_like(body.points), chunks=self.kinematics.chunks)
+        self.bind_steps(*(part.find for part in self._parts), *sums, to_points)
 
     def diagnose(self, out: np.ndarray) -> str:
         body = self.body
-        broken = np.flatnonzero(~np.isfinite(self._forces[: len(body.bonds.first)]).all(axis=1))
+        broken = np.flatnonzero(~np.isfinite(self.pair_forces(slice(len(body.bonds.first)))).all(axis=1))
         if len(broken) == 0:
             return super().diagnose(out)
         i, j = int(body.bonds.first[broken[0]]), int(body.bonds.second[broken[0]])
@@ -179,7 +179,9 @@ class BondForces(Term):
         self._parts[0].find_geometry(changed, self._strength, self.correction)
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
-        return self._unit * self._forces[pairs].astype(float)
+        if self.binding.whole:
+            return self._parts[0].unit * self._parts[0].forces[pairs].astype(float)
+        return sum_on_pairs(self._parts, "forces", len(self.body.bonds.first))[pairs]
 
     def domain_deviation(self) -> np.ndarray | None:
         if self._domain is None:
@@ -203,7 +205,7 @@ class BondForces(Term):
         for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
             own = ends < len(body)
             np.maximum.at(of_points, ends[own], found[own])
-        return self._unit * of_points
+        return self._parts[0].unit * of_points
 
     def bonds(self) -> tuple[np.ndarray, BondStates]:
         """Return the numbers of the pairs that carry a force, and their `BondStates`, in a body of one material."""

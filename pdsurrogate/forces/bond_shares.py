@@ -1,16 +1,14 @@
 """Shares of the points' volumes that bonds represent, and the sum of forces and moments of pairs at the points."""
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 
 from ..body.body import pointers_to
 from ..engine.block_arrays import BLOCK, aligned_rows
+from ..kernels.ghosts import fold_matrices, fold_vectors
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
-from .kinematics import Kinematics, entries_of
-from .steps import Step, Steps
+from .kinematics import Kinematics, entries_of, pairs_of_points
+from .steps import Step
 
 
 class BondShares:
@@ -35,8 +33,7 @@ class BondShares:
     strength : ndarray, shape (n_pairs,)
         Product w V_i V_j of the weight of every pair and the volumes of its ends; zero for broken pairs.
     pairs_of_points : tuple of ndarray
-        Pairs of every point and ghost in three arrays: index at which the pairs with each as first end begin; index into the third array
-        at which the pairs with each as second end begin; numbers of the pairs ordered by second end.
+        Pairs of every point and ghost, see `pdsurrogate.forces.kinematics.pairs_of_points`.
     """
 
     def __init__(self, kinematics: Kinematics, precision: str) -> None:
@@ -45,11 +42,7 @@ class BondShares:
         n, total = len(body), len(body.all_points)
         length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
         self.strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        # Pairs in which a point or a ghost is second; ghosts are first in none.
-        incidence = np.argsort(bonds.second, kind="stable").astype(np.uint32)
-        pair_pointers = np.full(total + 1, bonds.pair_pointers[-1])
-        pair_pointers[: n + 1] = bonds.pair_pointers
-        self.pairs_of_points = pair_pointers, pointers_to(bonds.second, total), incidence
+        self.pairs_of_points = pairs_of_points(bonds.first, bonds.second, total)  # ghosts are first in none
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         toward = np.flatnonzero(bonds.neighbors >= n)
         self._ghost_bonds = toward[np.argsort(bonds.neighbors[toward], kind="stable")]
@@ -174,57 +167,19 @@ class BondShares:
         )
         if not len(ghosts):
             return [moments, *before, weigh, own]
-        fold = partial(kinematics.gradient_ghosts.fold_moments, moments)
-        return [fold, moments, *before, weigh, own, others, partial(ghosts.fold_forces, forces)]
-
-    def sums_of(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float, *further: Step) -> Callable[..., int]:
-        """Return a function that sums forces and moments of pairs to forces on points; a ghost's force is added to the point it mirrors.
-
-        Parameters
-        ----------
-        forces : ndarray, shape (n_pairs, d)
-            Forces of the pairs on their first points.
-        moments : ndarray, shape (n_pairs, d d)
-            Moments S of the pairs: derivatives of their energies by the deformation gradient of either end.
-        stresses : ndarray, shape (n + m, d d)
-            Working array: sums of the moments at points and ghosts, which the function then replaces by S K^-1/V with the shape tensor K
-            and the volume V of the point.
-        unit : float
-            Factor of all forces.
-        *further : Step
-            Steps that read or change the sums of moments in `stresses` before these are replaced by S K^-1/V.
-
-        Returns
-        -------
-        callable
-            Function of the array (n, d) to write the forces to; it returns the number of points and ghosts without a finite force.
-        """
-        body, chunks, d = self._body, self._kinematics.chunks, self._body.dimension
-        n, total = len(body), np.empty((len(body.all_points), d))
-        gather = sum_moments[d].bind(moments, *self.pairs_of_points, stresses, chunks=chunks)
-        sum_forces = sum_pair_forces[d].bind(forces, *self.pairs_of_points, unit, total, chunks=chunks)
-        *steps, last = self.steps_to_points(stresses, total, unit, *further, sum_forces)
-        find = Steps(body.share, gather, *steps, last)
-
-        def to_points(out: np.ndarray) -> int:
-            if total.shape == out.shape:
-                sum_forces.give("out", out)
-                last.give("out", out)
-                return find()[-1]
-            *_, on_points, on_ghosts = find()
-            out[:] = total[:n]
-            return on_points + on_ghosts
-
-        return to_points
+        fold = fold_matrices.bind(moments, *kinematics.gradient_ghosts.of_gradients, chunks=chunks)
+        fold_forces = fold_vectors.bind(forces, ghosts.source, ghosts.parity, chunks=chunks)
+        return [fold, moments, *before, weigh, own, others, fold_forces]
 
     def on_ghosts(self, forces: np.ndarray, moments: np.ndarray, stresses: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the forces on the ghosts, shape (m, d), and the moments of the ghosts, shape (m, d d).
 
-        The arguments are those of `sums_of`, after a call of the function that it returned; `unit` is a factor of the forces alone.
+        `forces` (n_pairs, d) and `moments` (n_pairs, d d) are those of the pairs, and `stresses` the moments of points and ghosts after the
+        steps of `steps_to_points`; `unit` is a factor of the forces alone.
         """
         n, d, pairs = len(self._body), self._body.dimension, self.pairs_of_points
         found, on_ghosts = np.empty_like(stresses), np.empty_like(self._node_parts)
-        sum_moments[d](moments, *pairs, found)
+        sum_moments[d](moments, *pairs, 1.0, found)
         sum_pair_forces[d](forces, *pairs, unit, on_ghosts)
         add_node_forces[d](stresses, *self._of_ghosts, unit, n, self._node_parts, on_ghosts)
         return on_ghosts[n:], found[n:]

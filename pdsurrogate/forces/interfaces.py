@@ -1,5 +1,6 @@
 """Jumps of the deformation gradient at interfaces between materials, and the motion of each material continued beyond them."""
 
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -8,7 +9,9 @@ from scipy.spatial import cKDTree
 
 from ..body import Body
 from ..body.ghosts import WITH_ROUNDING
+from ..kernels.ghosts import fill_matrices, fold_matrices, fold_vectors, place_points
 from .kinematics import Kinematics, find_shapes
+from .steps import Step, sparse_product
 
 NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
 """Trial radii, in point spacings, of the neighborhood from which the value at a place is interpolated: the first that contains enough
@@ -107,12 +110,19 @@ class Interfaces:
     one_sided_bonds : tuple or None
         For points that omit bonds: the directed bonds of these points, the point of each bond, and the changes of the bonds' weights in the
         deformation gradients; None if no point omits bonds.
+    jumps, changes : ndarray, shapes (n + m, d) and (n + m, d d)
+        Jumps of the slope along the normal of every point and ghost, and the changes of its gradient, by columns, to the other material.
+    corrections, continuation : list of Step
+        Steps that find the jumps and correct the gradients of the points for the other material's different motion; and steps that find
+        `changes`, once the gradients of halo points are known.
     on_jumps : ndarray, shape (n, d)
-        Forces on the points due to the dependence of the energy on the jumps, as last found by `hand_on`.
+        Forces on the points due to the dependence of the energy on the jumps, as last found by the steps of `steps_back`.
+    pulls : ndarray, shape (n + m, d)
+        Changes of the forces on the points where gradients omit bonds, as last found by these steps.
     """
 
     def __init__(self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool) -> None:
-        self._body, self._portion_of, self._by_gradient = kinematics.body, portion_of, 2.0 * volumes_held
+        self._body, self._portion_of, self._kinematics = kinematics.body, portion_of, kinematics
         body, share = self._body, self._body.share
         n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])
@@ -145,26 +155,50 @@ class Interfaces:
             if jump is not None:
                 self.depths[i], self.normals[i] = depth, normal
                 jumps[i, around] = jump / reach
-        self._jump, self._jump_back = self._with_transpose(jumps)
-        self._images: tuple[np.ndarray, sparse.csr_array, sparse.csr_array] | None = None
-        if share.any(mirrored.nnz > 0):
-            is_image = (mirrored.diagonal() != 0).astype(float)[:, None]
-            self._images = is_image, *self._with_transpose(mirrored)
+        jump, self._jump_back = self._with_transpose(jumps)
         share.fill(self.normals)
         body.ghosts.fill(self.depths)
         d = body.dimension
-        self.on_jumps = np.zeros((n, d))
+        self.on_jumps, self.pulls = np.zeros((n, d)), np.zeros((total, d))
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._one_sided: tuple[sparse.csr_array, sparse.csr_array] | None = None
+        self._one_sided, self._product = sparse.csr_array((n * d, total)), partial(sparse_product, kinematics.chunks)
         weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
             weights = self._leave_out(kinematics, owners, weights)
         weights = weights[across] * self.depths[bonds.neighbors[across], None]
         self._corrections = self._on_columns(weights, owners[across], bonds.neighbors[across])
-        self._gradient_ghosts = kinematics.gradient_ghosts
-        self.jumps, self.seen_positions = np.zeros((2, total, d))
-        self.seen_gradients, self._changes = np.zeros((2, total, d * d))
+        self.jumps, self.changes = np.zeros((total, d)), np.zeros((total, d * d))
+        # The matrix that spreads slopes along the normals to columns of gradients; the products with columns are its transpose.
+        dyads = self._by_normals(sparse.diags_array((self.depths[:n] > 0).astype(float)))
+        images, back = self._with_transpose(mirrored)
+        is_image = (images.diagonal() != 0).astype(float)
+        # Along the normal an image has the gradient of the softer material at the mirrored place, as a clamp's has.
+        self._changes_by_jumps, by_columns = dyads @ sparse.diags_array(1 - is_image), dyads @ self._by_normals(images.T).T
+        self._changes_back = self._by_normals(back) @ dyads.T
+        self._jumps_by_columns = sparse.diags_array(-2.0 * volumes_held * is_image) @ dyads.T
+        columns, changes = kinematics.gradients[:n].reshape(-1, d), self.changes[:n].reshape(-1, d)
+        images, on_ghosts = body.ghosts, kinematics.gradient_ghosts.of_gradients
+        at_rest = np.zeros((len(images), d)), np.zeros((len(images), d * d))
+        self.corrections = [
+            *self._product(self._one_sided, kinematics.positions, columns, add=True),
+            *self._product(jump, kinematics.positions, self.jumps),
+            *self._product(self._jumps_by_columns, columns, self.jumps, add=True),
+            self.jumps,
+            place_points.bind(self.jumps[:n], images.source, images.parity, at_rest[0], self.jumps, chunks=kinematics.chunks),
+            *self._product(-self._corrections, self.jumps, columns, add=True),
+        ]
+        self.continuation = [
+            *self._product(self._changes_by_jumps, self.jumps, changes),
+            *self._product(by_columns, columns, changes),
+            self.changes,
+            fill_matrices.bind(self.changes, *on_ghosts, 0.0, at_rest[1], chunks=kinematics.chunks),
+        ]
+
+    def _by_normals(self, matrix) -> sparse.csr_array:
+        """Return the matrix (n d, n) that maps vectors at points to columns of gradients: v (x) normal, spread by a matrix (n, n)."""
+        entries = sparse.coo_array(matrix)
+        return self._on_columns(entries.data[:, None] * self.normals[entries.col], entries.row, entries.col)[:, : len(self._body)]
 
     def _with_transpose(self, matrix: sparse.lil_array) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Return a matrix (n, n), filled in the rows of this rank's own points only, and a transpose.
@@ -173,15 +207,14 @@ class Interfaces:
         """
         return matrix.tocsr(), self._body.share.with_rows_of_others(matrix.tocsr()).T.tocsr()
 
-    def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Return the matrix (n d, n + m) that maps values at points and ghosts to columns of gradients at points, and its transpose.
+    def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> sparse.csr_array:
+        """Return the matrix (n d, n + m) that maps values at points and ghosts to columns of gradients at points.
 
         The k bonds from `owners` to `others` have the weights (k, d) in the gradients of `owners`.
         """
         d, n, total = self._body.dimension, len(self._body), len(self._body.all_points)
         rows = (d * owners.astype(np.int64)[:, None] + np.arange(d)).ravel()
-        matrix = sparse.csr_array((weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total))
-        return matrix, matrix.T.tocsr()
+        return sparse.csr_array((weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total))
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
         """Return those directed bonds `across` interfaces that the gradient and energy of their first point omit (`left_out`).
@@ -238,90 +271,36 @@ class Interfaces:
         within = (distance < body.spacing) & (portion_of[nearest] == number)
         return float(np.median(np.where(within.all(axis=1), most, within.argmin(axis=1))))
 
-    def correct(self, positions: np.ndarray, gradients: np.ndarray) -> None:
-        """Compute the jumps at interfaces, and correct the points' gradients for the other material's different motion.
-
-        Parameters
-        ----------
-        positions : ndarray, shape (n + m, d)
-        gradients : ndarray, shape (n + m, d d)
-            Gradients of the points by columns, changed in place.
-        """
-        n = len(self._body)
-        own = gradients[:n].reshape(-1, positions.shape[1])
-        if self._one_sided is not None:
-            own += self._one_sided[0] @ positions
-        self.jumps[:n] = self._jump @ positions[:n]
-        if self._images is not None:
-            self.jumps[:n] -= self._by_gradient * self._images[0] * _along(gradients[:n], self.normals)
-        self._body.ghosts.fill_displacements(self.jumps)
-        own -= self._corrections[0] @ self.jumps
-
-    def see(self, positions: np.ndarray, gradients: np.ndarray) -> None:
-        """Find the positions and gradients that points near interfaces would have if they moved with the material on the other side.
-
-        They are written to `seen_positions` and `seen_gradients`.
-        """
-        self.seen_positions[:] = positions - self.depths[:, None] * self.jumps
-        n = len(self._body)
-        slopes = self.jumps[:n]
-        if self._images is not None:
-            is_image, matrix, _ = self._images
-            # Along the normal an image has the gradient of the softer material at the mirrored place, as a clamp's has.
-            slopes = slopes * (1 - is_image) + _along(matrix @ gradients[:n], self.normals)
-            self._body.share.fill(slopes)
-        self._changes[:n] = _columns(self.normals, slopes)
-        self._gradient_ghosts.fill_changes(self._changes)
-        np.add(gradients, self._changes, out=self.seen_gradients)
-
-    def hand_on(self, forces: np.ndarray, moments: np.ndarray, own_moments: np.ndarray) -> np.ndarray:
-        """Return the forces on points due to the energy's dependence on the jumps, shape (n, d): the transpose of `correct` and `see`.
+    def steps_back(self, forces: np.ndarray, moments: np.ndarray, own_moments: np.ndarray) -> list[Step]:
+        """Return the steps that find `on_jumps` and `pulls`: the transpose of `corrections` and `continuation`.
 
         Parameters
         ----------
         forces, moments : ndarray, shapes (n + m, d) and (n + m, d d)
-            Minus the derivative of the energy by `seen_positions`, and its derivative by `seen_gradients`; `moments` is overwritten.
+            Minus the derivative of the energy by positions in the continued motion of the other material, and its derivative by gradients
+            in that motion; `moments` is overwritten.
         own_moments : ndarray, shape (n, d d)
             Derivative of the energy by the points' own gradients; terms of mirror images are added in place.
         """
-        n, ghosts = len(self._body), self._body.ghosts
-        on_jumps = -self.depths[:, None] * forces
-        self._gradient_ghosts.fold_moments(moments)
-        on_slopes = _along(moments[:n], self.normals)
-        if self._images is not None:
-            is_image, _, back = self._images
-            on_images = on_slopes * is_image
-            on_slopes = on_slopes - on_images
-            own_moments += self._summed(back, _columns(self.normals, on_images))
-        on_jumps[:n] -= on_slopes
-        columns = own_moments.reshape(-1, forces.shape[1])
-        on_jumps += self._summed(self._corrections[1], columns)
-        ghosts.fold_forces(on_jumps)
-        own = on_jumps[:n]
-        if self._images is not None:
-            own_moments += self._by_gradient * is_image * _columns(self.normals, own)
-        self.on_jumps = self._summed(self._jump_back, own)
-        if self._one_sided is None:
-            return self.on_jumps
-        pulls = self._summed(self._one_sided[1], columns)
-        ghosts.fold_forces(pulls)
-        return self.on_jumps - pulls[:n]
-
-    def _summed(self, transpose: sparse.csr_array, values: np.ndarray) -> np.ndarray:
-        """Return the product of a transpose, which sums over points of other ranks too, with values; their halo is filled first."""
-        self._body.share.fill(values.reshape(len(self._body), -1))
-        return transpose @ values
-
-
-def _along(gradients: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return the products of gradients (k, d d), stored by columns, with vectors (k, d): shape (k, d)."""
-    d = normals.shape[1]
-    return np.einsum("kba,kb->ka", gradients.reshape(-1, d, d), normals)
-
-
-def _columns(normals: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Return the dyads vector (x) normal, stored by columns, shape (k, d d), of `vectors` and `normals`, shape (k, d)."""
-    return (normals[:, :, None] * vectors[:, None]).reshape(len(normals), -1)
+        n, d, ghosts, product, chunks = len(self._body), self._body.dimension, self._body.ghosts, self._product, self._kinematics.chunks
+        on_jumps, theirs, columns = np.zeros_like(self.jumps), moments[:n].reshape(-1, d), own_moments.reshape(-1, d)
+        fold = [fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks) for each in (on_jumps, self.pulls)]
+        return [
+            fold_matrices.bind(moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks),
+            moments,
+            *product(sparse.diags_array(-self.depths), forces, on_jumps, every=True),
+            *product(-self._changes_by_jumps.T, theirs, on_jumps, add=True),
+            *product(self._changes_back, theirs, columns, add=True),
+            own_moments,
+            *product(self._corrections.T, columns, on_jumps, add=True),
+            fold[0],
+            *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
+            on_jumps[:n],
+            *product(self._jump_back, on_jumps, self.on_jumps),
+            own_moments,
+            *product(-self._one_sided.T, columns, self.pulls, every=True),
+            fold[1],
+        ]
 
 
 def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> Near | None:

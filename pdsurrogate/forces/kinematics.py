@@ -10,7 +10,7 @@ from ..body.body import pointers_to
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import BoundPass, Chain
 from ..engine.threads import chunks_of
-from ..kernels.ghosts import place_points
+from ..kernels.ghosts import fill_matrices, place_points
 from ..kernels.node_state import deformation_gradients
 from ..kernels.reference_state import shape_rows
 from .steps import Step, Steps
@@ -52,9 +52,6 @@ class Kinematics:
         Ghosts with the continuation that is used for deformation gradients and derivatives by these.
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
-    seen : list of MaterialPoints
-        In a body of several materials, copies of the points that the bonds of each material involve, updated with every computation of
-        gradients.
     changes : int
         Number of changes of positions and bonds, by which dependent states detect that they are out of date.
     formed : bool
@@ -77,16 +74,18 @@ class Kinematics:
 
         self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
         self.changes, self.formed = 0, False
-        self.interfaces, self.seen = None, []
+        self.interfaces = None
         self._plane_displacements = np.zeros((len(body.planes), d))
-        self._plane_turns = self._gradient_shifts = None
+        self._plane_turns = None
         ghosts = body.ghosts
         self._shifts = ghosts.shifts(body.points, self._plane_displacements)
         self.gradient_ghosts = ghosts if plane == "stress" else ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
         images = ghosts.source, ghosts.parity, self._shifts
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
-        form = self.gradient_pass(self.positions, self.gradients, 1.0)
-        self._place_alone, self._form_gradients, self._passes = Chain(self._place), Chain(form), (self._place, form)
+        self._gradient_shifts = np.zeros((len(ghosts), d * d))
+        of_ghosts = *self.gradient_ghosts.of_gradients, 1.0, self._gradient_shifts
+        self._place_alone, self._form = Chain(self._place), self.gradient_pass(self.positions, self.gradients, 1.0)
+        self._form_on_ghosts = [fill_matrices.bind(self.gradients, *of_ghosts, chunks=self.chunks)] if len(ghosts) else []
 
     @cached_property
     def sources(self) -> np.ndarray:
@@ -162,21 +161,25 @@ class Kinematics:
             if self._plane_turns is None:
                 self._plane_turns = np.zeros((len(self.body.planes), *turn.shape))
             self._plane_turns[plane] = turn
-            self._gradient_shifts = self.gradient_ghosts.gradient_shifts(self._plane_turns)
+            self._gradient_shifts[:] = self.gradient_ghosts.gradient_shifts(self._plane_turns)
         self._shifts[:] = self.body.ghosts.shifts(self.body.points, self._plane_displacements, self._plane_turns)
 
     def steps(self) -> list[Step]:
-        """Return the steps that place points and ghosts at the positions last taken and compute deformation gradients; two are passes.
+        """Return the steps that place points and ghosts at the positions last taken and compute deformation gradients.
 
-        A term that runs these steps before its own, in one call of compiled code where no other work comes between, then sets `formed`.
+        A term that runs these steps before its own, in one call of compiled code, then sets `formed`.
         """
-        completed = self.body.share.divided or len(self.body.ghosts) or self.interfaces is not None
-        return [*self._passes, *([self._complete_gradients] if completed else [])]
+        before, after = ([], []) if self.interfaces is None else (self.interfaces.corrections, self.interfaces.continuation)
+        return [self._place, self._form, *before, self.gradients, *self._form_on_ghosts, *after]
 
     @cached_property
     def _place_and_form(self) -> Steps:
         """Sequence of `steps`, for terms that do not run these with their own."""
         return Steps(self.body.share, *self.steps())
+
+    @cached_property
+    def _form_gradients(self) -> Steps:
+        return Steps(self.body.share, *self.steps()[1:])
 
     def take(self, positions: np.ndarray) -> None:
         """Take the positions of the points, shape (n, d), for the next run of `steps`."""
@@ -198,23 +201,7 @@ class Kinematics:
         """Bring the deformation gradients of points and ghosts up to date."""
         if not self.formed:
             self._form_gradients()
-            self._complete_gradients()
-
-    def _complete_gradients(self) -> None:
-        """Finish gradients of points that were just computed: correct them at interfaces, and complete them on halo and ghosts.
-
-        In a body of several materials, also update the copies of points that each material evaluates (`seen`).
-        """
-        if self.interfaces is not None:
-            self.interfaces.correct(self.positions, self.gradients)
-        self.gradient_ghosts.fill_gradients(self.gradients)
-        if self._gradient_shifts is not None:
-            self.gradients[len(self.body) :] += self._gradient_shifts
-        if self.interfaces is not None:
-            self.interfaces.see(self.positions, self.gradients)
-        for points in self.seen:
-            points.update()
-        self.formed = True
+            self.formed = True
 
     def deformation_gradients(self) -> np.ndarray:
         """Return the deformation gradients F of the body's points, shape (n, d, d)."""
@@ -243,6 +230,15 @@ def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:
     starts = pointers[rows].astype(np.int64)
     counts = pointers[rows + 1].astype(np.int64) - starts
     return np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+
+
+def pairs_of_points(first: np.ndarray, second: np.ndarray, total: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the pairs of each of `total` points, given by their ends, where `first` is sorted, in three arrays.
+
+    They are: index at which the pairs with each point as first end begin; index into the third array at which the pairs with each as second
+    end begin; numbers of the pairs ordered by second end.
+    """
+    return pointers_to(first, total), pointers_to(second, total), np.argsort(second, kind="stable").astype(np.uint32)
 
 
 def matrices(columns: np.ndarray) -> np.ndarray:

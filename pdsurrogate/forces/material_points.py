@@ -1,17 +1,20 @@
 """Points that the bonds of one material involve, with their volume ratios and thickness stretches by its law."""
 
+from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
+from scipy import sparse
 
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import node_state
+from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law
 from .errors import InvalidState, at_point, why_invalid
-from .kinematics import Kinematics, matrices
+from .kinematics import Kinematics, matrices, pairs_of_points
 from .settings import ROTATION, ROTATIONS
-from .steps import Step, Steps
+from .steps import Steps, sparse_product
 
 
 class MaterialPoints:
@@ -41,6 +44,8 @@ class MaterialPoints:
         Numbers in the body of the k points and images of this object, and of its pairs.
     own : tuple
         Indices into `numbers`, and numbers in the body, of the points of the material itself, without images.
+    places, places_of_others : sparse array, shape (n + m, k)
+        In a body of several materials, matrices that bring values of these points, or of those of other materials, to points of the body.
     first, second : ndarray of uint32
         Ends of the pairs by their places in `numbers`, filled up to whole blocks.
     positions, gradients : ndarray, shapes (k, d) and (k, d d)
@@ -52,6 +57,8 @@ class MaterialPoints:
         (cos, sin) of the rotation, J and C33 of every point, which bond forces read; empty in three dimensions.
     response, parameters
         Compiled response function of the law, and the parameters of the law.
+    seen : list of BoundPass
+        In a body of several materials, the passes that update positions, gradients and volume ratios from the body.
     state_pass : BoundPass or None
         Compiled pass that finds volume ratios and records with a learned force; None if the law determines them.
     """
@@ -61,7 +68,8 @@ class MaterialPoints:
         self._kinematics, self.law, self.whole = kinematics, law, own is None
         self.response, self.parameters = PLANES[kinematics.plane].response.block(law), law.parameters
         self.state_pass: BoundPass | None = None
-        self._found_at = -1
+        self.seen: list[BoundPass] = []
+        self._keep, self._found_at = self.seen, -1
         if own is None:
             self.numbers = self.pairs = slice(None)
             self.own = slice(len(body)), slice(len(body))
@@ -79,8 +87,7 @@ class MaterialPoints:
         kinematics, body = self._kinematics, self._kinematics.body
         ends = body.bonds.first[pairs], body.bonds.second[pairs]
         seen = own.copy()
-        for end in ends:
-            seen[end] = True
+        seen[np.concatenate(ends)] = True
         self.pairs, self.numbers, place = pairs, np.flatnonzero(seen), np.cumsum(seen) - 1
         places = np.flatnonzero(own[self.numbers] & (self.numbers < len(body)))
         self.own = places, self.numbers[places]
@@ -88,29 +95,25 @@ class MaterialPoints:
         size, d = len(self.numbers), body.dimension
         self.positions, self.gradients = aligned_rows((size, d)), aligned_rows((size, d * d))
         self.volume_ratios, self.kept_ratios = np.ones(size), np.ones(len(own))
-        self._others = np.flatnonzero(~own[self.numbers])
-        kinematics.seen.append(self)
-
-    def update(self) -> None:
-        """Copy positions and gradients from the body; points of other materials get those of this material's continued motion."""
-        kinematics, interfaces, others = self._kinematics, self._kinematics.interfaces, self.numbers[self._others]
-        np.take(kinematics.positions, self.numbers, axis=0, out=self.positions, mode="clip")
-        np.take(kinematics.gradients, self.numbers, axis=0, out=self.gradients, mode="clip")
-        self.positions[self._others] = interfaces.seen_positions[others]
-        self.gradients[self._others] = interfaces.seen_gradients[others]
+        self.places = sparse.csr_array((np.ones(size), (self.numbers, np.arange(size))), shape=(len(own), size))
+        self.places_of_others = self.places @ sparse.diags_array((~own[self.numbers]).astype(float))
+        jumps, copy, ratios = kinematics.interfaces, partial(sparse_product, kinematics.chunks), self.volume_ratios[:, None]
+        self.seen = [
+            *copy(self.places.T, kinematics.positions, self.positions),
+            *copy(self.places.T, kinematics.gradients, self.gradients),
+            *copy(self.places_of_others.T @ sparse.diags_array(-jumps.depths), jumps.jumps, self.positions, add=True),
+            *copy(self.places_of_others.T, jumps.changes, self.gradients, add=True),
+            *copy(self.places.T, self.kept_ratios[:, None], ratios),
+        ]
+        self._keep = copy(self.places, ratios, self.kept_ratios[:, None])
 
     @cached_property
-    def _passes(self) -> list[BoundPass]:
-        """Compiled passes that find the states; bound at first use, as `state_pass` may be set after construction."""
-        return [self.state_pass or self._pass_of_law(), *([self._turn] if self._turn else [])]
+    def steps(self) -> list[BoundPass]:
+        """Passes of an evaluation that find volume ratios and records from the gradients, and count the points without a state.
 
-    @property
-    def steps(self) -> list[Step]:
-        """Steps of an evaluation that find volume ratios and records from the gradients, and count the points without a state."""
-        if self.whole:
-            return self._passes
-        take = partial(np.take, self.kept_ratios, self.numbers, out=self.volume_ratios, mode="clip")
-        return [take, *self._passes, partial(self.kept_ratios.put, self.numbers, self.volume_ratios)]
+        They are bound at first use, as `state_pass` may be set after construction.
+        """
+        return [*self.seen, self.state_pass or self._pass_of_law(), *([self._turn] if self._turn else []), *self._keep]
 
     def _pass_of_law(self) -> BoundPass:
         """Return the compiled pass that finds volume ratios and records of the points by the law of the material."""
@@ -137,9 +140,7 @@ class MaterialPoints:
 
         If a point has none, the next evaluation starts from volume ratios of 1.
         """
-        found = not counts.pop(0)
-        if self._turn:
-            counts.pop(0)  # rotations are found everywhere
+        found = not sum(counts.pop(0) for _ in self.steps)
         self._found_at = self._kinematics.changes if found else -1
         if not found:
             self.kept_ratios[:] = 1.0  # a later evaluation then starts from the initial values
@@ -153,6 +154,26 @@ class MaterialPoints:
         number = np.arange(len(body.all_points))[self.numbers][place]
         image = "its image beyond the grip: " if number >= len(body) else ""
         return at_point(body, int(self._kinematics.sources[number]), image + reason)
+
+
+def material_sums(
+    kinematics: Kinematics, materials: list[MaterialPoints], quantity: str, parts: Sequence, *out: np.ndarray
+) -> list[BoundPass]:
+    """Return the passes that sum the "forces" or "moments" of pairs at the points and ghosts of a body of several materials.
+
+    `parts` hold the pairs of each material in units of ``part.unit``. The first array of `out` receives the sums; the second, if there is
+    one, the sums over those materials only that are not the point's own.
+    """
+    passes: list[BoundPass] = []
+    for points, part in zip(materials, parts, strict=True):
+        values, size, first = getattr(part, quantity), len(points.numbers), not passes
+        pairs = pairs_of_points(*(end[: len(points.pairs)] for end in (points.first, points.second)), size)
+        rows = aligned_rows((size, values.shape[1]))
+        add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity][kinematics.body.dimension]
+        passes.append(add_up.bind(values, *pairs, float(part.unit), rows, chunks=kinematics.chunks))
+        for matrix, sums in zip((points.places, points.places_of_others), out, strict=False):
+            passes += sparse_product(kinematics.chunks, matrix, rows, sums, add=not first, every=first)
+    return passes
 
 
 def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]:

@@ -10,6 +10,7 @@ from ..materials import PLANES
 from .errors import at_point, why_invalid
 from .kinematics import matrices
 from .protocol import ForceModel
+from .steps import sparse_product
 from .term import Binding, Term
 
 
@@ -21,7 +22,7 @@ class PointStress(Term):
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
         kinematics, body, bonds, d = self.kinematics, self.body, self.body.bonds, self.body.dimension
-        self._stresses, self._parts, passes = aligned_rows((len(body.all_points), d * d)), [], []
+        self._stresses, passes = aligned_rows((len(body.all_points), d * d)), []
         self._broken = np.zeros(len(bonds.first), dtype=bool)
         for points in map(self.points_of, range(len(binding.portions))):
             # P K^-1 of points and images; a single material writes to this array directly.
@@ -29,15 +30,11 @@ class PointStress(Term):
             state = points.gradients, points.volume_ratios, kinematics.inverse_shape[points.numbers]
             law = points.law.shear_modulus, points.response.address, points.parameters, kinematics.scratch
             passes.append(nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks))
-            self._parts.append(stresses)
+            if not points.whole:
+                passes += sparse_product(kinematics.chunks, points.places, stresses, self._stresses)
         sums = self._stresses, bonds.pointers, bonds.neighbors, kinematics.weighted_bonds, body.volumes
         to_points = nosb.nosb_forces[d].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
-        self.bind_steps(*passes, *([] if binding.whole else [self._collect]), to_points)
-
-    def _collect(self) -> None:
-        """Copy the stresses of each material's points into the array of all points of the body."""
-        for points, stresses in zip(self.materials, self._parts, strict=True):
-            self._stresses[points.numbers] = stresses
+        self.bind_steps(*passes, to_points)
 
     def diagnose(self, out: np.ndarray) -> str:
         F = self.kinematics.deformation_gradients()

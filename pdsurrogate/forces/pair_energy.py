@@ -3,13 +3,16 @@
 import numpy as np
 
 from ..engine.block_arrays import aligned_rows
+from ..engine.passes import BoundPass
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
+from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .bond_shares import BondShares
 from .errors import InvalidState, at_point, why_invalid
 from .kinematics import matrices, symmetric
+from .material_points import material_sums
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
 from .term import Binding, DomainWatch, Term, sum_on_pairs, whole_volume
@@ -45,7 +48,7 @@ class PairEnergy(Term):
         self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]
         self._domain = self._model.domain if whole else None
         owners = None if whole else binding.portion_of[body.bond_owners]
-        each, own_bonds, self.volume, steps = [], [], None, []
+        each, own_bonds, self.volume = [], [], None
         for number, model in enumerate(models):
             own = None if whole else owners == number
             # A material has energy in its own bonds.
@@ -60,23 +63,31 @@ class PairEnergy(Term):
             volumes = np.split(all_volumes, np.cumsum(sizes)[:-1])
             self._parts = [SelectivePairs(*one, *more) for one, *more in zip(each, volumes, own_bonds, strict=True)]
             self.volume = VolumeEnergy(binding, self.shares, self._parts, all_volumes)
-            steps = self.volume.steps
         else:
             self._parts = [PairEnergies(*one) for one in each]
-        (part, *_), collect, further = self._parts, [], []
         self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
-        self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
-        if not whole:
-            sizes, total, collect, further = (d, d * d), len(body.all_points), [self._collect], [self._on_jumps, self._stresses]
-            self._forces, self._moments = (aligned_rows((len(bonds.first), size), binding.precision) for size in sizes)
-            self._seen_forces, self._seen_moments = (np.zeros((total, size)) for size in sizes)
+        self._on_points, chunks = np.zeros((len(body.all_points), d)), self.kinematics.chunks
+        if whole:
+            (part,), pairs, self._unit = self._parts, self.shares.pairs_of_points, self._parts[0].unit
+            gather = [sum_moments[d].bind(part.moments, *pairs, 1.0, self._stresses, chunks=chunks)]
+            further = [sum_pair_forces[d].bind(part.forces, *pairs, part.unit, self._on_points, chunks=chunks)]
+        else:
             self._unit = 1.0
-        self._find = Steps(body.share, *steps, *(part.find for part in self._parts), *collect)
-        self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, *further)
-        self.nearly_incompressible = whole and self.selective
+            seen_forces, seen_moments = (np.zeros_like(array) for array in (self._on_points, self._stresses))
+            gather = material_sums(self.kinematics, self.materials, "moments", self._parts, self._stresses, seen_moments)
+            gather += material_sums(self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces)
+            further = self.kinematics.interfaces.steps_back(seen_forces, seen_moments, self._stresses[: len(body)])
+        to_points = [*gather, *self.shares.steps_to_points(self._stresses, self._on_points, self._unit, *further)]
+        seen = [step for points in self.materials for step in points.seen]
+        before, after = (seen, []) if self.volume is None else (self.volume.dilatation_steps, self.volume.steps)
+        leading, after = self.kinematics.steps() if binding.leads else [], [*after, *(part.find for part in self._parts), *to_points]
+        self._find_forces, self._find_all = (Steps(body.share, *first, *before, *after) for first in ([], leading))
+        self._after, self._sums = (sum(isinstance(step, BoundPass) for step in steps) for steps in (after, to_points))
+        self.places, self.nearly_incompressible = bool(leading), whole and self.selective
 
     def find(self, out: np.ndarray) -> None:
-        outside, invalid, without_force = self.pass_bonds(out)
+        outside, invalid, without_force = self._run(self._find_all, out)
+        self.kinematics.formed |= self.places
         for watch, found in zip(self.watches, outside, strict=True):
             watch.found = found
         if invalid or not np.isfinite(self._energy):
@@ -84,45 +95,32 @@ class PairEnergy(Term):
         if without_force:
             raise InvalidState(self.diagnose(out))
 
-    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
-        """Compute the energy, and write the forces on points to `out`, from the deformation gradients.
+    def pass_bonds(self, out: np.ndarray) -> None:
+        self._run(self._find_forces, out)
+
+    def _run(self, steps: Steps, out: np.ndarray) -> tuple[list[int], int, int]:
+        """Run the steps of an evaluation: compute the energy, and write the forces on points to `out`.
 
         Return the numbers of pairs outside the domain of each model, of pairs turned inside out, and of points without a finite force.
         """
         self._energy = np.nan
-        if self.volume is not None:
-            invalid = self.volume.find_dilatations()
-            if self.body.share.any(invalid):
-                return [0] * len(self._parts), invalid, 0
-        self._find()
-        outside, _, invalid = zip(*(part.counts() for part in self._parts), strict=True)
-        if not any(invalid):
+        found = steps()
+        outside, _, inside_out = zip(*(part.counts() for part in self._parts), strict=True)
+        invalid = sum(found[: -self._after])
+        if self.volume is not None and self.body.share.any(invalid):
+            return [0] * len(self._parts), invalid, 0
+        if not any(inside_out):
             self._energy = sum(part.unit * part.energy() for part in self._parts)
-        without_force = self._to_points(out)
+        out[:] = self._on_points[: len(out)]
         if not self.binding.whole:
-            out += self._beside
-        return list(outside), sum(invalid), without_force
+            out += self.kinematics.interfaces.on_jumps + self.kinematics.interfaces.pulls[: len(out)]
+        return list(outside), sum(inside_out), sum(found[-self._sums :])
 
-    def _collect(self) -> None:
-        """Sum the forces and moments of all materials on the pairs of the body.
-
-        Also sum, on points at the ends of pairs that another material than their own evaluates, the forces and moments that this material
-        causes there.
-        """
-        sum_on_pairs(self._forces, self._parts, "forces")
-        sum_on_pairs(self._moments, self._parts, "moments")
-        self._seen_forces[:], self._seen_moments[:] = 0.0, 0.0
-        for number, part in enumerate(self._parts):
-            unit, pairs = part.unit, part.points.pairs
-            for sign, end in ((1.0, self.body.bonds.first[pairs]), (-1.0, self.body.bonds.second[pairs])):
-                some = np.flatnonzero(self.binding.portion_of[end] != number)
-                np.add.at(self._seen_forces, end[some], sign * unit * part.forces[some])
-                np.add.at(self._seen_moments, end[some], unit * part.moments[some])
-
-    def _on_jumps(self) -> None:
-        """Compute the forces on the points that arise from the energy's dependence on the jumps at interfaces."""
-        moments = self._stresses[: len(self.body)]
-        self._beside = self.kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
+    def _of_pairs(self, quantity: str) -> np.ndarray:
+        """Return "forces" or "moments" of all pairs, (n_pairs, …), divided by `_unit`."""
+        if self.binding.whole:
+            return getattr(self._parts[0], quantity)
+        return sum_on_pairs(self._parts, quantity, len(self.body.bonds.first))
 
     def energy(self) -> float:
         return self._energy
@@ -138,10 +136,11 @@ class PairEnergy(Term):
         stresses = self._stresses.copy()
         body.ghosts.fill_changes(stresses)
         stresses = matrices(stresses)
-        forces = self._forces[pairs].astype(float)
+        of_pairs = self._of_pairs("forces")
+        forces = of_pairs[pairs].astype(float)
         outer, numbers = np.flatnonzero(second >= n), np.arange(len(bonds.first))[pairs]
         partners = self.kinematics.mirrored_pairs[np.searchsorted(self.kinematics.outer_pairs, numbers[outer])]
-        forces[outer] -= body.ghosts.parity[second[outer] - n] * self._forces[partners]
+        forces[outer] -= body.ghosts.parity[second[outer] - n] * of_pairs[partners]
         vectors = body.all_points[second] - body.all_points[first]
         forces += self.shares.strength[pairs, None] * np.einsum("bij,bj->bi", stresses[first] + stresses[second], vectors)
         forces *= self._unit
@@ -171,7 +170,7 @@ class PairEnergy(Term):
 
     def levers_on_planes(self) -> np.ndarray:
         kinematics, body = self.kinematics, self.body
-        forces, moments = self.shares.on_ghosts(self._forces, self._moments, self._stresses, self._unit)
+        forces, moments = self.shares.on_ghosts(self._of_pairs("forces"), self._of_pairs("moments"), self._stresses, self._unit)
         own = body.share.own[body.ghosts.source, None]  # images count where the points that they mirror do
         places = kinematics.positions, matrices(kinematics.gradients)
         return kinematics.gradient_ghosts.levers_on_planes(*places, forces * own, self._unit * matrices(moments * own))
@@ -181,9 +180,9 @@ class PairEnergy(Term):
         bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
         pairs = np.flatnonzero(self.body.share.own[bonds.first])
         vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
-        along = self._forces[pairs].astype(float).T @ vectors
+        along = self._of_pairs("forces")[pairs].astype(float).T @ vectors
         # P (I - n (x) n) is twice the moment.
-        across = 2 * self._moments[pairs].sum(axis=0, dtype=float).reshape(d, d).T
+        across = 2 * self._of_pairs("moments")[pairs].sum(axis=0, dtype=float).reshape(d, d).T
         return self._unit * (along + across) / whole_volume(self.body)
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:

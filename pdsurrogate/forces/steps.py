@@ -6,8 +6,11 @@ from itertools import groupby
 from typing import TypeAlias
 
 import numpy as np
+from scipy import sparse
 
 from ..engine.passes import BoundPass, Chain
+from ..engine.threads import Chunks
+from ..kernels.sums import multiply_rows
 from ..ranks import Share
 
 Step: TypeAlias = BoundPass | Callable[[], object] | np.ndarray
@@ -36,3 +39,18 @@ class Steps:
             if isinstance(call, Chain):
                 counts += found
         return counts
+
+
+def sparse_product(chunks: Chunks, matrix, values: np.ndarray, out: np.ndarray, add: bool = False, every: bool = False) -> list[BoundPass]:
+    """Return the pass that writes a sparse matrix times `values` to rows of `out`, or adds it to them; no pass for an empty matrix.
+
+    It changes the rows in which the matrix has entries, or all if `every`.
+    """
+    matrix = sparse.csr_array(matrix)
+    matrix.eliminate_zeros()
+    matrix.sort_indices()
+    pointers, width = matrix.indptr.astype(np.int64), values.shape[1]
+    rows = np.arange(matrix.shape[0]) if every else np.flatnonzero(np.diff(pointers))
+    entries = rows, np.append(pointers[rows], pointers[-1]), matrix.indices.astype(np.uint32), matrix.data
+    arrays = *entries, values, int(add), np.zeros((len(rows), width)), out
+    return [multiply_rows(width).bind(*arrays, chunks=chunks)] if len(rows) else []

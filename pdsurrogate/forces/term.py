@@ -357,16 +357,16 @@ class DomainWatch:
             warnings.warn(f"{what}: its {quantity} there is extrapolated", OutsideDomainWarning, stacklevel=3)
 
 
-def sum_on_pairs(target: np.ndarray, parts: Sequence, quantity: str) -> None:
-    """Write to `target` the sum of a quantity of the pairs (undirected bonds) over several materials.
+def sum_on_pairs(parts: Sequence, quantity: str, count: int) -> np.ndarray:
+    """Return the sum of a quantity of the `count` pairs (undirected bonds) of a body over several materials.
 
-    `target` has a row for every pair of the body. Each of `parts` holds the pairs of one material; its attribute named `quantity` is in
-    units of ``part.unit``.
+    Each of `parts` holds the pairs of one material; its attribute named `quantity` is in units of ``part.unit``.
     """
-    target[:] = 0.0
+    found = np.zeros((count, getattr(parts[0], quantity).shape[1]))
     for part in parts:
         pairs = part.points.pairs
-        target[pairs] += part.unit * getattr(part, quantity)[: len(pairs)]
+        found[pairs] += part.unit * getattr(part, quantity)[: len(pairs)].astype(float)
+    return found
 
 
 def whole_volume(body: Body) -> float:

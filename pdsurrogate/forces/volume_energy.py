@@ -5,7 +5,6 @@ body has degrees of freedom. The mean over the bonds of a point is one condition
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ..materials.response import volume_energy_block
 from .bond_shares import BondShares
 from .pair_passes import SelectivePairs
 from .smoothing import Smoothing
-from .steps import Steps
+from .steps import Steps, sparse_product
 from .term import Binding
 
 
@@ -42,6 +41,8 @@ class VolumeEnergy:
         Smoothing of values of the points, which turns means over the bonds into dilatations.
     dilatations : ndarray, shape (n,)
         Smoothed volume ratios J_i in the state last evaluated.
+    dilatation_steps : list
+        Steps that compute `dilatations` from the deformation gradients; the counts that they return are pairs turned inside out.
     steps : list
         Steps that compute the pressures of the points and the volumetric energies from the dilatations.
     """
@@ -59,7 +60,9 @@ class VolumeEnergy:
         find_means = selective_energy.means_over_bonds.bind(*shares_of_bonds, volumes, 1.0, means, chunks=chunks)
         smooth = self.smoothing.bind(means, self.dilatations, chunks)
         # Points in the halo have bonds, and therefore neighbors, that this rank does not have.
-        self._find = Steps(body.share, *(part.find_volumes for part in parts), find_means, means, smooth, self.dilatations)
+        seen = [step for part in parts for step in part.points.seen]
+        self.dilatation_steps = [*seen, *(part.find_volumes for part in parts), find_means, means, smooth, self.dilatations]
+        self._find = Steps(body.share, *self.dilatation_steps)
 
         # The transpose of the smoothing of U' acts on the bonds of the points, and V_i W_ij is symmetric. Slopes may be in units of each
         # material's own modulus, for none reach another. Ghosts' volumes lie beyond the body: they have no pressure, and no share.
@@ -75,11 +78,13 @@ class VolumeEnergy:
             arrays = own_ratios, counted[numbers], *law, part.volume_energies, own_slopes
             passes.append(selective_energy.volume_energies.bind(*arrays, chunks=chunks))
             if not binding.whole:
-                before.append(partial(np.take, self.dilatations, numbers, out=own_ratios, mode="clip"))
-                after.append(partial(slopes.put, numbers, own_slopes))
+                own = part.points.places[:n, places]
+                before += sparse_product(chunks, own.T, self.dilatations[:, None], own_ratios[:, None])
+                after += sparse_product(chunks, own, own_slopes[:, None], slopes[:, None])
                 # The pressures go to the points of each material; other materials and images have none.
-                shown.append(partial(np.take, pressures, numbers, out=own_slopes, mode="clip"))
-                shown.append(partial(part.pressures.put, places, own_slopes))
+                shown += sparse_product(
+                    chunks, (part.points.places - part.points.places_of_others)[:n].T, pressures[:, None], part.pressures[:, None]
+                )
         self.steps = [*before, *passes, *after, *spread, *shown]
 
     def _places(self) -> np.ndarray:
@@ -97,7 +102,7 @@ class VolumeEnergy:
 
     def find_dilatations(self) -> int:
         """Compute `dilatations` from the current deformation gradients; return the number of pairs turned inside out."""
-        return sum(self._find()[: len(self.parts)])
+        return sum(self._find())
 
     def renew(self, pairs: np.ndarray) -> None:
         """Update volume shares and smoothing after the weights of given pairs have changed, in a body of one material."""
@@ -125,7 +130,7 @@ class LinearizedDilatation:
     def __init__(self, volume: VolumeEnergy) -> None:
         kinematics, shares, (pairs,) = volume.binding.kinematics, volume.shares, volume.parts
         body, chunks, first, second = kinematics.body, kinematics.chunks, pairs.points.first, pairs.points.second
-        bonds, ghosts, gradient_ghosts = body.bonds, body.ghosts, kinematics.gradient_ghosts
+        bonds, ghosts = body.bonds, body.ghosts
         self._volume, self._pairs, self._body, self._chunks = volume, pairs, body, chunks
         d, n, total = body.dimension, len(body), len(body.all_points)
         length = dilatation.record_length(d)
@@ -137,15 +142,14 @@ class LinearizedDilatation:
 
         displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))
         records, self._changes = aligned_rows((total, length), np.float32), np.zeros(n, dtype=np.float32)
-        images = ghosts.source, ghosts.parity, np.zeros_like(ghosts.parity)
+        images, of_ghosts = (ghosts.source, ghosts.parity, np.zeros_like(ghosts.parity)), kinematics.gradient_ghosts.of_gradients
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, displacements, chunks=chunks)
-        of_gradients = gradient_ghosts.source, gradient_ghosts.gradient_parity, gradient_ghosts.gradient_reflection
         self._find_changes = Steps(
             body.share,
             self._place,
             kinematics.gradient_pass(displacements, gradients, 0.0),
             gradients[:n],
-            dilatation.displacement_records.bind(displacements, gradients, *of_gradients, records, chunks=chunks),
+            dilatation.displacement_records.bind(displacements, gradients, *of_ghosts, records, chunks=chunks),
             dilatation.volume_changes[d].bind(derivatives, records, bonds.pair_pointers, second, by_pair, chunks=chunks),
             selective_energy.means_over_bonds.bind(bonds.pointers, bonds.pair_of, shares.bond_shares, by_pair, 0.0, means, chunks=chunks),
             means,

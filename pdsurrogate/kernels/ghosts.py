@@ -9,7 +9,6 @@ for positions y, deformation gradients F and inverse shape tensors K, in every d
 image are products. Ghosts follow the points in arrays of n + m rows; matrices are stored by columns.
 """
 
-from ..engine.compile import kernel
 from ..engine.passes import Pass, share_of
 
 
@@ -25,44 +24,46 @@ def place_points(chunk, given, source, parity, shift, positions):
             positions[n + g, r] = shift[g, r] + parity[g, r] * given[source[g], r]
 
 
-@kernel
-def fold_vectors(values, source, parity):
+@Pass
+def fold_vectors(chunk, values, source, parity):
     """Add P v to the vector on the source of each ghost, v the vector on the ghost, P = diag(parity).
 
-    The vectors on the ghosts stay as they are.
+    The vectors on the ghosts stay as they are. The first chunk does all the work, since ghosts share sources.
     """
     m, dimension = parity.shape
     n = values.shape[0] - m
-    for g in range(m):
+    for g in range(m if chunk.number == 0 else 0):
         for r in range(dimension):
             values[source[g], r] += parity[g, r] * values[n + g, r]
 
 
-@kernel
-def fill_matrices(values, source, parity, reflection, rest):
-    """Write the matrices on ghosts, rest I + P (F - rest I) S, where F is the matrix on the source, P = diag(parity), S = diag(reflection).
+@Pass
+def fill_matrices(chunk, values, source, parity, reflection, rest, shift):
+    """Write the matrices on ghosts, rest I + P (F - rest I) S + shift, F the matrix on the source, P = diag(parity), S = diag(reflection).
 
     `rest` is 1 for a deformation gradient and 0 for a change of a deformation gradient.
     """
     m, dimension = parity.shape
     n = values.shape[0] - m
-    for g in range(m):
+    for g in share_of(m, chunk):
         for c in range(dimension):
             for r in range(dimension):
                 at = c * dimension + r
                 identity = rest if r == c else 0.0
-                values[n + g, at] = identity + parity[g, r] * (values[source[g], at] - identity) * reflection[g, c]
+                image = identity + parity[g, r] * (values[source[g], at] - identity) * reflection[g, c]
+                values[n + g, at] = image + shift[g, at]
 
 
-@kernel
-def fold_matrices(values, source, parity, reflection):
+@Pass
+def fold_matrices(chunk, values, source, parity, reflection):
     """Add P M S to the matrix on the source of each ghost, where M is the matrix on the ghost, and set M to zero.
 
-    P = diag(parity) and S = diag(reflection): this is the transpose of `fill_matrices`.
+    P = diag(parity) and S = diag(reflection): this is the transpose of `fill_matrices`. The first chunk does all the work, since
+    ghosts share sources.
     """
     m, dimension = parity.shape
     n = values.shape[0] - m
-    for g in range(m):
+    for g in range(m if chunk.number == 0 else 0):
         for c in range(dimension):
             for r in range(dimension):
                 at = c * dimension + r

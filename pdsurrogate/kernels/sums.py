@@ -1,9 +1,12 @@
-"""Passes that sum pair forces, and moments S (derivatives of the energy by deformation gradients), to forces on points.
+"""Passes that sum pair forces, and moments S (derivatives of the energy by deformation gradients), to forces on points; sparse products.
 
 The order of each sum does not depend on the number of threads.
 """
 
+from functools import cache
+
 from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import sum_weighted_rows
 from .algebra import ByDimension
 
 
@@ -32,14 +35,14 @@ def sum_pair_forces(algebra):
 
 @ByDimension
 def sum_moments(algebra):
-    """Build the pass that sums, for every point and ghost, the moments S (matrices) of the pairs it belongs to."""
+    """Build the pass that sums, for every point and ghost, the moments S (matrices) of the pairs it belongs to, times `unit`."""
 
     @Pass
-    def sum_moments(chunk, moments, own_pointers, incidence_pointers, incidence, out):
+    def sum_moments(chunk, moments, own_pointers, incidence_pointers, incidence, unit, out):
         for i in share_of(out.shape[0], chunk):
             own = own_pointers[i], own_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_matrices(moments, own, incidence, others, 1.0, i, out)
+            algebra.sum_matrices(moments, own, incidence, others, unit, i, out)
 
     return sum_moments
 
@@ -80,3 +83,22 @@ def add_node_forces(algebra):
         return without_force
 
     return add_node_forces
+
+
+@cache
+def multiply_rows(width: int) -> Pass:
+    """Return the pass that multiplies rows of a sparse matrix by an array with rows of `width` reals."""
+    add_up = sum_weighted_rows(width)
+
+    @Pass
+    def multiply_rows(chunk, rows, pointers, columns, weights, values, kept, products, out):
+        """Write ``out[i] = kept out[i] + (sum of weights * values[columns])`` for each i in `rows`; `products` is working memory.
+
+        `kept` is 1 or 0; with 0 values that are not finite are overwritten. `pointers` bound the entries of each of `rows`.
+        """
+        for r in share_of(rows.shape[0], chunk):
+            add_up(weights, columns, (pointers[r], pointers[r + 1]), values, r, products)
+            for c in range(width):
+                out[rows[r], c] = products[r, c] + (out[rows[r], c] if kept == 1 else 0.0)
+
+    return multiply_rows

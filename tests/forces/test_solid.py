@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from bodies import sheet
+from bodies import fill_gradients, sheet
 
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
@@ -285,7 +285,7 @@ def test_beyond_a_clamp_a_gradient_is_the_planes_along_it_and_its_sources_across
     body = box(planes=planes)
     ghosts, n = body.ghosts.held_by_clamps(share), len(body)
     gradients = np.tile(F.T.ravel(), (n + len(ghosts), 1))
-    ghosts.fill_gradients(gradients)
+    fill_gradients(ghosts, gradients)
     images = gradients[n:].reshape(-1, 3, 3).transpose(0, 2, 1)
     assert len(np.unique(ghosts.image)) == 7  # three planes, three edges, a corner
     mirror, rest = np.diag([1.0, -1.0, 1.0]), np.eye(3)
@@ -302,7 +302,7 @@ def test_beyond_a_clamp_that_turns_a_gradient_turns_with_it():
     quarter = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     ghosts = body.ghosts.held_by_clamps(0.0)
     gradients = np.tile((quarter @ F).T.ravel(), (len(body) + len(ghosts), 1))
-    ghosts.fill_gradients(gradients)
+    fill_gradients(ghosts, gradients)
     found = (gradients[len(body) :] + ghosts.gradient_shifts((quarter - np.eye(3))[None])).reshape(-1, 3, 3).transpose(0, 2, 1)
     expected = np.column_stack([quarter @ F[:, 0], quarter[:, 1:]])
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-15)

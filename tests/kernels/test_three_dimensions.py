@@ -5,11 +5,13 @@ import sys
 
 import numpy as np
 import pytest
+from bodies import fill_gradients
 
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.engine.block_arrays import BLOCK, SCRATCH_ROWS
 from pdsurrogate.engine.threads import Chunks
 from pdsurrogate.kernels import damage, node_state, nosb, reference_state, steps, sums
+from pdsurrogate.kernels.ghosts import fold_matrices, fold_vectors, place_points
 from pdsurrogate.materials import NeoHookean, Ogden, solid
 
 COUNT, SPACING, CHUNKS = 7, 1 / 7, Chunks(threads=2, number=5)
@@ -191,7 +193,7 @@ def test_images_are_what_is_there_in_the_mirrored_body(planes):
     y = passes.placed(body.points + displacement)
     close(y, (points + moved)[at])
     F = passes.gradients(y)
-    body.ghosts.fill_gradients(F)
+    fill_gradients(body.ghosts, F)
     whole = twin.gradients(points + moved)
     close(matrices(F), whole[at])
     P = solid.first_piola_stress(law, whole)
@@ -208,7 +210,7 @@ def test_images_follow_planes_that_move():
     y = passes.placed(body.points * stretch + shift, np.diag(shift))
     close(y, body.all_points * stretch + shift)
     F = passes.gradients(y)
-    body.ghosts.fill_gradients(F)
+    fill_gradients(body.ghosts, F)
     np.testing.assert_allclose(matrices(F), np.broadcast_to(np.diag(stretch), (len(F), 3, 3)), atol=1e-13)
 
 
@@ -221,13 +223,18 @@ def test_a_plane_of_a_sheet_is_refused():
 def test_filling_and_folding_are_transposes(planes, random):
     ghosts = cube(planes).ghosts
     total = len(cube()) + len(ghosts)
-    for width, fill, fold in ((3, ghosts.fill_displacements, ghosts.fold_forces), (9, ghosts.fill_changes, ghosts.fold_moments)):
+    n = total - len(ghosts)
+    of_vectors, at_rest = (ghosts.source, ghosts.parity), np.zeros_like(ghosts.parity)
+    for width in (3, 9):
         v, w = random.standard_normal((2, total, width))
-        v[-len(ghosts) :] = 0
+        v[n:] = 0
         filled, folded = v.copy(), w.copy()
-        fill(filled)
-        fold(folded)
-        n = total - len(ghosts)
+        if width == 3:
+            place_points.bind(v[:n], *of_vectors, at_rest, filled, chunks=CHUNKS)()
+            fold_vectors.bind(folded, *of_vectors, chunks=CHUNKS)()
+        else:
+            ghosts.fill_changes(filled)
+            fold_matrices.bind(folded, *ghosts.of_gradients, chunks=CHUNKS)()
         assert (filled * w).sum() == pytest.approx((v[:n] * folded[:n]).sum(), rel=1e-12)
 
 
@@ -261,7 +268,7 @@ def test_sums_of_pairs(dtype, random):
     np.add.at(expected, first, moments.astype(float))
     np.add.at(expected, second, moments.astype(float))
     out = np.zeros_like(expected)
-    sums.sum_moments[3].bind(moments, *_pair_lists(body), out, chunks=CHUNKS)()
+    sums.sum_moments[3].bind(moments, *_pair_lists(body), 1.0, out, chunks=CHUNKS)()
     close(out, expected)
 
 
@@ -287,8 +294,8 @@ def test_forces_of_a_bond_energy_are_its_derivative(random):
     forces, moments = random.standard_normal((len(bonds.first), 3)), random.standard_normal((len(bonds.first), 9))
     pairs, total = _pair_lists(body), len(body.all_points)
     S, node_parts, out = np.zeros((total, 9)), np.zeros((total, 3)), np.zeros((total, 3))
-    sums.sum_moments[3].bind(moments, *pairs, S, chunks=CHUNKS)()
-    ghosts.fold_moments(S)
+    sums.sum_moments[3].bind(moments, *pairs, 1.0, S, chunks=CHUNKS)()
+    fold_matrices(S, *ghosts.of_gradients)
     expected = matrices(S[:n]) @ Twin(body.all_points, body.all_volumes, body.horizon, body.weigh).Z[:n]
     sums.weigh_moments[3].bind(S, passes.inverse_shape, body.volumes, chunks=CHUNKS)()
     close(matrices(S[:n]), expected / body.volumes[:, None, None])
@@ -307,11 +314,11 @@ def test_forces_of_a_bond_energy_are_its_derivative(random):
     ):
         arrays = S, *lists, body.all_volumes, 1.0, first, node_parts, out
         assert sums.add_node_forces[3].bind(*arrays, chunks=CHUNKS)() == 0
-    ghosts.fold_forces(out)
+    fold_vectors(out, ghosts.source, ghosts.parity)
     for _ in range(5):
         u = np.zeros((total, 3))
         u[:n] = random.standard_normal((n, 3))
-        ghosts.fill_displacements(u)
+        u[n:] = ghosts.parity * u[ghosts.source]
         dF = passes.gradients(u, 0.0)
         ghosts.fill_changes(dF)
         change = (forces * (u[bonds.second] - u[bonds.first])).sum() + (moments * (dF[bonds.first] + dF[bonds.second])).sum()
