@@ -3,7 +3,7 @@
 import logging
 from importlib import import_module
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # The package logs only if a program enables it: `logging.getLogger("pdsurrogate").setLevel("INFO")` with a handler, or `-v`.
 logging.getLogger(__name__).addHandler(logging.NullHandler())

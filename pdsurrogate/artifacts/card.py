@@ -79,7 +79,7 @@ class ArtifactError(ValueError):
 
 def _looked_at(part: type[StrictModel]) -> WrapValidator:
     """Return a pydantic validator that checks a table of a card against the pydantic model `part`, and returns the table itself."""
-    return WrapValidator(lambda value, _: part.model_validate(value) and value)
+    return WrapValidator(lambda value, _: part.model_validate(value) and value)  # type: ignore[truthy-bool]  # raises or is true
 
 
 class ErrorEntries(StrictModel):

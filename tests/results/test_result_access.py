@@ -187,7 +187,7 @@ def test_a_result_is_read_back(stretched, loaded, tmp_path):
         assert isinstance(found.figure(), Figure)
         assert isinstance(found.loading_figure(), Figure)
         assert found._repr_html_()
-        header = next(csv.reader((folder / "history.csv").open()))
+        header = next(csv.reader((folder / "history.csv").read_text().splitlines()))
         assert "strain_energy [kPa cm^3]" in header
         assert "displacement_right_1 [cm]" in header
 

@@ -161,7 +161,7 @@ def test_one_failed_run_does_not_end_the_others(tmp_path):
     assert "larger than the body" in failures[2]
     assert "larger than the body" in failures[3]
     assert [row.get("converged") for row in done.rows] == [False, True, None, None]
-    rows = list(csv.DictReader((tmp_path / "study.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "study.csv").read_text().splitlines()))
     assert [row["failure"] for row in rows] == [failure or "" for failure in failures]
     assert rows[1]["converged"] == "true"
     assert rows[3]["converged"] == ""
@@ -340,7 +340,7 @@ def test_ctrl_c_keeps_what_was_reached(tmp_path):
     assert "the same call does them" in told
     assert "Traceback" not in told
     reached = outcomes_in(folder)
-    table = list(csv.DictReader((folder / "study.csv").open()))
+    table = list(csv.DictReader((folder / "study.csv").read_text().splitlines()))
     assert len(table) == 24
     assert sum(row["failure"] == "" for row in table) == len(reached) < 24
     assert {row["failure"] for row in table} == {"", "not done yet"}
@@ -356,7 +356,8 @@ def test_the_table_is_the_same_by_joblib_and_by_dask(tmp_path):
 
     def without_seconds(folder):
         return [
-            {key: value for key, value in row.items() if key != "seconds_total"} for row in csv.DictReader((folder / "study.csv").open())
+            {key: value for key, value in row.items() if key != "seconds_total"}
+            for row in csv.DictReader((folder / "study.csv").read_text().splitlines())
         ]
 
     assert without_seconds(by_dask.folder) == without_seconds(by_joblib.folder)
