@@ -37,7 +37,7 @@ OWN_WARNINGS = (
 
 
 def pytest_configure(config):
-    """Let the package's own RuntimeWarnings be no errors: they depend on the machine and the scene; pyproject.toml makes others errors."""
+    """Let the package's own RuntimeWarnings pass, which depend on the machine and the scene; others are errors, as pyproject.toml says."""
     for name in OWN_WARNINGS:
         config.addinivalue_line("filterwarnings", f"default::pdsurrogate.{name}")
 
