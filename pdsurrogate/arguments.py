@@ -1,7 +1,9 @@
-"""Checks of arguments of public functions before work starts; an error names the argument and the right value."""
+"""Checks of arguments of public functions before work starts; an error names the argument and the right value, or a similar one."""
 
+import difflib
 import math
 import os
+from collections.abc import Iterable
 from numbers import Integral, Real
 from typing import Any
 
@@ -90,3 +92,18 @@ def in_order(table, columns: tuple[str, ...] | None, title: str):
 def kind_of(value: Any) -> str:
     """Return the text that stands for a value in a message: its repr if it is a number, text or None, else the name of its class."""
     return repr(value) if value is None or isinstance(value, bool | int | float | str | bytes) else f"a {type(value).__name__}"
+
+
+CLOSE = 0.78
+"""Similarity of two words, from 0 to 1, above which one may be a misspelling of the other: elipse and ellipse are similar (0.92), cube and
+tube are not (0.75)."""
+
+
+def suggestion(word: str, known: Iterable[str], otherwise: str = "there are", unlisted: Iterable[str] = ()) -> str:
+    """Return the end of a message about an unknown word: "did you mean" a similar known word, else `otherwise` and all known words.
+
+    Words that are `unlisted` may be meant, too, but are not among those that the message lists.
+    """
+    known = list(known)
+    nearest = difflib.get_close_matches(word, [*known, *unlisted], 1, CLOSE)
+    return f"did you mean {nearest[0]}?" if nearest else f"{otherwise} {', '.join(known)}"

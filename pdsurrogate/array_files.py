@@ -23,13 +23,13 @@ def read_arrays(file: BinaryIO, names: Collection[str] | None = None) -> dict[st
         with np.load(file, allow_pickle=False) as archive:
             # Uncompressed: no array is larger than the file.
             if any(member.compress_type != zipfile.ZIP_STORED for member in archive.zip.infolist()):
-                raise DamagedFile("it is compressed")
+                raise DamagedFile("the file is compressed; only uncompressed .npz files are read")
             arrays = {key: archive[key] for key in archive.files if names is None or key in names}
     except DamagedFile:
         raise
     except Exception as error:  # any error of NumPy and zipfile about damaged files
-        raise DamagedFile(f"it is no file of plain arrays: {type(error).__name__}: {error}") from None
+        raise DamagedFile(f"the file is damaged, or not an .npz file of plain arrays: {type(error).__name__}: {error}") from None
     # NumPy returns members without the header of an array as bytes.
     if not all(isinstance(array, np.ndarray) for array in arrays.values()):
-        raise DamagedFile("it is no file of plain arrays: one of them has lost its header")
+        raise DamagedFile("the file is damaged: the header of an array is missing")
     return arrays

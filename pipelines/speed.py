@@ -82,7 +82,7 @@ def main() -> None:
         return
     with console.status("Comparing") as status:
         report = compare.compare(progress=lambda stage, done, of, text: status.update(f"{stage}: {text}"))
-    comparison = markdown_table(*compare.table(report))
+    comparison = "\n\n".join(f"{title}:\n\n{markdown_table(*compare.table(report, title))}" for title in compare.TABLES)
     console.print(comparison, soft_wrap=True)
     save(compare.pareto_figure(report), FIGURES / "speed.png")
     write_text(FIGURES / "speed.csv", tables.as_csv(report["models"]))

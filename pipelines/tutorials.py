@@ -22,6 +22,7 @@ from pdsurrogate.results.files import write_text
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 NOTEBOOKS = DOCS / "notebooks"
+TUTORIALS = sorted(page for page in (DOCS / "tutorial").glob("*.md") if page.stem != "index")
 
 BLOCK = re.compile(r"^```(python|sh|toml|csv|text)\n(.*?)^```\n", re.MULTILINE | re.DOTALL)
 
@@ -221,9 +222,9 @@ def notebook_of(page: Path) -> str:
 
 
 if __name__ == "__main__":
-    typed = [ROOT / "README.md", DOCS / "start/installation.md", DOCS / "start/first-steps.md", *sorted((DOCS / "tutorial").glob("*.md"))]
+    typed = [ROOT / "README.md", DOCS / "start/installation.md", DOCS / "start/first-steps.md", *TUTORIALS]
     for page in [Path(name).resolve() for name in sys.argv[1:]] or typed:
         print(page.relative_to(ROOT), flush=True)
         update(page)
-        if page.parent.name == "tutorial":
+        if page in TUTORIALS:
             write_text(NOTEBOOKS / f"{page.stem}.ipynb", notebook_of(page))

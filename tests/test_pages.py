@@ -14,13 +14,12 @@ from pathlib import Path
 
 import pytest
 from several_ranks import SLEEPING
-from tutorials import NOTEBOOKS, SETS_UP, blocks_of, command_of, notebook_of, outputs_of, pictures_of, same_output, type_in
+from tutorials import NOTEBOOKS, SETS_UP, TUTORIALS, blocks_of, command_of, notebook_of, outputs_of, pictures_of, same_output, type_in
 
 import pdsurrogate as pds
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-TUTORIALS = sorted((DOCS / "tutorial").glob("*.md"))
 
 TOO_LONG = {
     "start/choose.md": "12 runs, and cracks",

@@ -43,4 +43,4 @@ def test_where_artifacts_go_in_a_checkout_is_said():
     assert "print(path)" in readme
     assert "own-artifacts" in pds.store.__doc__
     help_text = CliRunner().invoke(app, ["fit", "--help"], env={"COLUMNS": "200"}).output
-    assert "own-artifacts in a checkout" in " ".join(help_text.split())
+    assert "in a checkout own-artifacts" in " ".join(help_text.split())

@@ -85,6 +85,6 @@ def test_a_pipeline_is_compared_with_a_law_as_its_artifact_is(fitted, here, chai
     assert [what for what, _ in said] == [verdict] * 2, said
     for (_, message), end in zip(said, ("which the scene asks for", "is stored as"), strict=True):
         if verdict == "noted":
-            assert f"% RMS from gent, chain_limit = {chain_limit:g}, the law that it was compared with and {end}" in message
+            assert f"% relative to gent, chain_limit = {chain_limit:g}, the law that it was compared with and {end}" in message
         if verdict == "refused":
-            assert "more than 10 %, and is not " in message
+            assert "more than 10 %; it is not " in message

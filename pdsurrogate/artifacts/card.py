@@ -430,22 +430,22 @@ def read_card(path: Path) -> Card:
     with path.open("rb") as file:
         data = file.read(MOST_CARD + 1)
     if len(data) > MOST_CARD:
-        raise ArtifactError(f"{where}: the card has {len(data)} bytes, which is not a card")
+        raise ArtifactError(f"{where}: the file has more than {MOST_CARD} bytes, so it is not a card")
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise ArtifactError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
+        raise ArtifactError(f"{where}: the card is damaged (not valid JSON): {error}; restore the file that was written") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise ArtifactError(f"{where}: format: this is not the card of a pdsurrogate artifact")
     schema = content.get("schema_version")
     if type(schema) is not int or not OLDEST_SCHEMA <= schema <= SCHEMA_VERSION:
         readable = f"this pdsurrogate reads {OLDEST_SCHEMA} to {SCHEMA_VERSION}"
-        remedy = "upgrade pdsurrogate for a later one; fit an artifact of an earlier one again"
+        remedy = "upgrade pdsurrogate to read a newer card; fit an artifact with an older card again"
         raise ArtifactError(f"{where}: schema_version: {readable}, not {kind_of(schema)}: {remedy}")
     try:
         return checked_card(content)
     except (ArtifactError, RecursionError) as error:
-        raise ArtifactError(f"{where}: the card is damaged: {error}; put back what was written, or store the artifact again") from None
+        raise ArtifactError(f"{where}: the card is damaged: {error}; restore the file, or store the artifact again") from None
 
 
 def checked_card(content: Mapping[str, Any]) -> Card:
@@ -456,7 +456,7 @@ def checked_card(content: Mapping[str, Any]) -> Card:
     except SceneError as error:
         raise ArtifactError(str(error)) from None
     if card.schema_version > OLDEST_SCHEMA and card.digest is None:
-        raise ArtifactError("digest: is missing")
+        raise ArtifactError("digest: this entry is missing")
     return card
 
 
@@ -469,7 +469,7 @@ def new_card(entries: Mapping[str, Any]) -> Card:
     card = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **entries, "digest": "0" * 64})
     identified, right = card.training.get("identification"), card.material.trained_with
     if identified and json.dumps(identified["law"], sort_keys=True) != json.dumps(right, sort_keys=True):
-        raise ArtifactError(f"training.identification.law: must be the law that was learned, {right}, not {identified['law']}")
+        raise ArtifactError(f"training.identification.law: must be the law in material.trained_with, {right}, not {identified['law']}")
     return card.model_copy(update={"digest": card.found_digest()})
 
 

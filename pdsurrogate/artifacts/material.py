@@ -54,12 +54,12 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     card = load_card(reference)
     rms = card.errors["box"]["on_surface"]["rms"]
     if rms > NOTED:
-        off = f"{model.name} is off by {100 * rms:.2g} % RMS from {card.material.law}, the law that it was stored as"
-        warnings.warn(f"{off}: what it gives is off as well; force=analytic is exact", stacklevel=3)
+        off = f"according to its card, {model.name} has an RMS error of {100 * rms:.2g} % relative to {card.material.law}"
+        warnings.warn(f"{off}; results are not more accurate than that; force=analytic is exact", stacklevel=3)
     is_example = scene.name in scene_names() and scene.material == load_scene(scene.name).material
     try:
         if own is None:
-            raise ValueError("none is given")
+            raise ValueError("the scene states no material")
         model.check_material(own)
         described = own
     except ValueError as error:
@@ -70,7 +70,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
             raise SceneError(f"scene {scene.name}: {error}") from None
         if own is not None and not is_example:
             flag = f"--set 'material={in_words(described)}'"
-            raise SceneError(f"scene {scene.name}: material: {error}; {flag} takes the material of {model.name}") from None
+            raise SceneError(f"scene {scene.name}: material: {error}; to use the material of {model.name}, add {flag}") from None
     if described is own and is_example and not scene.materials and _has_moduli(card):
         described = material_on(card, scene)
     if described != own:

@@ -15,7 +15,7 @@ from typing import Any
 import joblib
 import numpy as np
 
-from ..arguments import check_path
+from ..arguments import check_path, suggestion
 from ..array_files import DamagedFile, read_arrays
 from ..forces import FORCES, Domain, ForceModel, LearnedBondForce, LearnedEnergy, Member
 from ..materials import LAWS, Law
@@ -84,7 +84,7 @@ def search_path() -> list[Path]:
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     if chosen and not Path(chosen).is_dir():
-        raise ArtifactError(f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artifacts, or not at all")
+        raise ArtifactError(f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artifacts, or unset it")
     return [folder for folder in (*([Path(chosen)] if chosen else []), Path(OWN_IN_CHECKOUT), Path(OWN), *SHIPPED) if folder.is_dir()]
 
 
@@ -96,7 +96,7 @@ def list_artifacts() -> list[Path]:
 
 
 @_reading()
-def find_artifact(reference: str | Path) -> Path:
+def find_artifact(reference: str | Path, models: Sequence[str] = tuple(FORCES)) -> Path:
     """Return the folder of an artifact.
 
     Parameters
@@ -106,11 +106,13 @@ def find_artifact(reference: str | Path) -> Path:
         of its versions.  Text is a path if it has a separator or begins with a dot, or if it names a folder that holds an artifact; a
         folder of that name without one, such as a folder of results, is ignored.  A suffix ``#3`` or ``#all`` for the members
         of the committee is ignored as well.
+    models : sequence of str
+        Force models without an artifact that the message about an unknown name suggests, too.
 
     Raises
     ------
     ArtifactError
-        If there is no such artifact (the message lists the known ones), or the text is both the name of one and the folder of another.
+        If there is no such artifact (the message suggests known ones), or the text is both the name of one and the folder of another.
     """
     check_path(reference, "an artifact's reference")
     reference, _ = parted(reference)
@@ -118,16 +120,26 @@ def find_artifact(reference: str | Path) -> Path:
     if isinstance(reference, Path) or text.startswith(".") or os.sep in text or (os.altsep or os.sep) in text:
         folder = _in_folder(Path(reference))
         if folder is None:
-            raise ArtifactError(f"{text}: no artifact there: the folder of one holds {CARD}")
+            raise ArtifactError(f"{text}: this is not the folder of an artifact, which would contain {CARD}")
         return folder
     here, named = _in_folder(Path(text)), _by_name(text)
     if here and named and here.resolve() != named.resolve():
-        raise ArtifactError(f"{text!r} is the artifact {named} by its name, and the folder {here} holds another: give the path of either")
+        raise ArtifactError(f"{text!r} is the name of the artifact in {named}, but the folder {here} contains another one; give the path")
     if (found := here or named) is None:
-        known = ", ".join(f"{folder.parent.name}@{folder.name}" for folder in list_artifacts()) or "none"
-        of_committee = "; behind # stands the number of a member of a committee, from 1 on, or all" if "#" in text else ""
-        raise ArtifactError(f"unknown force {text!r}: force models are {', '.join(FORCES)}; artifacts are {known}{of_committee}")
+        unknown = f"unknown force {text!r}" if models else f"unknown artifact {text!r}"
+        raise ArtifactError(f"{unknown}; {_hint(text, models)}")
     return found
+
+
+def _hint(text: str, models: Sequence[str]) -> str:
+    """Return the end of a message about an unknown force: the versions of an artifact, or a suggestion among artifacts and `models`."""
+    name = text.partition("@")[0]
+    if versions := [folder.name for folder in _on_search_path(name)]:
+        return f"{name} has the version{'s' * (len(versions) > 1)} {', '.join(versions)}"
+    if "#" in text:
+        return "write NAME#3 for the third member of a committee, or NAME#all for the artifact with all its members"
+    names = dict.fromkeys(folder.parent.name for folder in list_artifacts())
+    return suggestion(name, [*models, *names])
 
 
 def parted(reference: str | Path) -> tuple[str | Path, str | None]:
@@ -136,7 +148,7 @@ def parted(reference: str | Path) -> tuple[str | Path, str | None]:
     if found is None or Path(reference).exists():
         return reference, None
     if found[1] in FORCES:
-        raise ArtifactError(f"{found[1]} has learned nothing and has no committee: leave out #{found[2]}")
+        raise ArtifactError(f"{found[1]} is an exact force model without a committee: leave out #{found[2]}")
     return type(reference)(found[1]), found[2]
 
 
@@ -226,7 +238,7 @@ def _meant(folder: Path, card: Card, which: str | None) -> Sequence[int]:
     members = range(1, len(card.members) + 1)
     chosen = [number for number in members if which in (ALL, str(number))]
     if which is not None and not chosen:
-        made = "no committee; pdsurrogate fit --committee, or the members of pds.store, make one"
+        made = "no committee (create one with pdsurrogate fit --committee, or the argument members of pds.store)"
         found = f"members #1 to #{len(members)}" if members else made
         raise ArtifactError(f"{called(folder, card)} has no member #{which}: it has {found}")
     return chosen
@@ -237,10 +249,8 @@ def _card_of(folder: Path) -> Card:
     with _reading():
         card = read_card(folder / CARD)
     if card.stated_digest() not in (None, card.found_digest()):
-        raise ArtifactError(
-            f"{folder / CARD}: digest: what the card says of {', '.join(DIGESTED)} or training.identification is not what was stored with "
-            "these weights: put back what was written, or store the artifact again"
-        )
+        changed = f"{', '.join(DIGESTED)} or training.identification have changed since the artifact was stored"
+        raise ArtifactError(f"{folder / CARD}: digest: {changed}: restore the card, or store the artifact again")
     return card
 
 
@@ -252,7 +262,7 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     Parameters
     ----------
     reference : str or path
-        Name of an exact force model (``analytic``, ``nosb``, ``ba-nosb`` or ``bond-energy``), or an artifact as for `find_artifact`.
+        Name of an exact force model (a key of `pdsurrogate.forces.FORCES`), or an artifact as for `find_artifact`.
         Append ``#3`` for the third member of its committee, or ``#all`` for the surrogate with its members: a run then records the greatest
         deviation of a member's force or stress from the surrogate's (field ``member_deviation``).
 
@@ -288,7 +298,7 @@ def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
     """Return the surrogate in the folder of an artifact, or the committee member `which`, after checking payloads and card."""
     card = _card_of(folder)
     if card.kind not in KINDS:
-        raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
+        raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; {suggestion(card.kind, KINDS)}")
     numbers = _meant(folder, card, which)
     members = _members(folder, card, numbers) if numbers else []
     if which in (None, ALL):
@@ -299,11 +309,7 @@ def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
     else:
         [model] = members
     if card.stated_digest() is None:
-        warnings.warn(
-            f"{called(folder, card)} was stored by an earlier pdsurrogate, whose cards have no digest: nothing tells whether its material, "
-            "domain and errors are those of its weights; store it again",
-            stacklevel=3,
-        )
+        warnings.warn(f"{called(folder, card)}: its card is older and has no digest to show changes; store it again", stacklevel=3)
     return model
 
 
@@ -331,7 +337,7 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Sur
     try:
         model = KINDS[card.kind].from_payload(name, payload, Domain(**dict(card.domain)), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
-        raise ArtifactError(f"{name}: {file} holds no {card.kind}, the kind of its card: {error}") from None
+        raise ArtifactError(f"{name}: {file} does not contain a {card.kind}, as the card states: {error}") from None
     if card.material.law in LAWS:
         errors, law = card.errors["box"]["on_surface"], law_of(card)
         stated = {"rms": float(errors["rms"]), "max": float(errors["max"]), "bulk_ratio": law.bulk_modulus / law.shear_modulus}
@@ -339,7 +345,7 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> Sur
         try:
             model.check_material(law)
         except ValueError as error:
-            raise ArtifactError(f"{folder / CARD}: material: {file} is not of the material that the card states: {error}") from None
+            raise ArtifactError(f"{folder / CARD}: material: {file} does not match the material that the card states: {error}") from None
     return model
 
 
@@ -442,7 +448,7 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     True
     """
     if trust is not True:
-        raise ArtifactError("loading a pipeline runs code from its file; say trust=True if you trust whoever made the artifact")
+        raise ArtifactError("loading a pipeline executes code from its file; pass trust=True if you trust the author of the artifact")
     folder = find_artifact(reference)
     return joblib.load(io.BytesIO(_checked_payload(folder, load_card(folder), PIPELINE)))
 
@@ -456,11 +462,11 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
         If it exists already (versions are immutable), or the name or version is not allowed, such as the name of a force model.
     """
     if not str(folder):
-        raise ArtifactError("a folder of artifacts is needed, and its name is empty; None is that in which they are found by name")
+        raise ArtifactError("folder: the name is empty; give a folder, or None for the one in which artifacts are found by name")
     _check_name(name, version)
     target = Path(folder) / name / version
     if target.exists():
-        raise ArtifactError(f"{name}@{version} exists already in {folder}; versions never change, choose another")
+        raise ArtifactError(f"{name}@{version} already exists in {folder}, and versions never change; choose another version")
     return target
 
 
@@ -470,7 +476,7 @@ def _check_name(name: str, version: str = "1") -> None:
         if not isinstance(value, str) or not re.fullmatch(pattern, value):
             raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
     if name in FORCES:
-        raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artifact")
+        raise ArtifactError(f"name {name!r} is not allowed: it is the name of an exact force model; choose another name")
 
 
 def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline=None, members: Sequence[Surrogate] = ()) -> Path:
@@ -519,7 +525,7 @@ def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline
         try:
             full = new_card({**card, "payloads": payloads})
         except ArtifactError as error:
-            raise ArtifactError(f"{title}: it cannot be stored with this card: {error}") from None
+            raise ArtifactError(f"{title}: the artifact cannot be stored with this card: {error}") from None
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
         _surrogate_in(temporary, ALL if members else None)
         target.parent.mkdir(exist_ok=True)
@@ -528,7 +534,7 @@ def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline
         except OSError:
             if not target.exists():
                 raise
-            raise ArtifactError(f"{title} exists already in {folder}; versions never change") from None
+            raise ArtifactError(f"{title} already exists in {folder}, and versions never change; choose another version") from None
     return target
 
 
@@ -541,14 +547,14 @@ def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) 
     """Return the bytes of a payload file; raise ArtifactError for more than `most` bytes, or if size or SHA-256 contradict the card."""
     where = f"{called(folder, card)}: {name}"
     if name not in card.payloads:
-        raise ArtifactError(f"{where}: the artifact has none")
+        raise ArtifactError(f"{where}: the artifact has no such file")
     stated = card.payloads[name]
     if stated.bytes > most:
-        raise ArtifactError(f"{where}: the card states {stated.bytes} bytes; at most {most} are read")
+        raise ArtifactError(f"{where}: the card states {stated.bytes} bytes, but files of more than {most} bytes are not read")
     with _reading():
         path = folder / name
         # The size first, so that no file larger than stated is read into memory.
         data = path.read_bytes() if path.stat().st_size == stated.bytes else b""
     if len(data) != stated.bytes or hashlib.sha256(data).hexdigest() != stated.sha256:
-        raise ArtifactError(f"{where}: the file is not the one that the card describes (its size or SHA-256 differs): damaged or exchanged")
+        raise ArtifactError(f"{where}: the file is damaged or was replaced: its size or SHA-256 differs from the card")
     return data

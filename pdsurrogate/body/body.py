@@ -391,7 +391,7 @@ class Cells:
             raise ValueError(f"the spacing must be positive and finite, not {spacing}")
         number = math.prod(float(high - low) / spacing for low, high in zip(lower, upper, strict=True))
         if not number <= MOST_POINTS:
-            raise ValueError(f"spacing {spacing:g} makes {number:.3g} points; the limit is {MOST_POINTS:.3g}; take a larger spacing")
+            raise ValueError(f"spacing {spacing:g} makes {number:.3g} points, more than the limit {MOST_POINTS:.3g}; use a larger spacing")
         counts, sides = [], []
         for low, high, axis in zip(lower, upper, (f"x{number + 1}" for number in range(len(lower))), strict=True):
             length = float(high - low)
@@ -401,10 +401,7 @@ class Cells:
                 if cells < 1:
                     raise ValueError(f"spacing {spacing:g} is larger than the body, {length:g} along {axis}")
                 fewer, more = length / math.ceil(cells), length / math.floor(cells)
-                raise ValueError(
-                    f"spacing {spacing:g} does not divide the body's {length:g} along {axis}, and no cells within "
-                    f"{MOST_MISFIT:.0%} of it do; {fewer:.6g} or {more:.6g} would"
-                )
+                raise ValueError(f"spacing {spacing:g} does not divide the length {length:g} along {axis}; use {fewer:.6g} or {more:.6g}")
             counts.append(count)
             sides.append(spacing if abs(cells - count) <= 1e-9 * count else length / count)
         return cls(tuple(lower), tuple(counts), tuple(sides))
@@ -500,10 +497,7 @@ class Bonds:
         reach = body.horizon / body.spacing
         estimate = n / 2 * min(len(points), np.pi * reach**2 if body.dimension == 2 else 4 / 3 * np.pi * reach**3)
         if estimate > MOST_BONDS:
-            raise ValueError(
-                f"a horizon of {body.horizon / body.spacing:.3g} spacings makes {estimate:.1g} bonds; the limit is {MOST_BONDS:.1g}; "
-                "take a smaller horizon"
-            )
+            raise ValueError(f"a horizon of {reach:.3g} spacings makes {estimate:.1g} bonds, more than {MOST_BONDS:.1g}; reduce it")
         # The tolerance includes points at exactly the horizon, whose computed distance may exceed it by rounding.
         tree = cKDTree(points)
         _check_apart(tree, COINCIDING * body.horizon)
@@ -522,7 +516,7 @@ class Bonds:
             cut = np.stack([first[separated], second[separated]], axis=1)
             first, second = first[~separated], second[~separated]
         if len(first) == 0:
-            raise ValueError(f"the horizon {body.horizon:g} reaches no neighbor; the spacing is {body.spacing:g}")
+            raise ValueError(f"the horizon {body.horizon:g} is too small: it contains no neighbor at the spacing {body.spacing:g}")
         numbers = np.arange(len(first), dtype=np.uint32)
 
         within = np.flatnonzero(second < n).astype(np.uint32)
@@ -569,7 +563,4 @@ def _check_distance_of_planes(body: Body) -> None:
             nearest = 2 * distance - np.ptp(body.points[:, plane.axis])
             if plane.axis == other.axis and nearest <= body.horizon * WITH_ROUNDING:
                 enough = f"a spacing of {distance * body.spacing / body.horizon:.3g} or less" if body.mesh_cells is None else body.finer
-                raise ValueError(
-                    f"the body is {distance:g} long between its reflected grips, too short for a horizon of {body.horizon:g}, "
-                    f"which reaches images of images; take {enough}, or hold points (support=points)"
-                )
+                raise ValueError(f"the body is too short for reflection: its horizon is {body.horizon:g}; use {enough}, or support=points")

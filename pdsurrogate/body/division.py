@@ -37,7 +37,7 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     """
     n = len(body)
     if n < 4 * ranks.size:
-        raise ValueError(f"{n} points are too few for {ranks.size} ranks; take fewer")
+        raise ValueError(f"{n} points are too few for {ranks.size} ranks; use fewer ranks")
     part = slice(n * ranks.rank // ranks.size, n * (ranks.rank + 1) // ranks.size)
     weights = np.concatenate(ranks.everywhere(bond_counts(body.points, body.horizon * WITH_ROUNDING, part)))
     owners = bisected(body.points, weights, ranks.size)

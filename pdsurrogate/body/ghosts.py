@@ -103,10 +103,10 @@ class Ghosts:
         axes = np.array([*(plane.axis for plane in planes), -1])  # of the plane of each image; -1 for the points
         for added, plane in enumerate(planes):
             if len(plane.parity) != dimension:
-                raise ValueError(f"the parity of a plane must be given for {dimension} components, not {plane.parity}")
+                raise ValueError(f"the parity of a plane must have {dimension} components, not {plane.parity}")
             inward = -plane.side * (places[:, plane.axis] - plane.position)
             if inward[:n].min() < 0:
-                raise ValueError(f"points lie beyond the plane x{plane.axis + 1} = {plane.position:g} in which they would be reflected")
+                raise ValueError(f"points lie beyond the reflection plane x{plane.axis + 1} = {plane.position:g}")
             # Images of images in two parallel planes are farther away than a horizon, as the body is at least that long.
             near = np.flatnonzero((inward <= horizon * WITH_ROUNDING) & (axes[number] != plane.axis))
             images, own = places[near].copy(), np.asarray(plane.parity, float)

@@ -154,8 +154,8 @@ def _polynomials(
     linear = _Surroundings(body, places[rest], mirrors=mirrors).of(portion_of, None if own is None else own[rest]).fit(1)
     lost = empty_rows(linear[0])
     if lost.any():
-        few = f"the points near it, no hole or cut between, are fewer than {too_few(body)}"
-        raise ValueError(f"{text_of(places[rest[lost.argmax()]])}: the deformation there is undefined, since {few}; take {body.finer}")
+        few = f"the points nearby, on this side of holes and cuts, are {too_few(body)}"
+        raise ValueError(f"{text_of(places[rest[lost.argmax()]])}: the deformation is undefined here: {few}; use {body.finer}")
     return [_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True)]
 
 
@@ -244,7 +244,7 @@ def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = 
 
 def too_few(body: Body) -> str:
     """Return words for error messages: how few points, or in what arrangement, do not define a deformation gradient."""
-    return "three or in one row" if body.dimension == 2 else "four or in one layer"
+    return "fewer than three, or in one row" if body.dimension == 2 else "fewer than four, or in one layer"
 
 
 def empty_rows(rows: sparse.csr_array) -> np.ndarray:

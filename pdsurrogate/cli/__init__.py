@@ -13,23 +13,23 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from .. import __version__
-from .terminal import FAILED, complain, end_soon_after_interrupts, error_as_json, out, settings
+from .terminal import FAILED, HELP_OPTIONS, INTERRUPTED, WARNING, complain, end_soon_after_interrupts, ended, error_as_json, out, settings
 
 COMMANDS = {
-    "compare": ("measure", "Measure every force model: speed against error, on one thread and on all."),
+    "compare": ("measure", "Measure speed and error of force models, next to NOSB and BA-NOSB, on one thread and on all."),
     "materials": ("lists", "List the material laws with their parameters."),
-    "identify": ("fit", "Find a law's parameters from test data."),
-    "run": ("run", "Run a scene and compare it with its reference."),
+    "identify": ("fit", "Identify the parameters of material laws from test data."),
+    "run": ("run", "Run a scene, and compare the result with the reference of the scene if it has one."),
     "scenes": ("lists", "List the built-in scenes, or show (and plot) one of them."),
-    "new": ("lists", "Write a commented scene to start from."),
-    "show": ("show", "Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."),
-    "stress-test": ("measure", "Run hard cases with every force model: for each the limit, the value, and a pass or a named weakness."),
+    "new": ("lists", "Create a commented scene file to start from."),
+    "show": ("show", "Plot a field of saved results, or write one HTML page with fields, curves and tables."),
+    "stress-test": ("measure", "Run difficult cases with each force model; print value and limit of each, and pass or weakness."),
     "study": ("study", "Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused."),
-    "fit": ("fit", "Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artifact."),
-    "evaluate": ("fit", "Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."),
-    "artifacts": ("lists", "List the artifacts that are found by name, or show one's card."),
+    "fit": ("fit", "Fit a surrogate to the bond force or the isochoric energy of a law, and store it as an artifact."),
+    "evaluate": ("fit", "Measure the errors of a bond force or an energy by strain, and its state at rest and stiffness."),
+    "artifacts": ("lists", "List the exact force models and the artifacts, or print the card of an artifact."),
 }
-"""Commands in the order of the help: the file of each, which has a function of that name with ``_`` for ``-``, and its line of help."""
+"""Commands in the order of the help: the module of each, which has a function of that name with ``_`` for ``-``, and its help."""
 
 
 class Commands(TyperGroup):
@@ -43,8 +43,9 @@ class Commands(TyperGroup):
         """Return the name of the called command, the command itself, loaded from its module, and the arguments that follow."""
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None:
-            function = getattr(import_module(f".{COMMANDS[name][0]}", __package__), name.replace("-", "_"))
-            command = import_module(".command", __package__).command(function)
+            module, text = COMMANDS[name]
+            function = getattr(import_module(f".{module}", __package__), name.replace("-", "_"))
+            command = import_module(".command", __package__).command(function, text)
         return name, command, rest
 
     def invoke(self, ctx):
@@ -52,6 +53,8 @@ class Commands(TyperGroup):
         settings.as_json, settings.printed = "--json" in (*getattr(ctx, "_protected_args", ()), *ctx.args), False
         try:
             return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise ended(INTERRUPTED, "interrupted", WARNING) from None
         except Exception as error:
             if hasattr(error, "format_message"):
                 error_as_json(error.exit_code, error.format_message())
@@ -60,7 +63,7 @@ class Commands(TyperGroup):
             out.quiet = False  # `--json` had set it
 
 
-app = typer.Typer(name="pdsurrogate", cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
+app = typer.Typer(name="pdsurrogate", cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False, context_settings=HELP_OPTIONS)
 
 
 def _version(asked: bool) -> None:
@@ -71,7 +74,7 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _before(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")] = False,
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
 ) -> None:
     """Learned bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
 

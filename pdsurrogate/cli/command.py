@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from typer import Option
 
 from ..forces import CompilerSwitchedOff, OutsideDomainWarning
@@ -18,21 +19,28 @@ from ..materials import LAWS, Law
 from ..ranks import NotUnderMPI
 from ..results.files import check_writable
 from ..results.folder import check_report
+from ..run.interruption import heard
 from ..scenes import MaterialSpec
 from ..scenes.reading import parse_change
-from .terminal import WARNING, bad_input, complain, err, out, settings
+from .completion import forces, laws
+from .terminal import HELP_OPTIONS, WARNING, bad_input, complain, on_standard_error, out, settings
 
-Overwrite = Annotated[bool, Option("--overwrite", help="Overwrite results in DIR of another run, or of this one if interrupted.")]
+Overwrite = Annotated[bool, Option("--overwrite", help="Overwrite existing results in DIR, even if they come from a different run.")]
 MaxTime = Annotated[float | None, Option(metavar="SECONDS", help="Stop a run after this time and write a checkpoint to resume from.")]
-SetScene = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a scene key; may be repeated.")]
-SetLaw = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")]
-ReportFolder = Annotated[Path | None, Option("--out", metavar="DIR", help="Write a report, and figures if it has any, here.")]
-Threads = Annotated[int | None, Option(help="Most threads of the kernels; by default all.")]
+SetScene = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a key of the scene; may be repeated.")]
+SetLaw = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a parameter of the law; may be repeated.")]
+ReportFolder = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the report (default: none is written).")]
+PictureFolder = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the pictures (default: the current one).")]
+Threads = Annotated[int | None, Option(help="Greatest number of threads (default: all cores).")]
+OneLaw = Annotated[str | None, Option(metavar="LAW", autocompletion=laws, help="Material law (default: neo-hookean).")]
+SCENE_HELP = "Name of a built-in scene, or path of a scene file (.toml)"
+REF_HELP = "Force model: NAME (pdsurrogate artifacts lists them), NAME@VERSION of an artifact, or its path"
+Forces = Annotated[list[str] | None, Option(metavar="REF", autocompletion=forces, help=f"{REF_HELP}; may be repeated (default: all).")]
 
 
-def command(function: Callable) -> typer.core.TyperCommand:
-    """Return the Typer command of a function, with the function's own options followed by the options of all commands, such as --json."""
-    own, shared = (_command(one) for one in (function, _begin))
+def command(function: Callable, text: str) -> typer.core.TyperCommand:
+    """Return the Typer command of a function, with help text; its own options are followed by those of all commands, such as --json."""
+    own, shared = (_command(one, text) for one in (function, _begin))
     body = own.callback
 
     def both(**given) -> None:
@@ -44,20 +52,23 @@ def command(function: Callable) -> typer.core.TyperCommand:
     return own
 
 
-def _command(function: Callable) -> typer.core.TyperCommand:
+def _command(function: Callable, text: str) -> typer.core.TyperCommand:
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.command(function.__name__.replace("_", "-"))(function)
+    alone.command(function.__name__.replace("_", "-"), help=text, context_settings=HELP_OPTIONS)(function)
     return typer.main.get_command(alone)
 
 
 def _begin(
     as_json: Annotated[bool, Option("--json", help="Print JSON instead of tables.")] = False,
-    verbose: Annotated[int, Option("-v", "--verbose", count=True, show_default=False, help="Print log messages; -vv for debug ones.")] = 0,
+    verbose: Annotated[int, Option("-v", "--verbose", count=True, show_default=False, help="Print log messages (-vv: all of them).")] = 0,
     quiet: Annotated[bool, Option("-q", "--quiet", help="Print only result tables, warnings and errors.")] = False,
-    imports: Annotated[list[Path] | None, Option("--import", metavar="FILE.py", help="Module that defines laws; may be repeated.")] = None,
+    imports: Annotated[
+        list[Path] | None, Option("--import", metavar="FILE.py", help="Python file that defines material laws; may be repeated.")
+    ] = None,
 ) -> None:
     settings.quiet, settings.as_json = quiet, as_json
-    out.quiet = as_json  # no tables and remarks; JSON is written past it
+    heard.clear()
+    out.quiet = as_json  # no tables; JSON is written to the stream directly
     logger = logging.getLogger("pdsurrogate")
     logger.setLevel({0: logging.NOTSET, 1: logging.INFO}.get(verbose, logging.DEBUG))
     logger.removeHandler(_log)
@@ -72,7 +83,7 @@ class _OnStandardError(logging.Handler):
     """Logging handler that prints log messages on standard error, above the progress bar."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        err.print(f"{record.name}: {record.getMessage()}", markup=False, highlight=False, soft_wrap=True)
+        on_standard_error(escape(f"{record.name}: {record.getMessage()}"))
 
 
 _log = _OnStandardError()
@@ -81,7 +92,7 @@ _log = _OnStandardError()
 def _import_laws(path: Path) -> None:
     """Import a Python file, and add the material laws that it defines to `LAWS`; raise ValueError for no law or a taken name."""
     if path.suffix != ".py" or not path.is_file():
-        raise ValueError(f"--import {path}: there is no such Python file")
+        raise ValueError(f"--import {path}: this Python file does not exist")
     folder = str(path.parent.resolve())
     sys.path.insert(0, folder)
     try:
@@ -92,14 +103,14 @@ def _import_laws(path: Path) -> None:
     finally:
         sys.path.remove(folder)
     if Path(getattr(module, "__file__", None) or "").resolve() != path.resolve():
-        raise ValueError(f"--import {path}: a module {path.stem} is loaded already; take another name for the file")
+        raise ValueError(f"--import {path}: a module named {path.stem} is already loaded; rename the file")
     classes = [found for found in vars(module).values() if inspect.isclass(found) and found.__module__ == module.__name__]
     laws = [found for found in classes if issubclass(found, Law) and not inspect.isabstract(found)]
     if not laws:
-        raise ValueError(f"--import {path}: it defines no law, a class that derives from InvariantLaw or PrincipalStretchLaw")
+        raise ValueError(f"--import {path}: the file defines no law, that is, no class derived from InvariantLaw or PrincipalStretchLaw")
     for law in laws:
         if LAWS.get(law.name, law) is not law:
-            raise ValueError(f"--import {path}: there is a law {law.name!r} already; give {law.__name__} another name")
+            raise ValueError(f"--import {path}: a law named {law.name!r} already exists; give {law.__name__} another name")
         LAWS[law.name] = law
 
 
@@ -124,7 +135,7 @@ def law_of(name: str, changes: list[str] | None = None) -> Law:
     """Return the material law of a given name, with parameters changed by texts KEY=VALUE."""
     given = dict(parse_change(item) for item in changes or [])
     if "law" in given:
-        raise ValueError(f"the law is given by its own option, not by --set law={given['law']}")
+        raise ValueError(f"--set law={given['law']}: --set changes parameters of the law; choose the law with --law {given['law']}")
     return MaterialSpec(law=name, **given).build()
 
 

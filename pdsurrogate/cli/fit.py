@@ -11,8 +11,9 @@ import numpy as np
 from typer import Argument, Option
 
 from .. import learning
-from ..artifacts.store import load_card, load_surrogate, new_artifact, next_version, own_folder
-from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
+from ..artifacts.store import find_artifact, load_card, load_surrogate, new_artifact, next_version, own_folder
+from ..artifacts.store import law_of as stored_law
+from ..forces import FORCES, EnergySurrogate, ForceSurrogate
 from ..forces.identity import digest_of
 from ..identification import figure, fitted_laws, load_test_data, reporting
 from ..identification.regressor import N_TERMS
@@ -23,8 +24,8 @@ from ..learning.settings import FitSettings
 from ..learning.target import REPORT_SEED, REPORTED_STATES
 from ..results import figures
 from ..results.files import write_json
-from ..scenes import MaterialSpec
-from .command import Overwrite, ReportFolder, SetLaw, check_folder, law_of
+from .command import OneLaw, Overwrite, ReportFolder, SetLaw, check_folder, law_of
+from .completion import artifacts, laws
 from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
 
 DIGITS = 16
@@ -34,41 +35,48 @@ LARGE_GROWTH = 1.05
 """Greatest volume ratio that an identified law may give in the tests without a warning: the volume of rubber grows by a percent or so.
 Chosen just above the 4 % to which the default bulk modulus leads at Treloar's greatest stretch (`BULK_RATIO`)."""
 
-FOLDER_HELP = "Folder of artifacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS."
+FOLDER_HELP = "Folder of artifacts (default: $PDSURROGATE_ARTIFACTS, or the folder artifacts; in a checkout own-artifacts)."
 
-DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
+STIFFNESS = {
+    "least_slope": "least slope of the force over the bond stretch",
+    "least_acoustic": "least acoustic stiffness",
+    "least_curvature": "least curvature of the energy over the log-stretches",
+}
+"""Titles of the stiffnesses in a report of `learning.evaluate`, which has them for the model and, as ``KEY_exact``, for the law."""
 
-BulkModulus = Annotated[float | None, Option(help="Bulk modulus of the law, in the unit of the stresses: such tests do not determine it.")]
-BulkRatio = Annotated[float | None, Option(help="Bulk modulus over shear modulus instead; 1000 by default.")]
-Terms = Annotated[int | None, Option(help=f"Terms of Ogden's law; {N_TERMS} by default.", min=1, max=4)]
+DATA_HELP = "Test data: treloar, kawabata, or a CSV file with the columns mode, stretch and nominal_stress."
+
+BulkModulus = Annotated[float | None, Option(help="Bulk modulus in the unit of the stresses; the tests do not determine it.")]
+BulkRatio = Annotated[float | None, Option(help="Ratio of bulk modulus to shear modulus, instead of --bulk-modulus (default: 1000).")]
+Terms = Annotated[int | None, Option(help=f"Number of terms of Ogden's law (default: {N_TERMS}).", min=1, max=4)]
 
 
 def identify(
     data: Annotated[Path, Argument(metavar="DATA", help=DATA_HELP)],
     *,
-    law: Annotated[list[str] | None, Option(help="Law; may be repeated; all laws by default.")] = None,
+    law: Annotated[list[str] | None, Option(metavar="LAW", autocompletion=fitted_laws, help="Law; may be repeated (default: all).")] = None,
     terms: Terms = None,
-    stretch: Annotated[float | None, Option("--up-to", help="Leave out rows beyond this stretch.")] = None,
+    stretch: Annotated[float | None, Option("--up-to", help="Leave out rows with a greater stretch.")] = None,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
-    hold_out: Annotated[bool, Option("--hold-out", help="Hold out each mode in turn, and report how the others predict it.")] = False,
+    hold_out: Annotated[bool, Option("--hold-out", help="Also leave out each mode in turn, and report how the fit predicts it.")] = False,
     folder: ReportFolder = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Find a law's parameters from test data."""
-    laws, rows = law or fitted_laws(), load_test_data(data)
-    if terms is not None and "ogden" not in laws:
-        raise ValueError(f"--terms is of the law ogden, which --law {', '.join(laws)} leaves out")
+    """Print a report of each law that is fitted to the tests, and write it to a folder, if given."""
+    names, rows = law or fitted_laws(), load_test_data(data)
+    if terms is not None and "ogden" not in names:
+        raise ValueError(f"--terms needs --law ogden; the laws are {', '.join(names)}")
     terms, bulk = terms or N_TERMS, reporting.bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
-    asked = {"laws": laws, "terms": terms, "up_to": stretch, **bulk}
+    asked = {"laws": names, "terms": terms, "up_to": stretch, **bulk}
     asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(asdict(rows))[:DIGITS]}
     check_folder(folder, "identify.json", asked, overwrite)
     if stretch is not None:
         rows = rows.up_to(stretch)
     with Bar("Fitting") as bar:
-        count = len(laws)
+        count = len(names)
         models, reports, held_out = reporting.identify(
-            rows, laws, terms, bulk, hold_out, lambda done, law: bar.count("laws", done, count, f"now {law}")
+            rows, names, terms, bulk, hold_out, lambda done, law: bar.count("laws", done, count, f"now {law}")
         )
     for report in reports:
         print_identified(report)
@@ -81,7 +89,7 @@ def identify(
         for row in held_out:
             scores = ", ".join(f"{mode} {value:.3f}" for mode, value in row["held_out"].items())
             cells.append((row["law"], ", ".join(row["fitted_to"]), scores, f"{row['relative_rms']:.3f}"))
-        print_table("Modes held out", ("law", "fitted to", "R^2 of the mode held out", "relative RMS"), cells)
+        print_table("Prediction of held-out modes", ("law", "fitted to", "R^2 of the held-out mode", "relative RMS error"), cells)
     if folder is not None:
         with writing(folder):
             write_json(folder / "identify.json", {"asked": asked, "laws": reports})
@@ -96,26 +104,27 @@ def print_identified(report: dict) -> None:
         error = report["standard_errors"][name]
         shown = "at its bound" if name in report["at_bound"] else "not determined by the data" if error is None else f"{error:.2g}"
         cells.append((name, f"{value:.5g}", shown))
-    print_table(f"{form} from {report['data']}, {report['rows']} rows", ("parameter", "value", "standard error"), cells, left=1)
-    out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in report["r_squared"].items()))
-    out.print(f"law against tests, greatest difference by mode: {differences_in_words(report['differences'])}")
+    title = f"{form} fitted to {report['data']}, {report['rows']} rows"
+    print_table(title, ("parameter", "value", "standard error"), cells, left=1)
+    _print_differences(f"{title}: fit compared with the tests", report["differences"], report["r_squared"])
     if report["at_bound"]:
         at_bound = ", ".join(report["at_bound"])
-        warn(f"{form}: {at_bound} ended at the bound of the search: the data do not determine it, or want another law.")
+        warn(f"{form}: {at_bound} reached a bound of the search range: the data do not determine it, or another law would fit better.")
     if report["volume_ratio"] and report["volume_ratio"] > LARGE_GROWTH:
         growth = f"the volume grows by {100 * (report['volume_ratio'] - 1):.0f} % in the tests, more than that of rubber"
-        warn(f"{form}: with this bulk modulus {growth}: a greater one is given by --bulk-modulus.")
+        warn(f"{form}: with this bulk modulus {growth}; set a greater one with --bulk-modulus.")
 
 
-def differences_in_words(differences: dict) -> str:
-    """Return a text of the greatest difference of a law or a simulation from the test data in each mode.
+def _print_differences(title: str, differences: dict, scores: dict | None = None) -> None:
+    """Print, for each deformation mode, the greatest difference of a law or a simulation from the tests, and `scores` (R^2) if given.
 
-    `differences` are those of `reporting.differences`, relative to the greatest stress of the mode; the text gives percent.
+    `differences` are those of `reporting.differences`, relative to the greatest stress of the mode; the table gives percent.
     """
-    return ", ".join(
-        f"{mode} no stress" if row["difference"] is None else f"{mode} {100 * row['difference']:+.2g} % at stretch {row['stretch']:g}"
-        for mode, row in differences.items()
-    )
+    cells = []
+    for mode, row in differences.items():
+        found = ("no stress", "") if row["difference"] is None else (f"{100 * row['difference']:+.2g}", f"{row['stretch']:g}")
+        cells.append((mode, *([f"{scores[mode]:.4f}"] if scores else []), *found))
+    print_table(title, ("mode", *(["R^2"] if scores else []), "greatest difference (%)", "at stretch"), cells, left=1)
 
 
 def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
@@ -137,39 +146,39 @@ def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
 
 @_with_settings
 def fit(
-    name: Annotated[str, Argument(help="Name of the new artifact.")],
+    name: Annotated[str, Argument(metavar="NAME", help="Name of the new artifact.")],
     *,
-    version: Annotated[str | None, Option(help="Its version; by default the next one: versions never change once written.")] = None,
-    law: Annotated[str | None, Option(help="Material law; neo-hookean by default.")] = None,
+    version: Annotated[str | None, Option(help="Version of the artifact, which must be new (default: the next one).")] = None,
+    law: OneLaw = None,
     change: SetLaw = None,
-    data: Annotated[Path | None, Option(metavar="CSV", help=f"Identify the law's parameters first. {DATA_HELP}")] = None,
+    data: Annotated[Path | None, Option(metavar="DATA", help=f"Identify the parameters of the law first. {DATA_HELP}")] = None,
     terms: Terms = None,
-    free: Annotated[bool, Option("--free", help="No law: with --data, the energy that fits best among those that physics allows.")] = False,
+    free: Annotated[bool, Option("--free", help="With --data: identify a polyconvex energy instead of a law.")] = False,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: BulkRatio = None,
-    force_fit: Annotated[bool, Option("--force-fit", help="With --data, go on with data or a fit that would be refused.")] = False,
-    committee: Annotated[int | None, Option(help="Members stored as well, fitted to half of the tests or with other seeds.", min=2)] = None,
+    force_fit: Annotated[bool, Option("--force-fit", help="With --data: continue even if the data or the fit would be refused.")] = False,
+    committee: Annotated[int | None, Option(help="Ensemble members, fitted to half of the tests or with other seeds.", min=2)] = None,
     settings: FitSettings,
     folder: Annotated[Path | None, Option("--out", metavar="DIR", help=FOLDER_HELP)] = None,
 ) -> None:
-    """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artifact."""
+    """Identify a law if there are test data, fit a surrogate to it, store the surrogate, and print its errors."""
     with bad_input(OSError):
         folder = own_folder() if folder is None else folder
         new_artifact(folder, name, next_version(folder, name) if version is None else version)
     check_folder(folder)
     if free and law is not None:
-        raise ValueError("--free finds an energy without a law, --law names one: choose one")
+        raise ValueError("--free identifies an energy instead of a law, --law names a law: choose one")
     if terms is not None and (data is None or law != "ogden"):
-        raise ValueError("--terms is of --law ogden with test data, which --data gives; of a law's own parameters by --set")
+        raise ValueError("--terms needs --law ogden and --data; without data, set the parameters of the law with --set")
     law, bulk = law or "neo-hookean", reporting.bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
     if data is None:
         if bulk or force_fit or free:
-            raise ValueError("--free, --bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
+            raise ValueError("--free, --bulk-modulus, --bulk-ratio and --force-fit need --data; without data, set parameters with --set")
         tests, hull, material = None, None, law_of(law, change)
         members = [material] * (committee or 0)
     else:
         if change:
-            raise ValueError("--data finds the law's parameters, --set gives them: choose one")
+            raise ValueError("--data identifies the parameters of the law, --set sets them: choose one")
         with Bar(f"Fitting {'an energy' if free else law} to {data}"):
             tests = reporting.identified(load_test_data(data), None if free else law, terms or N_TERMS, bulk, committee, settings.seed)
         hull, material, members = None, tests.model.law_, tests.members
@@ -180,7 +189,7 @@ def fit(
         for text in (*tests.report["remarks"], *(refusals if force_fit else ())):
             warn(text)
         if refusals and not force_fit:
-            raise ValueError(f"{'; '.join(refusals)}; --force-fit goes on all the same")
+            raise ValueError(f"{'; '.join(refusals)}; --force-fit continues anyway")
     with _TrainingBar() as bar, listening(bar.iteration):
         write = settings.train(material, members, hull, tests and tests.report, bar.begin)
     with writing(folder), bad_input(TooInexact, status=FAILED):
@@ -193,10 +202,10 @@ def fit(
     )
     print_errors(card.errors["box"])
     for row in card.training["cross_validation"]:
-        out.print(f"fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on samples left out")
+        out.print(f"Fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on the held-out samples")
     for number, member in enumerate(card.members, 1):
         modulus = member.material.trained_with["shear_modulus"]
-        out.print(f"member {number}: shear modulus {modulus:.5g}, RMS error {member.errors['box']['on_surface']['rms']:.1e}")
+        out.print(f"Member {number}: shear modulus {modulus:.5g}, RMS error {member.errors['box']['on_surface']['rms']:.1e}")
     note(f"Wrote {path}")
 
 
@@ -212,45 +221,56 @@ def _simulate_tests(path: Path, tests: reporting.Identified) -> dict:
         surrogate = load_surrogate(path)
         stress, off_law, outside = reporting.simulate_tests(surrogate, tests.data, tests.model)
     against_measured = reporting.differences(tests.data, stress)
-    out.print(f"simulated with the artifact against tests, greatest difference by mode: {differences_in_words(against_measured)}")
-    off = "no stress" if np.isnan(off_law) else f"{100 * off_law:.2g} % of the greatest stress"
-    out.print(f"simulated against the law: {off} at the most")
+    _print_differences("Tests simulated with the artifact, compared with the data", against_measured)
+    off = "no stress in a test" if np.isnan(off_law) else f"{100 * off_law:.2g} % of the greatest stress"
+    out.print(f"Greatest difference of the simulated tests from the fitted law: {off}")
     if outside:
         domain, stretches = surrogate.domain, tests.data.stretches
         warn(
-            f"{outside} of {len(tests.data)} rows lie outside the artifact's domain, stretches from {domain.least_stretch:.4g} to "
-            f"{domain.greatest_stretch:.4g}: the exact force stands in for it there, so their simulation does not test it. The "
-            f"stretches of the data go from {stretches.min():.4g} to {stretches.max():.4g}: --least and --greatest set the domain as far "
-            "as the law reaches; a larger one needs a higher --degree or more --units"
+            f"{outside} of {len(tests.data)} rows lie outside the artifact's domain (stretches from {domain.least_stretch:.4g} to "
+            f"{domain.greatest_stretch:.4g}), where simulations use the exact force, so these rows do not test the artifact. The data "
+            f"have stretches from {stretches.min():.4g} to {stretches.max():.4g}: set the domain with --least and --greatest; a larger "
+            "domain needs a higher --degree or more --units."
         )
     picture = path.with_name(f"{path.name}.png")
     if not picture.exists():
         with writing(path.parent):
             figures.save(figure([tests.model], tests.data, stress), picture)
-        note(f"Tests, law and simulation drawn in {picture}")
+        note(f"Wrote {picture}, a figure of the tests, the law and the simulation")
     values = [float(value) if np.isfinite(value) else None for value in stress]
     return {"simulated": {"against_measured": against_measured, "rows_outside_domain": outside, "nominal_stress": values}}
 
 
+EVALUATED = [name for name, kind in FORCES.items() if issubclass(kind, ForceSurrogate | EnergySurrogate)]
+"""Exact force models with a bond force or an energy of their own, which ``evaluate`` takes besides artifacts."""
+
+EVALUATED_HELP = f"{', '.join(EVALUATED)}, or an artifact (NAME, NAME@VERSION or a path)"
+
+
+def _evaluated() -> list[str]:
+    return [*EVALUATED, *artifacts()]
+
+
 def evaluate(
-    reference: Annotated[str, Argument(metavar="REF", help="analytic, bond-energy, or an artifact: NAME, NAME@VERSION or a path.")],
-    least: Annotated[float | None, Option(help="Least principal stretch, below 1; the artifact's own domain by default.")] = None,
-    greatest: Annotated[float | None, Option(help="Greatest principal stretch, above 1.")] = None,
-    samples: Annotated[int, Option(help="States in each set.", min=100)] = REPORTED_STATES,
-    seed: Annotated[int, Option(help="Seed of the states.", min=0)] = REPORT_SEED + 1_000_000,
-    law: Annotated[str | None, Option(help="Law to compare with; the artifact's own by default.")] = None,
+    reference: Annotated[str, Argument(metavar="REF", autocompletion=_evaluated, help=f"Force model: {EVALUATED_HELP}.")],
+    least: Annotated[float | None, Option(help="Least principal stretch (default: that of the artifact's domain).")] = None,
+    greatest: Annotated[float | None, Option(help="Greatest principal stretch (default: that of the artifact's domain).")] = None,
+    samples: Annotated[int, Option(help="Number of states in each set.", min=100)] = REPORTED_STATES,
+    seed: Annotated[int, Option(help="Seed of the random states.", min=0)] = REPORT_SEED + 1_000_000,
+    law: Annotated[str | None, Option(metavar="LAW", autocompletion=laws, help="Law of an exact model (default: neo-hookean).")] = None,
 ) -> None:
-    """Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."""
-    model = load_surrogate(reference)
-    if not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
-        raise ValueError(f"{reference} has no bond force of its own to evaluate")
-    if law is None and reference not in FORCES:
-        material = MaterialSpec(**load_card(reference).material.trained_with).build()
+    """Print the errors of an artifact against the law on its card, or of an exact force model against a law."""
+    if reference in EVALUATED:
+        model, material = load_surrogate(reference), law_of(law or "neo-hookean")
+        if isinstance(model, ForceSurrogate):
+            model.law = material
+    elif reference in FORCES:
+        raise ValueError(f"{reference} has no bond force or energy of its own; evaluate takes {EVALUATED_HELP}")
     else:
-        material = law_of(law or "neo-hookean")
-    model.check_material(material)
-    if reference in FORCES and isinstance(model, ForceSurrogate):
-        model.law = material
+        find_artifact(reference, EVALUATED)
+        model, material = load_surrogate(reference), stored_law(load_card(reference))
+        if law not in (None, material.name):
+            raise ValueError(f"--law {law}: {model.name} is compared with its own law, {material.name}; leave out --law")
     low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else learning.reachable_stretches(material)
     stretches = checked_range((low if least is None else least, high if greatest is None else greatest))
     report = learning.evaluate(model, material, stretches, samples, seed)
@@ -264,21 +284,17 @@ def print_errors(report: dict) -> None:
     which = f"stretches {low:g} to {high:g}, {report['n_samples']} states"
     force, rows = "off_surface" in report, {"all": report["on_surface"]}
     if force:
-        rows = {"on the plane-stress surface": report["on_surface"], "off it": report["off_surface"]}
+        rows = {"in plane stress": report["on_surface"], "not in plane stress": report["off_surface"]}
     rows |= {f"strain {row['strain'][0]:g} to {row['strain'][1]:g}": row for row in report["by_strain"]}
-    columns = {"RMS": "rms", "greatest": "max"} if force else {"stress, RMS": "rms", "greatest": "max", "energy, RMS": "energy_rms"}
+    columns = {"RMS": "rms", "greatest": "max"}
+    if not force:
+        columns = {"stress, RMS": "rms", "stress, greatest": "max", "energy, RMS": "energy_rms"}
     cells = ([title, *(f"{row[key]:.1e}" for key in columns.values())] for title, row in rows.items())
-    print_table(f"Relative {'force error' if force else 'errors'}, {which}", ("states", *columns), cells, left=1)
-    if force:
-        slope, exact = report["least_slope"], report["least_slope_exact"]
-        out.print(f"force at rest {report['at_rest']:.1e}; least stiffness slope {slope:.3g} (exact: {exact:.3g})")
-        return
-    if "shear_modulus" in report:
-        more = f"shear modulus at rest {report['shear_modulus']:.7g} (exact: 1)"
-    else:
-        more = f"least curvature by log-stretches {report['least_curvature']:.3g} (exact: {report['least_curvature_exact']:.3g})"
-    stiffness = f"least acoustic stiffness {report['least_acoustic']:.3g} (exact: {report['least_acoustic_exact']:.3g})"
-    out.print(f"at rest {report['at_rest']:.1e}; {stiffness}; {more}")
+    print_table(f"Relative {'errors of the force' if force else 'errors'}, {which}", ("states", *columns), cells, left=1)
+    cells = [("force at rest" if force else "energy and stress at rest", f"{report['at_rest']:.1e}", "0")]
+    cells += [("shear modulus at rest", f"{report['shear_modulus']:.7g}", "1")] if "shear_modulus" in report else []
+    cells += [(title, *(f"{report[name]:.3g}" for name in (key, f"{key}_exact"))) for key, title in STIFFNESS.items() if key in report]
+    print_table("State at rest, and stiffness", ("quantity", "model", "exact"), cells, left=1)
 
 
 class _TrainingBar(Bar):

@@ -12,21 +12,23 @@ from typing import Annotated
 from rich.markup import escape
 from typer import Argument, Option
 
-from ..artifacts.store import ArtifactError, called, list_artifacts, load_card
+from ..artifacts.store import ArtifactError, called, find_artifact, list_artifacts, load_card
+from ..forces import FORCES
 from ..materials import LAWS, Law
 from ..results.contents import leaves_of
 from ..results.files import write_text
 from ..scenes import load_scene, scene_names
-from .command import SetScene, check_folder
-from .terminal import note, print_json, print_table, writing
+from . import completion
+from .command import SCENE_HELP, PictureFolder, SetScene, check_folder
+from .terminal import note, print_json, print_table, warn, writing
 
 
 def materials() -> None:
-    """List the material laws with their parameters."""
+    """Print a table of the laws and their parameters."""
     print_json([{**law().describe(), "bounds": law.bounds, "source": law.reference} for law in LAWS.values()])
-    columns = ("law", "parameter", "default", "bounds in identification", "source")
+    columns = ("law", "parameter", "default", "search range", "source")
     rows = (row for law in LAWS.values() for row in _rows_of_law(law))
-    print_table("Laws; every parameter is set by --set material.NAME=VALUE", columns, rows)
+    print_table("Laws and their parameters; set them with --set material.PARAMETER=VALUE", columns, rows)
 
 
 def _rows_of_law(law: type[Law]) -> Iterator[tuple[str, ...] | None]:
@@ -41,43 +43,52 @@ def _rows_of_law(law: type[Law]) -> Iterator[tuple[str, ...] | None]:
     yield None
 
 
-def artifacts(reference: Annotated[str | None, Argument(metavar="[REF]", help="Artifact whose card is shown.")] = None) -> None:
-    """List the artifacts that are found by name, or show one's card."""
+CARD = "Artifact whose card is printed as JSON: NAME, NAME@VERSION or a path (default: list all)."
+
+
+def artifacts(
+    reference: Annotated[str | None, Argument(metavar="REF", autocompletion=completion.artifacts, help=CARD)] = None,
+) -> None:
+    """Print tables of the exact force models and the artifacts, or the card of an artifact as JSON."""
     if reference is not None:
+        find_artifact(reference, ())
         sys.stdout.write(load_card(reference).to_json())
         return
-    known, rows = [], []
+    known, rows = [], {}
     for folder in list_artifacts():
         name, version = folder.parent.name, folder.name
         try:
             card = load_card(folder)
         except ArtifactError as error:
-            rows.append((f"{name}@{version}", f"[red]{escape(str(error))}[/]", "", "", str(folder)))
+            warn(f"{name}@{version} cannot be used: {error}")
             continue
         shown, law = called(folder, card), card.material.law
         known.append({"name": name, "version": version, "called": shown, "kind": card.kind, "law": law, "path": str(folder)})
-        rows.append((escape(shown), law, card.features["set"], f"{card.errors['box']['on_surface']['rms']:.1e}", str(folder)))
-    folds = ("artifact", "law", "features", "where")
-    print_table("Artifacts", ("artifact", "law", "features", "RMS error", "where"), rows, folds=folds)
+        row = (escape(shown), law, card.features["set"], f"{card.errors['box']['on_surface']['rms']:.1e}")
+        rows.setdefault(folder.parent.parent, []).append(row)
+    exact = ((name, model().family, ", ".join(model().honors["plane"])) for name, model in FORCES.items())
+    print_table("Exact force models, which need no artifact", ("name", "family", "plane"), exact)
+    for root, found in rows.items():
+        print_table(f"Artifacts in {root}", ("artifact", "law", "features", "RMS error"), found, folds=("artifact",))
     print_json(known)
 
 
 def scenes(
-    name: Annotated[str | None, Argument(metavar="[SCENE]", help="Scene to show: a name, or the path of a scene file.")] = None,
+    name: Annotated[str | None, Argument(metavar="SCENE", autocompletion=completion.scenes, help=f"{SCENE_HELP} (default: all).")] = None,
     plot: Annotated[bool, Option("--plot", help="Plot the scene with its regions, grips, loads and probes, without running it.")] = False,
     change: SetScene = None,
-    pictures: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the picture; this one by default.")] = None,
+    pictures: PictureFolder = None,
 ) -> None:
-    """List the built-in scenes, or show (and plot) one of them."""
+    """Print a table of the built-in scenes, or of the keys of one, and write its picture if asked."""
     if pictures is not None and not plot:
-        raise ValueError("--out is the folder of the picture that --plot draws: give --plot as well")
+        raise ValueError("--out is the folder for the picture that --plot draws: add --plot")
     if name is None:
         if plot or change:
-            raise ValueError(f"{'--plot' if plot else '--set'} needs the scene that is meant: pdsurrogate scenes NAME")
+            raise ValueError(f"{'--plot' if plot else '--set'} needs a scene: pdsurrogate scenes SCENE --plot")
         known = [load_scene(one) for one in scene_names()]
         print_json([{"name": one.name, "dimension": one.dimension, "title": one.title} for one in known])
         rows = ((one.name, "solid" if one.dimension == 3 else "sheet", one.title) for one in known)
-        print_table("Scenes", ("scene", "body", "what it is"), rows)
+        print_table("Scenes", ("scene", "body", "title"), rows)
         return
     scene = load_scene(name, change or [])
     given = scene.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
@@ -99,9 +110,9 @@ def scenes(
 
 
 def new(file: Annotated[Path, Argument(metavar="FILE.toml", help="Path of the scene file to create.")]) -> None:
-    """Write a commented scene to start from."""
+    """Write the template of a scene to a new file."""
     if file.suffix != ".toml":
-        raise ValueError(f"{file}: the file of a scene ends in .toml")
+        raise ValueError(f"{file}: the name of a scene file ends in .toml; write {file}.toml")
     if file.exists():
         raise ValueError(f"{file}: the file already exists; choose another name")
     name = re.sub(r"[^A-Za-z0-9 ._-]", "-", file.stem).lstrip(" ._-")[:64] or "scene"
@@ -110,4 +121,4 @@ def new(file: Annotated[Path, Argument(metavar="FILE.toml", help="Path of the sc
         write_text(file, text.format(name=name, file=file))
     load_scene(file)
     print_json({"name": name, "path": str(file)})
-    note(f"Wrote {file}; look at it with: pdsurrogate scenes {file} --plot; run it with: pdsurrogate run {file} --out out")
+    note(f"Wrote {file}; plot it with: pdsurrogate scenes {file} --plot; run it with: pdsurrogate run {file} --out out")

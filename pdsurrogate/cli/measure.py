@@ -5,35 +5,44 @@ from typing import Annotated, Literal
 from rich.markup import escape
 from typer import Option
 
+from ..artifacts import load_card
+from ..artifacts.store import law_of as stored_law
+from ..forces import FORCES
 from ..forces.settings import WHERE
 from ..reports import compare as comparison
 from ..results import figures, tables
 from ..results.files import write_json, write_text
 from ..stress_test import report as hard_cases
-from .command import Overwrite, ReportFolder, SetLaw, Threads, check_folder, law_of
-from .terminal import Bar, err, note, out, print_json, print_table, writing
+from .command import Forces, OneLaw, Overwrite, ReportFolder, SetLaw, Threads, check_folder, law_of
+from .terminal import Bar, note, out, print_json, print_table, warn, writing
 
 
 def compare(
-    material: Annotated[str, Option(help="Material law.")] = "neo-hookean",
+    force: Forces = None,
+    law: OneLaw = None,
     change: SetLaw = None,
-    quick: Annotated[bool, Option("--quick", help="A look in under a minute, not for quoting.")] = False,
+    quick: Annotated[bool, Option("--quick", help="Fewer models and shorter timings: half a minute, not for publication.")] = False,
     folder: ReportFolder = None,
     overwrite: Overwrite = False,
     threads: Threads = None,
 ) -> None:
-    """Measure every force model: speed against error, on one thread and on all."""
-    law = law_of(material, change)
-    asked = {"law": law.describe(), "quick": quick, "threads": threads}
+    """Print tables of cost and error of force models, and write them and a figure to a folder, if given."""
+    own = next((name for name in force or () if name not in FORCES), None)
+    material = law_of(law or "neo-hookean", change) if law or change or own is None else stored_law(load_card(own))
+    asked = {"law": material.describe(), "quick": quick, "threads": threads, **({"forces": force} if force else {})}
     check_folder(folder, "compare.json", asked, overwrite)
     with Bar(comparison.FITTING) as bar:
-        report = comparison.compare(law, quick, lambda stage, done, of, text: bar.count("models", done, of, f"now {text}", stage), threads)
+
+        def show(stage: str, done: float, of: int, text: str) -> None:
+            bar.count("models", done, of, f"now {text}", stage)
+
+        report = comparison.compare(material, quick, show, threads, force)
     print_json(report)
-    header, rows = comparison.table(report)
-    machine = report["machine"]
-    print_table(f"{law.name}, {machine['processor']}, {machine['threads']} threads", header, rows, left=1)
+    out.print("{}, {processor}, {threads} threads".format(material.name, **report["machine"]))
+    for title in comparison.TABLES:
+        print_table(title, *comparison.table(report, title), left=1)
     if caution := comparison.caution(report["models"]):
-        err.print(caution, soft_wrap=True)
+        warn(caution)
     if folder is not None:
         with writing(folder):
             write_text(folder / "compare.csv", tables.as_csv(report["models"]))
@@ -43,14 +52,14 @@ def compare(
 
 
 def stress_test(
-    force: Annotated[list[str] | None, Option(metavar="REF", help="Force model; may be repeated; all by default.")] = None,
-    plane: Annotated[Literal["stress", "space"] | None, Option(help="Sheets or solids; both by default.")] = None,
-    quick: Annotated[bool, Option("--quick", help="A fiftieth of the explicit steps.")] = False,
+    force: Forces = None,
+    plane: Annotated[Literal["stress", "space"] | None, Option(help="Sheets in plane stress, or solids (default: both).")] = None,
+    quick: Annotated[bool, Option("--quick", help="Take a fiftieth of the explicit time steps.")] = False,
     folder: ReportFolder = None,
     overwrite: Overwrite = False,
     threads: Threads = None,
 ) -> None:
-    """Run hard cases with every force model: for each the limit, the value, and a pass or a named weakness."""
+    """Print tables of the results of the hard cases, and write them to a folder, if given."""
     asked = {"forces": force or "all", "plane": plane or "both", "quick": quick}
     check_folder(folder, "stress-test.json", asked, overwrite)
     known = hard_cases.BODIES
@@ -61,7 +70,7 @@ def stress_test(
     for tested in hard_cases.planes_of(report):
         header, rows = hard_cases.table(report, tested)
         cells = ([f"[yellow]{escape(cell)}[/]" if cell.startswith("WEAK") else escape(cell) for cell in row] for row in rows)
-        print_table(f"Hard cases of {known[tested]}", header, cells, show_lines=True)
+        print_table(f"Hard cases of {known[tested]}", header, cells, leading=1)
     for name, meaning in report["weaknesses"].items():
         out.print(f"[yellow]{name}[/]: {escape(meaning)}")
     for model in report["models"]:

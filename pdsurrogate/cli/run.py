@@ -16,43 +16,42 @@ from ..ranks import communicator
 from ..results import Result
 from ..results.checkpoint import NAME
 from ..results.folder import occupied
+from ..run.interruption import heard
 from ..run.simulate import Progress, SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene, load_scene
-from .command import MaxTime, Overwrite, SetScene, check_folder
-from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, err, note, out, print_json, print_table, share, warn, writing
+from . import completion
+from .command import REF_HELP, SCENE_HELP, MaxTime, Overwrite, SetScene, check_folder
+from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, note, out, print_json, print_table, share, warn, writing
 
-FORCE_HELP = "analytic, bond-energy, nosb, ba-nosb, or an artifact (NAME, NAME@VERSION, path); default: chosen for the scene."
+FORCE_HELP = f"{REF_HELP} (default: depends on the scene)."
 
 LEAST_SHARE = 0.01
-"""Force on a region, divided by its moment per extent of the body, below which the force is not printed: a part that is turned has
-such small forces. Chosen: with a smaller ratio tables have columns of them, with a greater one small forces that are meant are missing."""
+"""Force on a region of a sheet, divided by its moment per distance of the body from the origin, below which the moments are printed: the
+region is turned, not pulled. Chosen: with a smaller ratio regions that are turned go unnoticed, with a greater one pulled ones count."""
 
 LEAST_SHOWN = 5e-6
-"""Force below which a component has no column in a table of five decimals; if the greatest force is below 1, relative to that force."""
-
-
-Column = tuple[str, Sequence[str | float | None]]
-"""Heading and cells of a column of a table: texts, or numbers that are all printed alike; None is an empty cell."""
+"""Size of a component, relative to the greatest one of the table, up to which it is printed as 0. Forces and moments are compared with each
+other, too, through the body's distance from the origin. Chosen: the forces in equilibrium are not more accurate."""
 
 
 def run(
-    scene: Annotated[str, Argument(metavar="SCENE", help="Name of a built-in scene, or path of a scene file (.toml).")],
+    scene: Annotated[str, Argument(metavar="SCENE", autocompletion=completion.scenes, help=f"{SCENE_HELP}.")],
     *,
-    force: Annotated[str | None, Option(metavar="REF", help=FORCE_HELP)] = None,
+    force: Annotated[str | None, Option(metavar="REF", autocompletion=completion.forces, help=FORCE_HELP)] = None,
     change: SetScene = None,
-    out_folder: Annotated[str | None, Option("--out", metavar="DIR", help="Write tables, states and a figure here.")] = None,
-    threads: Annotated[int | None, Option(help="Number of threads (default: as many as speed it up); results are the same.")] = None,
-    resume: Annotated[bool, Option("--resume", help="Resume from the checkpoint in DIR; the result is the same.")] = False,
+    out_folder: Annotated[str | None, Option("--out", metavar="DIR", help="Folder for the results (default: none are written).")] = None,
+    threads: Annotated[int | None, Option(help="Number of threads (default: as many as speed it up); results do not depend on it.")] = None,
+    resume: Annotated[bool, Option("--resume", help="Resume an interrupted run from the checkpoint in DIR.")] = False,
     overwrite: Overwrite = False,
     max_time: MaxTime = None,
 ) -> None:
-    """Run a scene and compare it with its reference."""
+    """Run a scene on one process or several ranks, print its result, and write it to a folder, if given."""
     ranks = communicator()
     share(ranks)
     asked = load_scene(scene, change or [])
     described, model = (asked, default_force(asked)) if force is None else with_material(asked, force)
     if described is not asked:
-        err.print(f"Material of {model.name}: {in_words(described.material.build())}", soft_wrap=True, markup=False)
+        note(f"Material of {model.name}: {in_words(described.material.build())}")
     folder = None if out_folder is None else Path(out_folder)
     writes = folder if ranks.rank == 0 else None
     check_folder(writes)
@@ -67,17 +66,21 @@ def run(
                 result = simulate(described, model, threads=threads, progress=_Shown(described, bar), **options)
         except SimulationFailed as error:
             failure, result = error, error.result
+        late = failure is None and heard.is_set()
         print_result(result)
         if writes is not None:
-            if not isinstance(failure, SimulationInterrupted):  # its tables are there, and pictures would take their time
+            # The tables of an interrupted run are written, and pictures take their time.
+            if not (late or isinstance(failure, SimulationInterrupted)):
                 with writing(writes):
                     result.save(writes)
             note(f"Results in {writes}")
             if result.in_pieces:
-                note(f"The body is in pieces, and no picture of it is drawn: open {described.name}.pvd in ParaView")
+                note(f"Each rank wrote its own part of the fields, so no picture is drawn; open {described.name}.pvd in ParaView")
         print_json(result.summary)
         ranks.barrier()  # a rank that is alone with an error ends the others
     _warn_of(result, described, model)
+    if late:
+        raise ended(INTERRUPTED, "interrupted after the last output: only the pictures are missing", WARNING)
     if isinstance(failure, SimulationInterrupted):
         raise ended(INTERRUPTED, f"{failure}; {how_to_resume(folder)}", WARNING)
     if failure is not None:
@@ -87,34 +90,33 @@ def run(
 def how_to_resume(folder: Path | None) -> str:
     """Return a text that tells the user how to resume an interrupted run, or why it cannot be resumed."""
     if folder is None:
-        return "nothing was kept: give --out to be able to resume"
+        return "the run cannot be resumed: only runs with --out write checkpoints"
     if not (folder / NAME).is_file():
-        return "it had not come to its first checkpoint"
-    return f"the checkpoint is in {folder}: the same command with --resume goes on from it"
+        return "the run cannot be resumed: it had not yet written a checkpoint"
+    return f"to resume from the checkpoint in {folder}, add --resume to the command"
 
 
 def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
     """Print warnings if stability was not checked, or if states lay outside the domain or the test data of the surrogate."""
     if any(level.get("stability") == "not checked" for level in result.levels):
-        pushed = "The grips push" if scene.stretched else "Parts of the body are compressed"
-        why, instead = f"{model.name} has no energy", "; it is with a force that has one, as bond-energy does"
+        pushed = "The grips compress the body" if scene.stretched else "Parts of the body are compressed"
+        why = f"{model.name} defines no energy; use a force that does, such as bond-energy"
         if model.family == "bond energy":
-            why = "these loads have no potential, as a pressure on a part of a surface that ends within the body's boundary has none"
-            instead = ""
-        warn(f"{pushed}, and {why}: whether the body would buckle is not checked{instead}.")
+            why = "the loads have no potential (for example a pressure on only a part of a closed surface)"
+        warn(f"{pushed}, but whether it buckles was not checked: {why}.")
     outside = result.summary["fraction_outside_domain"]
     if outside and scene.outside != "raise":
         exact = scene.outside in (None, "fallback")
-        instead = "the exact bond force stood in for the surrogate" if exact else "the surrogate was extrapolated"
-        warn(f"{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain; {instead} there.")
+        instead = "the exact bond force was used instead" if exact else "the surrogate was extrapolated"
+        warn(f"{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain, where {instead}.")
     rows = result.summary.get("beyond_data", [])
     worst = max(rows, key=lambda row: row["share"], default=None)
     if worst is not None and worst["share"]:
         farthest = max(row["log_stretch"] for row in rows)
         at = f"stretch {worst['stretch']:.4g}" if "stretch" in worst else f"t = {worst['t']:.4g}"
         warn(
-            f"{100 * worst['share']:.2g} % of the bonds were beyond the test data of {result.summary['force']} at {at}, where most were; "
-            f"the farthest of all outputs by {farthest:.2g} in log-stretch. There the energy goes on as its powers do."
+            f"Up to {100 * worst['share']:.2g} % of the bonds (at {at}) were outside the range of the test data of "
+            f"{result.summary['force']}, by at most {farthest:.2g} in logarithmic stretch; the fitted energy was extrapolated there."
         )
 
 
@@ -127,7 +129,7 @@ class _Shown(Progress):
 
     def compiling(self) -> None:
         """Print that kernels are being compiled."""
-        note("Compiling kernels, once on this machine; later runs load them from the cache.")
+        note("Compiling kernels; later runs on this machine load them from the cache.")
 
     def level(self, number: int, parameter: float) -> None:
         """Begin a new bar for entry `number` (from 0) of the scene's ``stretches``, or of its ``steps`` if it has none.
@@ -171,13 +173,13 @@ def print_result(result: Result) -> None:
         _print_crack(result)
     for account in summary.get("dynamics", ()):
         if account["energy_gap"] is None:
-            out.print(f"No account of energy: {account['remark']}")
+            out.print(f"Energy balance: {account['remark']}")
         else:
             put_in = result.scene.units.amount(account["energy_put_in"], "energy", ".4g")
-            out.print(f"Account of energy: off by {account['energy_gap']:+.2g} % of the {put_in} put in")
+            out.print(f"Energy balance: closed to {account['energy_gap']:+.2g} % of the {put_in} put in")
     threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
-    cost = f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond on {threads}"
-    out.print(f"{cost}, {summary['seconds_total']:.1f} s in all, of which {summary['seconds_compile']:.1f} s compiling")
+    cost = f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond"
+    out.print(f"{cost} on {threads}\n{summary['seconds_total']:.1f} s in total, {summary['seconds_compile']:.1f} s of it compilation")
 
 
 def print_cells(result: Result) -> None:
@@ -188,7 +190,7 @@ def print_cells(result: Result) -> None:
         out.print(f"The mesh has a spacing of {units.amount(summary['spacing'], 'length', '.6g')}; {horizon}")
     elif any(side != asked for side in summary["cell_size"]):
         cells = units.amount(" x ".join(f"{side:.6g}" for side in summary["cell_size"]), "length")
-        out.print(f"Cells of {cells} fill the body, the nearest to the spacing of {asked:g}; {horizon}")
+        out.print(f"The cells measure {cells}, the nearest to the spacing of {asked:g} that fills the body; {horizon}")
 
 
 def print_levels(result: Result) -> None:
@@ -203,11 +205,12 @@ def print_levels(result: Result) -> None:
         values, references, errors = ([level.get(name) for level in levels] for name in (key, f"{key}_reference", f"{key}_error"))
         if all(value is None for value in values):
             continue
-        columns.append((units.label(quantity, unit), values))
+        columns.append((units.label(quantity, unit), _figures(values)))
         if compared:
             percent = ["" if error is None else f"{100 * error:+.4f}" for error in errors]
-            columns += [("exact" if homogeneous else "reference", references), ("error (%)", percent)]
-    _print_columns(_title(result), columns)
+            columns += [("exact" if homogeneous else "reference", _figures(references)), ("error (%)", percent)]
+    headings, cells = zip(*columns, strict=True)
+    print_table(_title(result), headings, zip(*cells, strict=True), left=0)
     print_grip(result)
 
 
@@ -217,80 +220,72 @@ def print_grip(result: Result) -> None:
     other = next(edge for edge in areas if edge != used)
     if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
         area, another = (units.amount(areas[edge], "length", ".5g", "^2") for edge in (used, other))
-        force = f"Stress: force of the {used} grip over its cross-section of {area}"
-        out.print(f"{force}; the {other} grip's is {another}.")
+        force = f"Nominal stress: force of the {used} grip divided by its cross-section of {area}"
+        out.print(f"{force}; the cross-section of the {other} grip is {another}")
 
 
 def _print_outputs(result: Result) -> None:
-    """Print the forces on the body at every output, without components that are always zero, and the displacements of probes."""
-    units, levels = result.scene.units, result.levels
-    columns = [("t", [f"{level['t']:g}" for level in levels])]
-    times = [f"{level['time']:.4g}" if "time" in level else "" for level in levels]
-    timed = [(units.label("time", "time"), times)] if any(times) else []
-    _print_columns(f"{_title(result)}: forces on the body", columns + timed + _force_columns(result))
-    if "probes" in levels[0]:
-        for name in levels[0]["probes"]:
-            moved = zip(*(level["probes"][name]["displacement"] for level in levels), strict=True)
-            columns += [(units.label(f"{name} x{component}", "length"), values) for component, values in enumerate(moved, 1)]
-        _print_columns("displacements of the probes", columns)
+    """Print the forces on each region and its moments at every output, and the displacements of the probes.
 
-
-def _force_columns(result: Result) -> list[Column]:
-    """Return the columns of forces and moments of each region at all outputs, without negligible components.
-
-    In the plane a region has a column for the moment only if its forces are negligible.
+    The moments are printed in three dimensions, and in the plane if the forces on a region are negligible compared with its moment.
     """
-    units, levels, columns = result.scene.units, result.levels, []
-    extent = float(np.ptp(result.body.points, axis=0).max())
-    greatest = max((abs(value) for level in levels for force in level["forces"].values() for value in force), default=0.0)
-    zero = LEAST_SHOWN * min(1.0, greatest)
-    for name in dict.fromkeys(name for level in levels for name in level["forces"]):
-        # Moments are about x3 only in the plane, in three dimensions about all three axes.
-        forces, moments = (np.array([np.atleast_1d(level[kind][name]) for level in levels]).T for kind in ("forces", "moments"))
-        in_space, sizes = len(moments) == 3, np.abs(moments).max(axis=1)
-        pulled = np.flatnonzero(np.abs(forces).max(axis=1) >= max(zero, LEAST_SHARE * sizes.max() / extent))
-        turned = np.flatnonzero(sizes >= zero * min(1.0, extent)) if in_space else [0] * (not len(pulled))
-        columns += [(units.label(f"{name} x{axis + 1}", "force"), forces[axis].tolist()) for axis in pulled]
-        for axis in turned:
-            about = f" about x{axis + 1}" if in_space else ""
-            columns.append((units.label(f"{name} moment{about}", "energy"), moments[axis].tolist()))
-    return columns
+    forces, moments, probes = (_by_name(result.levels, kind) for kind in ("forces", "moments", "probes"))
+    distance = float(np.abs(result.body.points).max())
+    force, moment = (max((float(np.abs(values).max()) for values in named.values()), default=0.0) for named in (forces, moments))
+    out.print(_title(result), style="bold", highlight=False)
+    _print_named(result, "Forces on the body", "force", forces, max(force, moment / distance))
+    turned = any(np.abs(forces[name]).max() * distance < LEAST_SHARE * np.abs(moments[name]).max() for name in forces)
+    if result.body.dimension == 3 or turned:
+        _print_named(result, "Moments about the origin", "energy", moments, max(moment, force * distance))
+    if probes:
+        greatest = max(float(np.abs(values).max()) for values in probes.values())
+        _print_named(result, "Displacements of the probes", "length", probes, greatest)
+
+
+def _by_name(levels: Sequence[dict], kind: str) -> dict[str, np.ndarray]:
+    """Return the forces, moments or displacements of probes by name, as arrays with a row for each output and a column per component."""
+    rows = [{name: value["displacement"] if kind == "probes" else value for name, value in level.get(kind, {}).items()} for level in levels]
+    return {name: np.array([np.atleast_1d(row[name]) for row in rows]) for name in dict.fromkeys(name for row in rows for name in row)}
+
+
+def _print_named(result: Result, title: str, unit: str, named: dict[str, np.ndarray], greatest: float) -> None:
+    """Print a table of vectors by name, a row for each output; components up to `LEAST_SHOWN` times `greatest` are printed as 0."""
+    levels, rows = result.levels, []
+    timed = any("time" in level for level in levels)
+    for name, values in named.items():
+        for number, (level, vector) in enumerate(zip(levels, values, strict=True)):
+            when = [f"{level['t']:g}", *([f"{level['time']:.4g}" if "time" in level else ""] if timed else [])]
+            rows.append([*(["" if number else name]), *when, *("0" if abs(x) <= LEAST_SHOWN * greatest else f"{x:.5g}" for x in vector)])
+        rows += [None] * (len(levels) > 1)
+    headings = ["name", "t", *([result.scene.units.label("time", "time")] if timed else [])]
+    count = len(next(iter(named.values()))[0]) if named else 0
+    components = [f"x{axis}" for axis in range(1, count + 1)] if count > 1 else ["counter-clockwise"]
+    print_table(result.scene.units.label(title, unit), [*headings, *components], rows, left=1)
 
 
 def _print_crack(result: Result) -> None:
     summary, units = result.summary, result.scene.units
     crack = summary["crack"]
     if crack["start"] is None:
-        out.print(f"No bond reached the critical stretch {summary['critical_stretch']:.4g}.")
+        out.print(f"No bond broke: none reached the critical stretch {summary['critical_stretch']:.4g}")
         return
     start = crack["start"]
     where = " and ".join(f"({', '.join(f'{value:.3g}' for value in tip)})" for tip in start["tips"])
     at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
-    told = [f"First bond broken at {where} at {at}"]
+    out.print(f"First broken bond: at {where}, {at}")
     if peak := crack.get("peak"):
-        told += [f"peak nominal stress {units.amount(peak['nominal_stress'], 'stress', '.5g')} at stretch {peak['stretch']:.4f}"]
-    told += [f"{crack['broken_bonds']} bonds broken, {'the body came apart' if crack['through'] else 'the body still holds'}"]
-    out.print("; ".join([*told, f"{summary['unsupported_points']} points without support"]))
+        out.print(f"Peak nominal stress: {units.amount(peak['nominal_stress'], 'stress', '.5g')} at stretch {peak['stretch']:.4f}")
+    body = "the body has come apart" if crack["through"] else "the body holds together"
+    out.print(f"{crack['broken_bonds']} bonds broken, {summary['unsupported_points']} points with too few bonds left; {body}")
 
 
 def _title(result: Result) -> str:
     return f"{result.summary['scene']}, force {result.summary['force']}, {result.summary['n_points']} points"
 
 
-def _print_columns(title: str, columns: Sequence[Column]) -> None:
-    """Print a table given by columns, each a heading with its cells."""
-    print_table(title, [heading for heading, _ in columns], zip(*(_figures(cells) for _, cells in columns), strict=True), left=0)
-
-
-def _figures(cells: Sequence[str | float | None]) -> list[str]:
-    """Return the cells of a column as text: all numbers with five decimals, or all in the form 1.2345e-06 if the greatest does not fit."""
-    greatest = max((abs(cell) for cell in cells if isinstance(cell, float)), default=0.0)
+def _figures(values: Sequence[float | None]) -> list[str]:
+    """Return numbers as text: all with five decimals, or all in the form 1.2345e-06 if the greatest does not fit; None is left empty."""
+    greatest = max((abs(value) for value in values if value is not None), default=0.0)
     form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
-
-    def text(cell: str | float | None) -> str:
-        if cell is None or isinstance(cell, str):
-            return cell or ""
-        # Rounded first, so that no zero has a minus.
-        return format(round(cell, 5) + 0.0 if form == ".5f" else cell, form)
-
-    return [text(cell) for cell in cells]
+    # Rounded first, so that no zero has a minus.
+    return ["" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form) for value in values]

@@ -11,43 +11,45 @@ from ..results.drawings import html_page
 from ..results.files import head_of, write_text
 from ..results.folder import RUNNING
 from ..results.loading_curve import SHOWN_SHARE
-from ..results.tables import column_title
-from .command import check_folder
+from ..results.tables import column_unit
+from ..scenes.model import with_unit
+from . import completion
+from .command import PictureFolder, check_folder
 from .terminal import WARNING, Bar, bad_input, complain, note, out, print_json, print_table, warn, writing
 
-FIELD_HELP = "Field to draw, such as von_mises or stress_22; may be repeated; default: chosen."
+FIELD_HELP = "Field to draw, such as von_mises or stress_22; may be repeated (default: damage if there is any, else displacement)."
 
 MARK = b'content="pdsurrogate show"'
 """Bytes near the beginning of every HTML file that ``show --html`` writes; it replaces an existing file only if it has them."""
 
 
 def show(
-    folder: Annotated[Path, Argument(metavar="DIR", help="Folder with the results of a run.")],
-    field: Annotated[list[str] | None, Option(metavar="FIELD", help=FIELD_HELP)] = None,
-    level: Annotated[int | None, Option(help="Number of the output, from 0; -1 is the last one, the default.")] = None,
-    pictures: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the pictures; this one by default.")] = None,
-    html: Annotated[Path | None, Option(metavar="FILE", help="Write one HTML page with all of it instead of pictures.")] = None,
+    folder: Annotated[Path, Argument(metavar="DIR", help="Folder with results of a run (its --out DIR).")],
+    field: Annotated[list[str] | None, Option(metavar="FIELD", autocompletion=completion.fields, help=FIELD_HELP)] = None,
+    level: Annotated[int | None, Option(help="Number of the output, from 0, or from the end: -1 is the last one (default: -1).")] = None,
+    pictures: PictureFolder = None,
+    html: Annotated[Path | None, Option(metavar="FILE", help="Write one HTML page with all outputs, curves and tables instead.")] = None,
 ) -> None:
-    """Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."""
+    """Print the history of saved results, and write pictures of fields or an HTML page."""
     with bad_input(OSError):
         if html is not None and (pictures is not None or level is not None):
-            raise ValueError("--html writes one page with all outputs to a file of its own: leave out --out and --level")
+            raise ValueError("--html writes all outputs to one file: leave out --out and --level")
         if html is not None and html.is_file() and MARK not in head_of(html):
-            raise ValueError(f"--html {html} is no page of a result and would be replaced; give another name")
+            raise ValueError(f"--html {html}: this file was not written by pdsurrogate show and would be overwritten; choose another name")
         result = load_result(folder)
     pictures, level = pictures or Path(), -1 if level is None else level
     check_folder(pictures if html is None else html.parent)
     print_json({"fields": result.field_names() if result.states else [], "history": result.history})
     _print_history(result)
     if result.status != "done":
-        warn(f"{folder}: {result.summary['failure']}; what it had come to is shown.")
+        warn(f"{folder}: the run did not finish ({result.summary['failure']}); its outputs so far are shown.")
     if html is not None:
-        with Bar("drawing") as bar, writing(html):
+        with Bar("Drawing") as bar, writing(html):
             write_text(html, html_page(result, field or (), partial(bar.count, "pictures")))
         note(f"Wrote {html}")
     elif not result.states:
-        why = "its summary lists none yet; --resume goes on with the run" if result.status == RUNNING else "the run came to no output"
-        complain(f"{folder} holds no state to draw: {why}", WARNING)
+        why = "the run has not finished; resume it with --resume" if result.status == RUNNING else "the run stopped before its first output"
+        complain(f"{folder}: there is no output to draw: {why}", WARNING)
     else:
         for name in field or (["damage"] if "damage" in result.field_names() else ["displacement"]):
             path = pictures / f"{result.summary['scene']}-{name}.png"
@@ -70,9 +72,11 @@ def _print_history(result: Result) -> None:
     zero = dict.fromkeys(forces, SHOWN_SHARE * max((greatest[column] for column in forces), default=0.0))
     # Moments and displacements are on the page and in the file.
     columns = [
-        column for column, value in greatest.items() if not column.startswith(("moment_", "displacement_")) and value > zero.get(column, 0)
+        column
+        for column, value in greatest.items()
+        if not (column.startswith("moment_") or "displacement_" in column) and value > zero.get(column, 0)
     ]
-    titles = [column_title(column, result.scene.units).replace("_", " ") for column in columns]
+    titles = [with_unit(column.replace("_", " "), column_unit(column, result.scene.units)) for column in columns]
     cells = ([f"{row[column]:.5g}" if column in row else "" for column in columns] for row in rows)
     print_table(repr(result)[1:-1], titles, cells, left=0)
-    out.print(f"fields: {', '.join(result.field_names())}" if result.states else "no states")
+    out.print(f"Fields: {', '.join(result.field_names())}" if result.states else "No fields were saved.")

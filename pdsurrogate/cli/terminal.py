@@ -1,6 +1,7 @@
 """Output of commands on the terminal: tables, JSON, remarks and progress bars; ending of a command in one process or on several ranks."""
 
 import json
+import logging
 import os
 import signal
 import sys
@@ -11,6 +12,7 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.measure import Measurement
@@ -20,8 +22,11 @@ from rich.text import Text
 
 from ..run.interruption import heard
 
-MOST_COLUMNS = 10_000
-"""Width in characters, greater than that of any table, at which the least width that a table needs is measured."""
+HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
+"""Settings of every command, and of the group of commands, by which both options print help."""
+
+GAP = 2
+"""Number of characters between two columns of a table."""
 
 SOONEST = 0.5
 """Seconds after which `Bar.rate` gives a rate: an earlier one would mostly measure the start."""
@@ -40,12 +45,12 @@ SECONDS_TO_END = 1.7
 """Time after Ctrl-C until the process is ended; a run that has noticed it takes the time that it needs to save its state. Chosen above
 `SECONDS_TO_HEAR` of `run.interruption`, and below the two seconds that the guide promises."""
 
-_INTERRUPTED_IN_A_CALL = b"pdsurrogate: interrupted in the middle of a calculation; what had been saved before is kept\n"
+_INTERRUPTED_IN_A_CALL = b"pdsurrogate: interrupted during a calculation; results that were already written are kept\n"
 
 _ranks = None
 """Communicator of the ranks that share the command; None for a command that one process carries out."""
 
-out = Console(soft_wrap=True)
+out = Console()
 err = Console(stderr=True)
 
 
@@ -70,23 +75,31 @@ def error_as_json(status: int, reason: str) -> None:
 def note(text: str) -> None:
     """Print a remark on standard error, unless the user gave ``--quiet``."""
     if not settings.quiet:
-        err.print(escape(text), soft_wrap=True, highlight=False)
+        on_standard_error(escape(text))
 
 
 def warn(text: str) -> None:
     """Print a warning, in yellow, on standard error."""
-    err.print(f"[yellow]{escape(text)}[/]", soft_wrap=True)
+    on_standard_error(f"[yellow]{escape(text)}[/]")
 
 
 def complain(text: str, prefix: str = ERROR) -> None:
     """Print a line on standard error after a prefix, by default the name of the program in red."""
-    err.print(prefix, escape(text), soft_wrap=True)
+    on_standard_error(f"{prefix} {escape(text)}")
+
+
+def on_standard_error(text: str) -> None:
+    """Print one line on standard error; a terminal gets it broken between words, at its width."""
+    err.print(text, soft_wrap=not err.is_terminal, highlight=False)
 
 
 def print_table(
     title: str, columns: Sequence[str], rows: Iterable[Sequence[str] | None], left: int | None = None, folds: Sequence[str] = (), **options
 ) -> None:
-    """Print a table with a title, headings and rows of text on standard output.
+    """Print a title and a table of text on standard output, without cutting any word or number.
+
+    In a narrow terminal cells break between words; columns that do not fit even so follow in further tables, each of which begins with the
+    first column.
 
     Parameters
     ----------
@@ -94,7 +107,7 @@ def print_table(
     columns : sequence of str
         Headings.
     rows : iterable
-        Cells of each row; None draws a line.
+        Cells of each row; None leaves a line free.
     left : int, optional
         Number of columns, from the first, that are left-aligned, while the others are right-aligned; by default all.
     folds : sequence of str
@@ -102,32 +115,44 @@ def print_table(
     **options
         See `rich.table.Table`.
     """
-    table = Table(title=title, title_justify="left", **options)
-    for number, heading in enumerate(columns):
-        justify = "right" if left is not None and number >= left else "left"
-        table.add_column(heading, justify=justify, overflow="fold" if heading in folds else "ellipsis")
-    for row in rows:
-        if row is None:
-            table.add_section()
-        else:
-            table.add_row(*row)
-    show(table)
+    rows = list(rows)
+    columns, cells = [escape(heading) for heading in columns], list(zip(columns, *filter(None, rows), strict=True))
+    measured = [[Measurement.get(out, out.options, text) for text in column] for column in cells]
+    least = [1 if column[0] in folds else max(text.minimum for text in texts) for column, texts in zip(cells, measured, strict=True)]
+    out.print(title, style="bold", markup=False, highlight=False)
+    for shown in _parts(least):
+        table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0), pad_edge=False, **options)
+        widths = [least[number] for number in shown]
+        # Spare room is for cells first, then for headings.
+        for texts in (slice(1, None), slice(0, 1)):
+            spare = out.width - sum(widths) - GAP * (len(shown) - 1)
+            natural = [max((text.maximum for text in measured[number][texts]), default=0) for number in shown]
+            wanted = [max(pair) for pair in zip(natural, widths, strict=True)]
+            missing = sum(wanted) - sum(widths)
+            share = max(min(spare / missing, 1.0), 0.0) if missing else 0.0
+            widths = [width + int(share * (most - width)) for width, most in zip(widths, wanted, strict=True)]
+        for number, width in zip(shown, widths, strict=True):
+            justify = "right" if left is not None and number >= left else "left"
+            table.add_column(columns[number], justify=justify, overflow="fold", width=width)
+        for row in rows:
+            if row is None:
+                table.add_section()
+            else:
+                table.add_row(*(row[number] for number in shown))
+        table.width = sum(widths) + GAP * (len(shown) - 1)
+        out.print(table, crop=False)
+        out.print()
 
 
-def show(table: Table) -> None:
-    """Print a table without cutting any word or number.
-
-    On a narrow terminal cells break between words; if that is not enough, the table is wider than the terminal. Only columns with
-    ``overflow="fold"``, for paths, break anywhere.
-    """
-    for column in table.columns:
-        if column.overflow != "fold":
-            cells = [Measurement.get(out, out.options, cell) for cell in (column.header, *column.cells)]
-            column.min_width = max(cell.minimum for cell in cells)
-    needed = Measurement.get(out, out.options.update(width=MOST_COLUMNS), table).minimum
-    if needed > out.width:
-        table.width = needed
-    out.print(table, soft_wrap=False, crop=False)
+def _parts(widths: Sequence[int]) -> Iterator[list[int]]:
+    """Yield lists of the numbers of columns of given least widths that fit side by side; each list begins with the first column."""
+    shown = [0]
+    for number in range(1, len(widths)):
+        if len(shown) > 1 and sum(widths[one] for one in (*shown, number)) + GAP * len(shown) > out.width:
+            yield shown
+            shown = [0]
+        shown.append(number)
+    yield shown
 
 
 class Bar(Progress):
@@ -204,6 +229,8 @@ def bad_input(*kinds: type[Exception], status: int = BAD_INPUT) -> Iterator[None
     try:
         yield
     except kinds as error:
+        if isinstance(error.__context__, KeyboardInterrupt):  # which kept a file from being closed
+            raise error.__context__ from None
         text = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
         raise ended(status, " ".join(text.split())) from None
 
@@ -223,6 +250,8 @@ def end_soon_after_interrupts() -> None:
 
     In a run on several MPI ranks no process is ended in this way, because the remaining ranks would wait for it.
     """
+    # Files that an interrupt leaves half written fail when Python closes them, which would print a traceback.
+    sys.unraisablehook = lambda failed: logging.getLogger("pdsurrogate").debug("ignored %r in %r", failed.exc_value, failed.object)
     if threading.current_thread() is not threading.main_thread() or os.name == "nt":
         return
     receiver, sender = os.pipe()

@@ -136,7 +136,7 @@ def mesh_of(mesh: Mesh) -> MeshFile:
     """
     path = Path(mesh.file)
     if not path.is_file():
-        raise ValueError(f"body.file: there is no file {mesh.file}")
+        raise ValueError(f"body.file: the file {mesh.file} does not exist")
     state = path.stat()
     return _read(mesh.file, mesh.dimension, state.st_mtime_ns, state.st_size)
 
@@ -159,16 +159,14 @@ def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
     kinds = {block.type for block in read.cells if len(block.data)}
     refused = sorted(kind for kind in kinds - set(CELL_TYPES[dimension]) if not kind.startswith(BESIDE_CELLS[dimension]))
     if refused:
-        advice = "; give dimension = 3 for a solid" if dimension == 2 and kinds & set(CELL_TYPES[3]) else ""
-        raise ValueError(
-            f"body.file: {file} has cells of type {', '.join(refused)}; {' and '.join(CELL_TYPES[dimension])} are taken{advice}"
-        )
+        advice = "; set dimension = 3 for a solid" if dimension == 2 and kinds & set(CELL_TYPES[3]) else ""
+        raise ValueError(f"body.file: {file} has {', '.join(refused)} cells; use only {' and '.join(CELL_TYPES[dimension])}{advice}")
     cells = tuple(block.data for block in read.cells if block.type in CELL_TYPES[dimension] and len(block.data))
     if dimension == 2 and points.shape[1] == 3 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points[:, :2]):
         raise ValueError(f"body.file: {file} is not flat: its third coordinate varies")
     if not cells:
         words, flat = ("triangles or quadrilaterals", False) if dimension == 2 else ("tetrahedra or hexahedra", kinds & set(CELL_TYPES[2]))
-        raise ValueError(f"body.file: {file} has no {words}" + ("; give dimension = 2 for a sheet" if flat else ""))
+        raise ValueError(f"body.file: {file} has no {words}" + ("; set dimension = 2 for a sheet" if flat else ""))
     if dimension == 3:
         for block in cells:
             _check_solid_cells(file, points[block])
@@ -184,7 +182,7 @@ def _check_solid_cells(file: str, cells: np.ndarray) -> None:
     if len(wrong):
         number = wrong[0]
         what = "inverted: its volume is negative" if (turns[number] < 0).all() else "flat, or folded at a corner"
-        raise ValueError(f"body.file: {file} has {len(wrong)} broken cells; {kind} {number}, from 0 on, is {what}")
+        raise ValueError(f"body.file: {file} has {len(wrong)} invalid cells; {kind} {number} (counted from 0) is {what}")
 
 
 def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -253,7 +251,7 @@ def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     volumes = volumes_of(cells)
     volume = volumes.sum(axis=1)
     if (volume == 0).any():
-        raise ValueError("body.file: a cell has no area")
+        raise ValueError("body.file: the area of a cell is zero")
     # The sides of a quadrilateral cross if either diagonal cuts it into triangles of opposite senses.
     if cells.shape[1:] == (4, 2) and ((volumes.prod(axis=1) < 0) & (volumes_of(np.roll(cells, 1, axis=1)).prod(axis=1) < 0)).any():
         raise ValueError("body.file: the sides of a quadrilateral cross each other; its corners must be in order around it")

@@ -128,7 +128,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
             areas[edge] = 2 * near - far
         if not areas[edge] > 0.9 * near:
             key = "grips" if scene.grips else "prescribed"
-            raise SceneError(f"scene {scene.name}: {key}: the body has no straight edge with material at its {edge} end to be held by")
+            raise SceneError(f"scene {scene.name}: {key}: the body has no straight edge with material at its {edge} end that could be held")
     return areas
 
 
@@ -209,10 +209,7 @@ def _points_of(scene: Scene):
         groups = {name: number[members[kept[members]]] for name, members in mesh.groups_of_cells().items()}
         spacing, cell = _sizes_of_cells(cells, kept, volumes)
         if scene.spacing is not None and abs(scene.spacing - spacing) > STATED * spacing:
-            warnings.warn(
-                f"scene {scene.name}: spacing: {scene.spacing:g} is not taken; the mesh has its own, {spacing:.4g}: leave spacing out",
-                stacklevel=5,
-            )
+            warnings.warn(f"scene {scene.name}: spacing: ignored, as the mesh has a spacing of {spacing:.4g}; leave it out", stacklevel=5)
         of_mesh = corners.min(axis=0), corners.max(axis=0), groups, CellMesh.of_mesh(mesh.nodes, mesh.cells, kept)
         return points[kept], volumes[kept], spacing, (cell,) * scene.dimension, *of_mesh
     lower, upper = scene.body.bounds()
@@ -304,12 +301,10 @@ def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.nda
     for number, hole in enumerate(scene.holes):
         inside = hole.contains(points)
         if not (inside & within).any():
-            raise ValueError(f"holes.{number}: no point of the body lies in it; is it outside, or smaller than the spacing?")
+            raise ValueError(f"holes.{number}: the hole contains no point of the body; it is outside, or smaller than the spacing")
         kept &= ~inside
     if not kept.any():
-        raise ValueError(
-            "body: no point is left" + (": its holes take all of it" if scene.holes else f"; the spacing is {scene.spacing:g}")
-        )
+        raise ValueError("body: no point is left" + (": the holes cover all" if scene.holes else f" at the spacing {scene.spacing:g}"))
     return kept
 
 
@@ -442,4 +437,4 @@ def _check_precuts(scene: Scene, body: Body) -> None:
     cut = body.all_points[body.bonds.cut]
     for number, precut in enumerate(scene.precuts):
         if not body.share.any(len(cut) and precut.crosses(cut[:, 0], cut[:, 1]).any()):
-            raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body, in a hole, or between neighboring points")
+            raise ValueError(f"precuts.{number}: the precut crosses no bond; it is outside the body, in a hole, or between points")

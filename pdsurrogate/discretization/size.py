@@ -64,8 +64,8 @@ def check_size(scene: Scene, memory: float) -> None:
     excess = max(cells / MOST_POINTS, needed / memory)
     if excess <= 1:
         return
-    why = f"at most {MOST_POINTS:.3g} are taken"
+    why = f"the limit is {MOST_POINTS:.3g}"
     if needed > memory:
-        why = f"they take at least {needed / 1e9:.3g} GB of memory, and there are {memory / 1e9:.3g}"
+        why = f"they need at least {needed / 1e9:.3g} GB of memory, and {memory / 1e9:.3g} GB are available"
     least = scene.spacing * excess ** (1 / dimension)
-    raise SceneError(f"scene {scene.name}: spacing {scene.spacing:g} makes {points:.3g} points; {why}: take a spacing above {least:.2g}")
+    raise SceneError(f"scene {scene.name}: spacing {scene.spacing:g} makes {points:.3g} points; {why}; use a spacing above {least:.2g}")

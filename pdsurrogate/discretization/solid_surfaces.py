@@ -54,8 +54,8 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
             break
     if problem is not None:
         raise ValueError(
-            f"holes.{problem}: its boundary meets another; loads and probes take holes that lie inside the body, or go all the way through "
-            "a box, cylinder, tube or extrusion along its axis, and whole spheres about places on the flat faces of a part of a sphere"
+            f"holes.{problem}: its boundary intersects another one; with loads or probes, a hole must lie inside the body, go all the way "
+            "through a box, cylinder, tube or extrusion along its axis, or be a sphere with its center on a flat face of a part of a sphere"
         )
     if body is None:
         triangles, names = [_sphere(scene.body, scene.body.halved, cell)], ["outline"]
@@ -327,5 +327,5 @@ def _triangulated(
     triangles = triangles[np.abs(areas) > 1e-12]
     area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum() / 2
     if len(missing) or abs(np.abs(areas).sum() - area) > 1e-9 * area:
-        raise ValueError("body: its section has corners too sharp to be divided into triangles; loads and probes on it are not possible")
+        raise ValueError("body: its cross-section has corners that are too sharp for a triangulation, so loads and probes are not possible")
     return nodes * cell, sides, chain, triangles * cell

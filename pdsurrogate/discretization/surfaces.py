@@ -135,9 +135,7 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
     three = facets[~triangles][:, [[0, 1, 2, 2], [0, 1, 3, 3], [0, 2, 3, 3], [1, 2, 3, 3]]].reshape(-1, 4)
     keys = side_numbers(np.concatenate([facets[triangles], three]))
     if np.isin(keys[: triangles.sum()], keys[triangles.sum() :]).any():
-        raise ValueError(
-            "body.file: faces of tetrahedra lie on those of hexahedra and halve them; loads and probes take cells that share whole faces"
-        )
+        raise ValueError("body.file: faces of tetrahedra cover half faces of hexahedra; loads and probes need shared whole faces")
     middles = len(mesh.nodes) + np.arange(np.count_nonzero(~triangles))
     nodes = np.concatenate([mesh.nodes, mesh.nodes[facets[~triangles]].mean(axis=1)])
     around = facets[~triangles]

@@ -164,7 +164,7 @@ class DigestCache(FunctionCache):
 @cache
 def log_not_kept(folder: str, why: str) -> None:
     """Log once per folder and reason that compiled code is not kept on disk."""
-    logger.warning("compiled code is not kept in %s, and is compiled anew by every process: %s", folder, why)
+    logger.warning("compiled code cannot be cached in %s, so every process compiles it again: %s", folder, why)
 
 
 def _enable_cache(compiled, function: Callable, digest: str | None = None, parallel: bool = False):
@@ -280,7 +280,7 @@ def compile_block_function(function: Callable, signature, digest: str | None = N
     `digest` names the file of the cache; by default it is the digest of the function.
     """
     if numba.config.DISABLE_JIT:
-        raise CompilerSwitchedOff("NUMBA_DISABLE_JIT is set in the environment, and forces are evaluated by compiled code alone: unset it")
+        raise CompilerSwitchedOff("NUMBA_DISABLE_JIT is set in the environment, but forces need compiled code: unset it")
     compiled = CFunc(function, numba.core.sigutils.normalize_signature(signature), locals={}, options=dict(OPTIONS))
     _enable_cache(compiled, function, digest)
     compiled.compile()

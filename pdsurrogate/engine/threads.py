@@ -53,8 +53,8 @@ def start_threads() -> None:
         return
     if _runs_already():
         warnings.warn(
-            "numba's threads were started before pdsurrogate could set how they wait: if other work uses the cores, two threads may be "
-            f"far slower than one; set GOMP_SPINCOUNT={SPIN_COUNT} in the environment, or import and use pdsurrogate first",
+            "numba's threads were started before pdsurrogate could limit how long they busy-wait: while other programs use the cores, two "
+            f"threads may be slower than one; set GOMP_SPINCOUNT={SPIN_COUNT} in the environment, or use pdsurrogate before other kernels",
             ThreadsSpinWarning,
             stacklevel=2,
         )
@@ -80,8 +80,8 @@ def threads_are_lost() -> bool:
 
 def _say_lost() -> None:
     warnings.warn(
-        "this process was forked from one whose kernels had started threads, which do not survive that: it takes one thread; for more, "
-        "start processes by 'spawn' or 'forkserver', as multiprocessing.get_context does",
+        "this process was forked from one with running threads, which a fork does not copy, so it uses one thread; to use more, start "
+        "processes with 'spawn' or 'forkserver' (multiprocessing.get_context)",
         ThreadsLostWarning,
         stacklevel=3,
     )

@@ -117,7 +117,7 @@ def check_agreement(model, law: Law, exact, remedy: str) -> None:
     UserWarning
         If the model has no card and its error exceeds `NOTED`.
     """
-    advice = f"the law has changed since, or the model is of another material, or its fit is too coarse; {remedy}"
+    advice = f"the law has changed since, the model belongs to another material, or its fit is too coarse; {remedy}"
     if model.stated is not None:
         # States lie on the plane-stress surface of training: the force at given C33 does not depend on the bulk modulus, the surface does.
         bulk = model.stated["bulk_ratio"] * law.shear_modulus
@@ -126,20 +126,17 @@ def check_agreement(model, law: Law, exact, remedy: str) -> None:
     try:
         states, right = exact(law, *np.exp(low + (high - low) * PLACES.T))
     except ValueError as error:  # the law has no state somewhere in the domain
-        raise ValueError(f"{model.name} was trained where {error}: {advice}") from None
+        raise ValueError(f"the domain of {model.name} contains states that the law does not have ({error}): {advice}") from None
     size = np.linalg.norm(right, axis=1)
     error = np.linalg.norm(model.answer(*states) - right, axis=1).max()
     if model.stated is None:
         reference, most, said = size.max(), MOST_UNSTATED, f"the greatest force, more than {100 * MOST_UNSTATED:g} %"
     else:
         reference, most = np.sqrt((size**2).mean()), MOST_OF_STATED * max(model.stated["max"], ROUNDING)
-        said = f"their root mean square, where its card states {100 * model.stated['max']:.2g} % at the most"
+        said = f"their root mean square, but its card states a greatest error of {100 * model.stated['max']:.2g} %"
     if not error <= most * reference:
         raise ValueError(f"{model.name} differs from the forces of {law.name} by {100 * error / reference:.3g} % of {said}: {advice}")
     if model.stated is None and error > NOTED * reference:
         shape = "".join(f", {key} = {value:g}" for key, value in law.shape.items())
-        warnings.warn(
-            f"{model.name} differs from the forces of {law.name}{shape}, which the scene asks for, by "
-            f"{100 * error / reference:.2g} % of the greatest: was it fitted to another material, or too coarsely?",
-            stacklevel=3,
-        )
+        off = f"{100 * error / reference:.2g} % of the greatest force"
+        warnings.warn(f"{model.name} deviates from {law.name}{shape} by {off}: fit it to this law, or less coarsely", stacklevel=3)

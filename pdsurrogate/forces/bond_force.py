@@ -141,7 +141,7 @@ class BondForces(Term):
         self.correction = binding.settings.correction or ("tensor" if all(model.gives_transverse for model in models) else "scalar")
         if models[0].members and binding.settings.plane == "strain":
             name = models[0].name
-            raise ValueError(f"{name} gives the deviation of its members under plane stress; fit it with --energy for other planes")
+            raise ValueError(f"{name}: the deviation of members needs plane stress; for plane=strain fit with --energy")
         self._strength, self._parts = pair_strength(body), []
         if binding.portion_of is not None:
             of_ends = binding.portion_of[np.stack([bonds.first, bonds.second])]

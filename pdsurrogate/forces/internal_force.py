@@ -284,7 +284,7 @@ class InternalForce:
         """
         if self.precision != "float64" or self.body.share.divided:
             needs = "bind the force with precision='float64', to a body on one rank"
-            raise ValueError(f"a tangent is formed by differences of forces in float64: {needs}")
+            raise ValueError(f"the tangent is computed from differences of forces in float64: {needs}")
         ahead, behind = np.empty((2, *positions.shape))
 
         def multiply(displacements: np.ndarray) -> np.ndarray:
@@ -319,7 +319,7 @@ class InternalForce:
             If the force was bound without `ForceSettings.breakable`.
         """
         if not self.breakable:
-            raise ValueError("this force was bound without bonds that break; bind it with ForceSettings(breakable=True)")
+            raise ValueError("the bonds of this force cannot break; bind it with ForceSettings(breakable=True)")
         before = self._held() if self.has_energy else None
         changed = self._kinematics.break_bonds(pairs)
         for term in self.terms:

@@ -182,20 +182,15 @@ class Learned(ForceModel):
         >>> import pdsurrogate as pds
         >>> pds.load_surrogate("neo-hookean@1").check_material(pds.materials.NeoHookean(shear_modulus=2.0, bulk_modulus=200.0))
         """
-        shape, serves = self.shape_of(law), f"force={self.exact}, which serves every law"
+        shape, serves = self.shape_of(law), f"force={self.exact}, which supports every law"
         if law.name != self.law:
-            raise ValueError(f"{self.name} describes the law {self.law}, not {law.name}; force={self.exact} serves every law")
+            raise ValueError(f"{self.name} describes the law {self.law}, not {law.name}; force={self.exact} supports every law")
         if set(shape) != set(self.shape):
-            raise ValueError(
-                f"{self.name} describes {self.law} with {', '.join(sorted(self.shape)) or 'no parameters'}, "
-                f"not with {', '.join(sorted(shape)) or 'none'}; fit another, or use {serves}"
-            )
+            raise ValueError(f"{self.name} describes {self.law} with parameters {sorted(self.shape)}, not {sorted(shape)}; use {serves}")
         for key, value in shape.items():
             if not np.isclose(value, self.shape[key], rtol=1e-9, atol=0):
-                raise ValueError(
-                    f"{self.name} describes {self.law} with {key} = {float(self.shape[key])!r}, not {float(value)!r}; "
-                    f"fit another, or use {serves}"
-                )
+                own, other = float(self.shape[key]), float(value)
+                raise ValueError(f"{self.name} describes {self.law} with {key} = {own!r}, not {other!r}; fit another, or use {serves}")
         check_agreement(self, law, type(self).trial, f"fit it again, or use {serves}")
 
 

@@ -99,9 +99,7 @@ class OwnBondForce(ForceSurrogate):
 
     def __init__(self, thing) -> None:
         if not is_own_force(thing):
-            raise TypeError(
-                f"a force of one's own has bond_force(stretch, rotation, length, C33, J) or energy(I1bar, I2bar), not {thing!r}"
-            )
+            raise TypeError(f"a force needs a method bond_force(stretch, rotation, length, C33, J) or energy(I1bar, I2bar), not {thing!r}")
         self.thing, self.name = thing, type(thing).__name__
         self.failure: RuntimeError | None = None
         self._gives_force = callable(getattr(thing, "bond_force", None))  # a bond force takes precedence over an energy
@@ -194,7 +192,7 @@ class OwnBondForce(ForceSurrogate):
         if len(bad):
             pairs = zip(names, rows, strict=True), states.items()
             given, at = (", ".join(f"{key} = {values[bad[0]]:.6g}" for key, values in some) for some in pairs)
-            raise OwnForceInvalid(f"{self.name}: {method} gives {given}, which is not finite, at {at}")
+            raise OwnForceInvalid(f"{self.name}: {method} returned {given}, which is not finite, at {at}")
         return rows.astype(float)
 
     def _tractions(self, a, b, U_mm, J, C33, length) -> np.ndarray:
@@ -281,8 +279,8 @@ class OwnBondForce(ForceSurrogate):
         modulus = 2 * float(self.energy(near, near)[1:].sum())
         if not abs(modulus - 1) <= MOST_OFF:
             warnings.warn(
-                f"{self.name}: energies are in units of the shear modulus, and this one has a shear modulus 2 (dW/dI1bar + dW/dI2bar) of "
-                f"{modulus:.4g} of it at rest, where 1 was expected: the material will be {modulus:.4g} times as stiff as the scene says",
+                f"{self.name}: energy must be divided by the shear modulus, so that 2 (dW/dI1bar + dW/dI2bar) at rest is 1, but it is "
+                f"{modulus:.4g}: the material will be {modulus:.4g} times as stiff as the scene states",
                 stacklevel=3,
             )
 

@@ -397,7 +397,7 @@ class ForceModel(ABC):
         ...     pds.load_surrogate("neo-hookean@1").check_material(pds.materials.Gent())
         ... except ValueError as error:
         ...     print(error)
-        neo-hookean@1 describes the law neo-hookean, not gent; force=analytic serves every law
+        neo-hookean@1 describes the law neo-hookean, not gent; force=analytic supports every law
         """
 
     def payload(self) -> dict:
@@ -472,15 +472,15 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     """
     rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
     if not portions:
-        raise ValueError("the rigid regions take all points of the body: nothing is left to be deformed")
+        raise ValueError("the rigid regions contain all points of the body, so that no material is left to deform")
     of_points = np.concatenate([rigid, *(portion.points for portion in portions)])
     if not np.array_equal(np.sort(of_points), np.arange(len(body))):
-        raise ValueError("the materials must have every point of the body once")
+        raise ValueError("every point of the body must belong to exactly one material")
     families = {portion.model.family: portion.model.name for portion in portions}
     if len(families) > 1:
-        raise ValueError(f"the materials of a body take force models of one kind, not {' and '.join(sorted(families.values()))}")
+        raise ValueError(f"all materials of a body need force models of the same family, not {' and '.join(sorted(families.values()))}")
     if settings.breakable and (len(portions) > 1 or len(rigid)):
-        raise ValueError("bonds that break (fracture) are taken in a body of one material only: leave out fracture or materials")
+        raise ValueError("bonds can break (fracture) only in a body of one material: leave out fracture or materials")
     merged: list[Portion] = []
     for portion in portions:
         same = next((n for n, other in enumerate(merged) if other.law == portion.law and _same(other.model, portion.model)), None)
@@ -489,7 +489,7 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         else:
             merged[same] = replace(portion, points=np.sort(np.concatenate([merged[same].points, portion.points])))
     if len(merged) > 1 and (asked := [portion.model.name for portion in merged if portion.model.members]):
-        raise ValueError(f"{asked[0]}: the deviation of members is given for bodies of one material; leave out #all")
+        raise ValueError(f"{asked[0]}: the deviation of committee members is available only for bodies of one material; leave out #all")
     if len(merged) == 1 and not len(rigid):
         return merged[0].model.bind(body, merged[0].law, settings)
     honored = {key for portion in merged for key in portion.model.honored(settings.plane)}
@@ -501,15 +501,12 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         portion.model.check_material(portion.law)
         several = portion.model.several_materials
         if not several:
-            raise ValueError(f"{portion.model.name} takes a body of one material; without materials it serves every law")
+            raise ValueError(f"{portion.model.name} supports bodies of one material only; leave out materials")
         # The pressure of bond forces and of NOSB depends on det F at single points (theory, section 16). A point would have to keep its
         # volume both in its own motion and in the continued motion of the other material, and no equilibrium exists; with one gradient for
         # both materials, states that are homogeneous on either side are not in equilibrium.
         if settings.plane not in several:
-            raise ValueError(
-                f"{portion.model.name} takes several materials with plane=stress only: where the volume is held its pressure is wrong "
-                "beside an interface; force=bond-energy takes them everywhere"
-            )
+            raise ValueError(f"{portion.model.name} supports several materials only with plane=stress; use force=bond-energy")
     return InternalForce(body, merged, settings)
 
 

@@ -30,9 +30,9 @@ SETTINGS = {
 
 WHERE = {"stress": "", "strain": " in plane strain", "space": " of solids"}
 OTHERS = {
-    "stress": "force=analytic and force=bond-energy take every law under plane stress",
-    "strain": "force=analytic and force=bond-energy take both",
-    "space": "force=bond-energy, force=nosb and artifacts of isochoric energies take solids",
+    "stress": "force=analytic and force=bond-energy support every law under plane stress",
+    "strain": "force=analytic and force=bond-energy support both",
+    "space": "force=bond-energy, force=nosb and artifacts of isochoric energies support solids",
 }
 """Advice for error messages about a model that does not support a plane: which models do, by the plane."""
 
@@ -108,7 +108,7 @@ class ForceSettings:
         ...     pds.ForceSettings(correction="tensor").check("mine", {"correction": ("none",)})
         ... except ValueError as error:
         ...     print(error)
-        mine does not take correction=tensor; it takes correction=none
+        mine does not support correction=tensor; it supports correction=none
         """
         for field in fields(self):
             key, value = field.name, getattr(self, field.name)
@@ -120,7 +120,7 @@ class ForceSettings:
             taken = {key: honors[key]} if key in honors else honors
             words = ", ".join(_words(key, *values) for key, values in taken.items()) or "none of these settings"
             advice = f"; {OTHERS[value]}" if key == "plane" else ""
-            raise ValueError(f"{name} does not take {_words(key, value)}{where}; it takes {words}{advice}")
+            raise ValueError(f"{name} does not support {_words(key, value)}{where}; it supports {words}{advice}")
 
     def check_body(self, body: Body) -> None:
         """Raise ValueError for a body whose dimension does not match `plane`.
@@ -141,9 +141,7 @@ class ForceSettings:
         """
         if body.dimension != dimension_of(self.plane):
             right = "plane=stress or plane=strain" if body.dimension == 2 else "plane=space"
-            raise ValueError(
-                f"plane={self.plane} is of bodies of {dimension_of(self.plane)} dimensions; this one has {body.dimension}: {right}"
-            )
+            raise ValueError(f"plane={self.plane} needs a {dimension_of(self.plane)}D body, but this one is {body.dimension}D: use {right}")
 
 
 def _words(key: str, *values) -> str:

@@ -351,10 +351,10 @@ class DomainWatch:
         quantity, stand_in = self._names
         what = f"{found} of {self._share.total(self.n_pairs)} bonds are outside the domain of {self._model.name}, {self._model.domain}"
         if self._policy == "raise":
-            raise OutsideDomain(f"{what}; outside=fallback would use the exact {stand_in} for them")
+            raise OutsideDomain(f"{what}; with outside=fallback the exact {stand_in} is used for them")
         if not self._warned:
             self._warned = True
-            warnings.warn(f"{what}: its {quantity} there is extrapolated", OutsideDomainWarning, stacklevel=3)
+            warnings.warn(f"{what}: the {quantity} of these bonds is extrapolated", OutsideDomainWarning, stacklevel=3)
 
 
 def sum_on_pairs(parts: Sequence, quantity: str, count: int) -> np.ndarray:

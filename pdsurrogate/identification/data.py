@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from ..arguments import check_path
+from ..arguments import check_path, suggestion
 
 MODES: dict[str, Callable] = {
     "uniaxial": lambda stretch: stretch**-0.5,
@@ -82,7 +82,7 @@ class TestData:
         """Return the rows in which neither of the two stretches exceeds `stretch`; raise ValueError if there are no such rows."""
         chosen = np.all(self.stretches <= stretch, axis=1)
         if not chosen.any():
-            raise ValueError(f"{self.name}: no row has stretches of {stretch:g} or less")
+            raise ValueError(f"{self.name}: all rows have stretches above {stretch:g}")
         return self._taken(chosen)
 
     def _taken(self, rows: np.ndarray) -> Self:
@@ -104,7 +104,7 @@ class TestData:
                 spread = (self.weight[rows] * (stress - np.average(stress, weights=self.weight[rows])) ** 2).sum()
             size = spread if spread > 0 else (self.weight[rows] * stress**2).sum()
             if not 0 < size < np.inf:
-                raise ValueError(f"{self.name}: the stresses of {mode} are all zero, or too large to be squared")
+                raise ValueError(f"{self.name}: the stresses of mode {mode} are all zero, or so large that their squares overflow")
             weights[rows] /= size
         return weights
 
@@ -167,22 +167,19 @@ def load_test_data(reference: str | Path) -> TestData:
         text = file.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise ValueError(f"cannot read test data {name}: {reason}; shipped are {', '.join(test_data_names())}") from None
+        raise ValueError(f"cannot read test data {name}: {reason}; {suggestion(name, test_data_names(), 'included are')}") from None
     reader = csv.reader("" if line.isspace() or line.lstrip().startswith("#") else line for line in text.splitlines())
     (_, columns), *rows = [(reader.line_num, row) for row in reader if row] or [(0, [])]
     if twice := sorted(column for column in set(columns) if columns.count(column) > 1):
         raise ValueError(f"{name}: the file has the column {twice[0]} more than once")
     kind = next((kind for kind in (CURVES, GRID) if set(columns) - {"weight"} == set(kind)), None)
     if kind is None:
-        raise ValueError(
-            f"{name}: the columns must be {', '.join(CURVES)}, or {', '.join(GRID)}, with or without weight; there are "
-            f"{', '.join(sorted(columns)) or 'none'}"
-        )
+        raise ValueError(f"{name}: columns must be {', '.join(CURVES)}, or {', '.join(GRID)} and weight, not {', '.join(sorted(columns))}")
     found: list[tuple] = []
     for place, (number, values) in enumerate(rows, start=1):
         where = f"{name}, line {number}"
         if len(values) != len(columns):
-            raise ValueError(f"{where}: there are not as many values as columns")
+            raise ValueError(f"{where}: the line has {len(values)} values for {len(columns)} columns")
         found += [(*one, place) for one in _rows(dict(zip(columns, values, strict=True)), kind, where)]
     if not found:
         raise ValueError(f"{name}: there are no rows")

@@ -184,7 +184,7 @@ class EnergyRegressor(StressRegressor):
             stretches = isochoric(X, volume)
             terms, weights = self._fitted(columns_of(stretches, X[:, 0], chosen), y, root, chosen)
             if not stiffness_of(terms, weights) > 0:
-                warnings.warn("no rubber has such stresses: they do not rise with the stretch, and next to nothing is fitted", stacklevel=2)
+                warnings.warn("the stresses do not rise with the stretch as in rubber; the fitted energy is almost zero", stacklevel=2)
                 terms, weights = np.array([[0, 2.0]]), np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
             before, (law, volume) = volume, self._law_and_volume(terms, weights, X, volume)
             if np.abs(volume - before).max() < 1e-9:
@@ -365,16 +365,12 @@ def _warn_of_few_modes(X: np.ndarray) -> None:
     logs = ordered_logs(X)
     states = np.unique(logs[np.abs(logs).max(axis=1) > SAME_MODE].round(3), axis=0)
     if len(states) <= 1:
-        warnings.warn(
-            "the data are of one state: they determine one number, some shear modulus; how the stress rises with the stretch, and what it "
-            "is in other modes of loading, is the guess of the sum of powers",
-            stacklevel=3,
-        )
+        warnings.warn("the data contain a single state, which determines only a shear modulus; add other stretches and modes", stacklevel=3)
     elif np.abs(logs @ line_through_rest(logs)[0]).max() < SAME_MODE:
         mode = str(groups_of(X)[np.abs(logs).max(axis=1).argmax()])
         warnings.warn(
-            f"the data are of one mode of loading ({mode if mode in MODES else BIAXIAL}): what the stress is in others is not "
-            "determined by them, as the share of the second invariant is not; add another mode, such as pure shear or equibiaxial tension",
+            f"the data contain a single mode of loading ({mode if mode in MODES else BIAXIAL}), which determines neither the stresses in "
+            "other modes nor the share of the second invariant; add another mode, such as pure shear or equibiaxial tension",
             stacklevel=3,
         )
 

@@ -154,7 +154,7 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     for mode, value in scores.items():
         if value < 0:
             worse = f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0)"
-            refusals.append(f"{worse}: take another law, or mend the data")
+            refusals.append(f"{worse}: use another law, or correct the data")
         elif not value >= POOR:
             poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
     # Laws cannot be compared by data that contradict each other.
@@ -171,14 +171,14 @@ def wrong_signs(data: TestData) -> list[str]:
     along = np.log(first * first * second)
     wrong = (along * data.nominal_stress < 0) & (np.abs(along) > NEAR_REST)
     wrong &= np.abs(data.nominal_stress) > NEAR_REST * _greatest_of_mode(data)
-    does = np.where(along > 0, "pushes where rubber pulls", "pulls where rubber pushes")
+    does = np.where(along > 0, "is compressive where rubber is in tension", "is tensile where rubber is in compression")
     found = [f"{data.row_in_words(row)} {does[row]}" for row in np.flatnonzero(wrong).tolist()]
     return [f"{', '.join(_some(found))}: tension is positive, compression negative"] if found else []
 
 
 def _some(found: list[str]) -> list[str]:
     """Return the first `MOST_ROWS` of the messages about rows, followed by the number of those left out."""
-    return found if len(found) <= MOST_ROWS else [*found[:MOST_ROWS], f"and {len(found) - MOST_ROWS} rows more"]
+    return found if len(found) <= MOST_ROWS else [*found[:MOST_ROWS], f"and {len(found) - MOST_ROWS} more rows"]
 
 
 def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
@@ -208,13 +208,13 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     resting &= np.abs(data.nominal_stress) > AT_REST * _greatest_of_mode(data)
     if resting.any():
         at_rest = ", ".join(_some([data.row_in_words(row) for row in np.flatnonzero(resting).tolist()]))
-        remarks.append(f"{at_rest}: rubber has no stress at a stretch of 1: is the zero right, are they stretches, not strains?")
+        remarks.append(f"{at_rest}: rubber has no stress at a stretch of 1: check its zero, and that stretches are not strains")
     standing = np.abs(_standing(best, predicted))
     rows = [row for row in np.argsort(-standing).tolist() if standing[row] > OUTLIER and not known[row] and not resting[row]]
     if len(rows) > max(1, len(data) / 4):
-        together = "no energy that physics allows describes these tests together"
-        return [*remarks, f"{together}: are units the same, zeros right, all stresses nominal?"]
-    remarks += [f"{data.row_in_words(row)} stands out by {standing[row]:.0f} standard deviations from what the others say" for row in rows]
+        together = "no physically possible energy describes these tests together"
+        return [*remarks, f"{together}: check that all stresses have the same unit, are nominal, and are zero at a stretch of 1"]
+    remarks += [f"{data.row_in_words(row)} deviates by {standing[row]:.0f} standard deviations from the other rows" for row in rows]
     named = {*rows, *np.flatnonzero(resting)}
     return remarks + _some([text for row, text in _falling(data) if not named & {row, row - 1}])
 
@@ -237,11 +237,11 @@ def standardized(model: StressRegressor, data: TestData, most: int = 5) -> list[
     ]
 
 
-NOT_TOLD = "if all stresses were Cauchy (true) ones it would too, and nothing would show it: nominal ones are force over the area at rest"
+NOT_TOLD = "check that the stresses are nominal (force per undeformed area); Cauchy (true) stresses would have the same effect"
 """Caution added to the remark that another law or energy describes the data better: it would also do so if they were Cauchy stresses."""
 
-CAUCHY = "the stresses look like Cauchy (true) ones: divided by the stretch, they are nominal"
-SHIFTED = "the stresses look shifted by {shift:.3g}: at a stretch of 1 there should be none"
+CAUCHY = "the stresses look like Cauchy (true) stresses; divide them by the stretch to obtain nominal stresses"
+SHIFTED = "the stresses look shifted by {shift:.3g}; they should be zero at a stretch of 1"
 """Words of remarks for two faults in the stresses of a mode that a change of the data may mend (`_changes`)."""
 
 
@@ -280,7 +280,7 @@ def _changes(data: TestData) -> list[_Change]:
         factor = float(np.median(stress[some] / predicted[some])) if some.any() else 1.0
         if factor > 0 and abs(np.log(factor)) > np.log(LEAST_FACTOR):
             size = f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
-            words = f"the stresses look {size} for the other modes: is it in another unit?"
+            words = f"the stresses look {size} compared with the other modes; check their unit"
             add(mode, np.where(rows, stress / factor, stress), words)
     else:
         add("all modes", stress, SHIFTED, np.ones(len(data), dtype=bool))
@@ -355,7 +355,10 @@ def _falling(data: TestData):
         rows = rows[np.argsort(data.stretches[rows, 0], kind="stable")]
         stress, stretch = data.nominal_stress[rows], data.stretches[rows, 0]
         for k in np.flatnonzero((np.diff(stress) < -2 * NOISE * np.abs(stress[:-1])) & (np.diff(stretch) > 1e-3 * stretch[:-1])):
-            yield rows[k + 1], f"{data.row_in_words(rows[k + 1])} is below {stress[k]:g} at the smaller stretch {stretch[k]:g}"
+            yield (
+                rows[k + 1],
+                f"{data.row_in_words(rows[k + 1])} is below the stress {stress[k]:g} at the smaller stretch {stretch[k]:g}",
+            )
 
 
 def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):

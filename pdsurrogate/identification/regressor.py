@@ -128,7 +128,7 @@ class LawRegressor(StressRegressor):
         candidates = self._ogden_candidates(X, y, root) if self.law == Ogden.name else self._candidates(X, y, root)
         starts = [start for _, start in nsmallest(STARTS, candidates, key=lambda candidate: candidate[0])]
         if not starts:
-            raise ValueError(f"no parameters of {self.law} reach stretches of {X.max():g} with a positive stiffness")
+            raise ValueError(f"{self.law} cannot be fitted: it does not reach the stretch {X.max():g} with a positive stiffness")
         fits = [self._refined(start, X, y, root, incompressible_stress) for start in starts]
         best, *_ = min(fits, key=lambda one: one[-1].cost)
         values, jacobian, found = self._refined(best, X, y, root, nominal_stress)

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from sklearn.base import clone
 
+from ..arguments import suggestion
 from ..forces import ForceModel
 from ..forces.homogeneous import nominal_states
 from ..materials import Law
@@ -115,9 +116,7 @@ def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to:
         for train in splits:
             known, unseen = data.of(*train), data.of(*(mode for mode in modes if mode not in train))
             if not len(known) or not len(unseen):
-                raise ValueError(
-                    f"{data.name}: nothing is fitted or nothing held out: fitted to {', '.join(train) or 'no mode'}, of {', '.join(modes)}"
-                )
+                raise ValueError(f"{data.name}: no mode can be held out: there are {', '.join(modes)}, to fit {', '.join(train) or 'none'}")
             fitted = clone(model).fit(known.stretches, known.nominal_stress, known.balanced_weights())
             predicted = fitted.predict(unseen.stretches)
             off = np.sqrt(((predicted - unseen.nominal_stress) ** 2).sum() / (unseen.nominal_stress**2).sum())
@@ -133,7 +132,7 @@ def bulk_arguments(**given: float | None) -> dict[str, float]:
     """
     found = {key: value for key, value in given.items() if value is not None}
     if len(found) > 1:
-        raise ValueError("--bulk-modulus and --bulk-ratio say the same: choose one")
+        raise ValueError("--bulk-modulus and --bulk-ratio exclude each other: choose one")
     return found
 
 
@@ -143,8 +142,7 @@ def fitted(data: TestData, law: str | None, n_terms: int, bulk: dict[str, float]
     `bulk` is a dictionary as `bulk_arguments` returns it.
     """
     if law is not None and law not in fitted_laws():
-        known = f"{', '.join(fitted_laws())} are fitted to tests, and fit --free finds an energy without a law"
-        raise ValueError(f"unknown law {law!r}: {known}")
+        raise ValueError(f"unknown law {law!r}; {suggestion(law, fitted_laws(), 'laws that can be fitted to tests are')}")
     regressor = EnergyRegressor(**bulk) if law is None else LawRegressor(law, n_terms=n_terms, **bulk)
     return regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
 

@@ -266,7 +266,7 @@ def committee(
             raise ValueError(f"{what} must have one entry for each of the {len(y)} rows, not shape {np.shape(rows)}")
     kinds = np.unique(tests)
     if len(kinds) < 2:
-        raise ValueError("a committee is drawn from at least two tests; there is one")
+        raise ValueError("a committee needs at least two tests, but there is only one")
     random, members = np.random.default_rng(random_state), []
     for _ in range(n_members):
         drawn = np.concatenate([np.flatnonzero(tests == kind) for kind in random.choice(kinds, -(-len(kinds) // 2), replace=False)])

@@ -112,10 +112,7 @@ class ChebyshevRegressor(BaseRegressor):
         powers = list(islice(_powers([int(value) for value in degrees], 1.0), MOST_TERMS + 1))
         if len(powers) > MOST_TERMS:
             most = max(degree for degree in range(MOST_DEGREE + 1) if comb(n_features + degree, degree) <= MOST_TERMS)
-            raise ValueError(
-                f"degree {self.degree} makes more than {MOST_TERMS} terms of {n_features} features: take a degree of at most {most}, "
-                "or lower degrees of single features"
-            )
+            raise ValueError(f"degree {self.degree} makes more than {MOST_TERMS} terms: use at most {most}, or lower single degrees")
         return np.array(powers)
 
     def _terms(self, X):

@@ -95,7 +95,7 @@ def best_of(model):
     if is_search(model):
         check_is_fitted(model)
         if not hasattr(model, "best_estimator_"):
-            raise ValueError(f"the {type(model).__name__} keeps no fitted model: give it refit=True")
+            raise ValueError(f"the {type(model).__name__} has no fitted model: set refit=True")
         model = model.best_estimator_
     return model.steps[0][1] if isinstance(model, Pipeline) and len(model.steps) == 1 else model
 
@@ -122,29 +122,29 @@ def force_of(model) -> Callable:
         return OwnBondForce(model).bond_force
     if isinstance(model, BaseEstimator):
         if not callable(getattr(model, "predict", None)):
-            raise ValueError(f"a {type(model).__name__} predicts nothing: a regressor of bond forces is taken")
+            raise ValueError(f"a {type(model).__name__} has no method predict: give a regressor of bond forces")
         check_is_fitted(model)
         count, names = getattr(model, "n_features_in_", len(COLUMNS)), list(getattr(model, "feature_names_in_", COLUMNS))
         if count != len(COLUMNS) or sorted(names) != sorted(COLUMNS):
             found = f"{count} features" if count != len(COLUMNS) else f"the columns {', '.join(names)}"
             raise ValueError(
-                f"the {type(model).__name__} was fitted to {found}; taken are regressors of the five bond quantities {', '.join(COLUMNS)}, "
-                "in any order, alone or within a surrogate_pipeline, which makes features of them"
+                f"the {type(model).__name__} was fitted to {found}; fit it to the five bond quantities {', '.join(COLUMNS)}, in any order, "
+                "or as part of a surrogate_pipeline, which computes features from them"
             )
         order = [COLUMNS.index(name) for name in names]
         return lambda *bond: _quietly(model.predict, np.stack(np.broadcast_arrays(*bond), axis=1)[:, order])
     if isinstance(model, type):
-        raise TypeError(f"{model.__name__} is a class: give an instance of it")
+        raise TypeError(f"{model.__name__} is a class: give an instance, {model.__name__}()")
     if callable(model):
         return lambda *bond: _checked_forces(model, *np.broadcast_arrays(*np.atleast_1d(*bond)))
-    raise ValueError(f"a {type(model).__name__} is no model of a bond force")
+    raise ValueError(f"a {type(model).__name__} is not a model of a bond force")
 
 
 def _checked_forces(function: Callable, *bond) -> np.ndarray:
     """Return the forces of a user's function at arrays `bond` of bond quantities; raise ValueError unless they are two for each bond."""
     force = np.asarray(function(*bond))
     if force.shape != (len(bond[0]), 2):
-        raise ValueError(f"a function of bonds must give t_n and t_tau of each, an array of shape {(len(bond[0]), 2)}, not {force.shape}")
+        raise ValueError(f"a bond-force function must return t_n and t_tau, an array of shape {(len(bond[0]), 2)}, not {force.shape}")
     return force
 
 

@@ -116,10 +116,7 @@ def training_samples(
     samples = chosen.draw(law, n_samples, box, near_rest, random_state, **options)
     if not np.isfinite(samples.y).all():
         least, greatest = reachable_stretches(law, box, target)
-        raise ValueError(
-            f"{law.name} ends before all states of stretches from {box[0]:g} to {box[1]:g}; it has those from {least:.4g} to {greatest:.4g}"
-            " (reachable_stretches)"
-        )
+        raise ValueError(f"{law.name} does not reach the stretches {box[0]:g} to {box[1]:g}; use {least:.4g} to {greatest:.4g}")
     return samples.take(random_order(n_samples, near_rest, random_state))
 
 
@@ -160,7 +157,7 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = WIDEST, t
         return float(stretch_range[0]), float(stretch_range[1])
     inside = bisect_left(range(1, 1024), True, key=lambda part: not chosen.reached(law, part / 1024 * low, part / 1024 * high)) / 1024
     if inside == 0:
-        raise ValueError(f"{law.name}: it locks too near the undeformed state for a surrogate")
+        raise ValueError(f"{law.name}: the law locks too close to the undeformed state for a surrogate")
     # The energy grows without bound toward the limit; a smooth model can follow it up to a twentieth short of it.
     least, greatest = np.exp([0.95 * inside * low, 0.95 * inside * high]).tolist()
     return least, greatest
@@ -287,7 +284,7 @@ def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[Lea
     model, target = best_of(model), samples.target
     found = target_of(model)
     if found is not None and found is not target:
-        raise ValueError(f"the pipeline predicts the target {found.name}, and the samples are of {target.name}")
+        raise ValueError(f"the pipeline predicts the target {found.name}, but the samples belong to the target {target.name}")
     return target.surrogate(model, law, target.domain(law, samples), name, samples.X)
 
 
@@ -325,14 +322,12 @@ def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearnedBon
     target = target_of(model)
     if target is None:
         raise ValueError(
-            f"a {type(model).__name__} by itself does not say which stretches it was fitted to: fit it within a surrogate_pipeline, "
-            "which takes any regressor, or give pds.store the samples that it was fitted to, and simulate the artifact"
+            f"the stretches to which this {type(model).__name__} was fitted are unknown: fit it within a surrogate_pipeline, or store it "
+            "with its samples (pds.store), and simulate the artifact"
         )
     check_is_fitted(model)
     if model.training_inputs_ is None:
-        raise ValueError(
-            "a pipeline read from a file does not say which stretches it was fitted to: give the artifact instead, or fit it here"
-        )
+        raise ValueError("the stretches to which a pipeline from a file was fitted are unknown: give the artifact instead")
     return target.surrogate(model, law, target.domain_of_states(law, model.training_inputs_), name)[0]
 
 
@@ -350,19 +345,19 @@ def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is store
     if not rms <= MOST_STORED:
         low, high = errors["stretch_range"]
         raise TooInexact(
-            f"{what} is off by {100 * rms:.3g} % RMS at stretches from {low:g} to {high:g}, more than {100 * MOST_STORED:g} %, and is not "
-            f"{purpose}: fit it to more samples, with a larger regressor or over a smaller range, and to samples of this law"
+            f"{what} has an RMS error of {100 * rms:.3g} % at stretches from {low:g} to {high:g}, more than {100 * MOST_STORED:g} %; it is "
+            f"not {purpose}: fit it to samples of this law, and use more samples, a larger regressor or a smaller range"
         )
     worst: dict = max(errors.get("by_strain", ()), key=lambda row: row["rms"], default={"rms": 0.0})
     if rms > NOTED:
         against = "".join([law.name, *(f", {key} = {value:g}" for key, value in law.shape.items())])
-        fault = f"{100 * rms:.2g} % RMS from {against}, the law that it was compared with and {role}"
-        warnings.warn(f"{what} is off by {fault}: was it fitted to samples of another one, or too coarsely?", stacklevel=4)
+        fault = f"{100 * rms:.2g} % relative to {against}, the law that it was compared with and {role}"
+        warnings.warn(f"{what} has an RMS error of {fault}: it was fitted too coarsely, or to samples of another law", stacklevel=4)
     elif worst["rms"] > MOST_STORED:
         # Enormous forces at the ends of the range make all errors relatively small.
         low, high = worst["strain"]
-        fault = f"{100 * worst['rms']:.2g} % of the force at strains from {low:g} to {high:g}, though by little of the greatest"
-        warnings.warn(f"{what} is off by {fault}: fit it over a smaller range of stretches", stacklevel=4)
+        fault = f"{100 * worst['rms']:.2g} % at strains from {low:g} to {high:g}, though it is small relative to the greatest forces"
+        warnings.warn(f"{what} has an RMS error of {fault}: fit it over a smaller range of stretches", stacklevel=4)
 
 
 def cross_validate(
@@ -493,7 +488,7 @@ def evaluate(
     if target_of(model) in (SHEET_ENERGY, ISOCHORIC_ENERGY):
         model = force_model_of(model, law)
     if isinstance(model, ForceModel) and not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
-        raise TypeError(f"{model.name} has no bond force of its own to evaluate")
+        raise TypeError(f"{model.name} has no bond force or energy of its own to evaluate")
     target = ISOCHORIC_ENERGY if isinstance(model, IsochoricNetwork) else SHEET_ENERGY if isinstance(model, EnergySurrogate) else BOND_FORCE
     domain = getattr(model, "domain", None)
     own = (domain.least_stretch, domain.greatest_stretch) if isinstance(domain, Domain) else BOND_FORCE.stretch_range

@@ -190,11 +190,11 @@ class LevenbergMarquardtRegressor(BasePerceptron):
         """
         X, Y, share = self._distinct(X, y, sample_weight)
         if self.validation_fraction + self.test_fraction >= 1:
-            raise ValueError("validation_fraction and test_fraction leave nothing to train on")
+            raise ValueError("validation_fraction and test_fraction must add up to less than 1, so that samples are left for training")
         sizes = np.atleast_1d(self.hidden_layer_sizes).astype(int)
         if not sizes.size or (sizes < 1).any():
-            given = f"hidden_layer_sizes is {self.hidden_layer_sizes}"
-            raise ValueError(f"there is at least one hidden layer, and every hidden layer needs at least one unit, {given}")
+            given = f"not {self.hidden_layer_sizes}"
+            raise ValueError(f"hidden_layer_sizes must name at least one layer, and every hidden layer needs at least one unit, {given}")
         random = check_random_state(self.random_state)
 
         order = random.permutation(len(X))

@@ -11,6 +11,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils import get_tags
 
+from ..arguments import suggestion
 from ..kernels.bond_force import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
 from .base import check_targets, checked_columns, named
@@ -37,7 +38,7 @@ def bond_force_pipeline(
     """Return an unfitted pipeline that predicts bond forces; `pdsurrogate.surrogate_pipeline` explains the arguments."""
     features = "symmetric" if features is None else features
     if not isinstance(features, str) or features not in FEATURE_SETS:
-        raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")
+        raise ValueError(f"unknown features {features!r}; {suggestion(str(features), FEATURE_SETS)}")
     factor = None if weight is None else partial(force_factor, horizon=horizon, weight=weight, shear_modulus=shear_modulus)
     anchored = FEATURE_SETS[features].anchored
     inner = LevenbergMarquardtRegressor(random_state=0) if regressor is None else regressor
@@ -60,7 +61,7 @@ def _for_two_outputs(regressor):
     if isinstance(regressor, type) or not (hasattr(regressor, "fit") and hasattr(regressor, "predict")) or not is_regressor(regressor):
         title = regressor.__name__ if isinstance(regressor, type) else type(regressor).__name__
         more = "; give an instance of it" if isinstance(regressor, type) else ""
-        raise ValueError(f"{title} is no regressor with fit and predict, as a bond force is learned by{more}")
+        raise ValueError(f"{title} is not a regressor with the methods fit and predict{more}")
     return regressor if _takes_two_outputs(regressor) else MultiOutputRegressor(regressor)
 
 
@@ -82,7 +83,7 @@ def feature_set_of(model) -> str:
         right = getattr(features, "func", None) is feature_values and getattr(outputs, "func", None) is outputs_of_force
         if right and features.kw_args["features"] == outputs.keywords["features"]:
             return features.kw_args["features"]
-    raise ValueError("only a surrogate_pipeline for bond forces is taken: the features of bonds first, and their outputs as the target")
+    raise ValueError("give a surrogate_pipeline for bond forces, which begins with the features of bonds, with their outputs as target")
 
 
 def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransformer:
@@ -152,7 +153,7 @@ def _bond_state(X):
     stretch, rotation, length, C33, J = checked_columns(X, COLUMNS, ("stretch", "C33", "J"))
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     if not (a > 0).all():
-        raise ValueError("a bond has turned by a right angle or more relative to its horizon; no stretch tensor has such a bond")
+        raise ValueError("rotation: a bond is turned by a right angle or more relative to its horizon, which no stretch tensor can do")
     return a, b, (J + b * b) / a, J, C33, length
 
 

@@ -71,10 +71,10 @@ def fitted_spline(function: Callable, low: np.ndarray, high: np.ndarray, cells: 
     features = _grid(low, high, len(places))
     values = np.asarray(function(features), dtype=float)
     if values.shape != (len(features), 2):
-        raise ValueError(f"the model gives values of shape {values.shape} for {len(features)} states, not ({len(features)}, 2)")
+        raise ValueError(f"the model returned values of shape {values.shape} for {len(features)} states, not ({len(features)}, 2)")
     if not np.isfinite(values).all():
         where = features[np.flatnonzero(~np.isfinite(values).all(axis=1))[0]]
-        raise ValueError(f"the model has no finite value at features {', '.join(f'{value:.4g}' for value in where)}")
+        raise ValueError(f"the model returned a value that is not finite at the features {', '.join(f'{value:.4g}' for value in where)}")
     values = values.reshape(*[len(places)] * n, 2)
     coefficients, knots = np.moveaxis(values, -1, 0), np.arange(1.0 - SUPPORT, cells + SUPPORT)
     for axis in range(1, n + 1):

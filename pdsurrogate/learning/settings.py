@@ -9,6 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import BeforeValidator, Field
 from typer import Option
 
+from ..arguments import suggestion
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import ACTIVATIONS, MOST_HIDDEN
 from ..materials import Law
@@ -24,13 +25,6 @@ from .target import InputAwareTargetRegressor, Samples
 DEGREES = (12, 6)
 """Default degrees of a polynomial in the two isochoric features: the best of those compared on the cards of the shipped artifacts of Gent's
 and Ogden's law and the full network, 2e-6 to 4e-5 RMS off."""
-
-
-DEGREE_HELP = "Degrees of a polynomial in the two isochoric features; 12,6 by default."
-UNITS_HELP = "Hidden units of a network instead; two layers with a comma between."
-LEAST_HELP = "Least principal stretch; 0.5 (of an energy 0.25), or as far as the law goes."
-GREATEST_HELP = "Greatest principal stretch; 4, or as far as the law goes."
-ITERATIONS_HELP = "Most iterations of the training of a network; 1000 by default."
 
 
 def _as_text(value: Any) -> Any:
@@ -75,17 +69,17 @@ class FitSettings(StrictModel):
         If a setting is wrong, or if settings exclude each other; the message names them.
     """
 
-    energy: Annotated[bool, Option("--energy", help="The isochoric energy, for plane strain, space and every bulk modulus.")] = False
-    features: Annotated[str | None, Option(help="isochoric (for polynomials), symmetric (for networks), or paper.")] = None
-    degree: Annotated[str | None, BeforeValidator(_as_text), Option(help=DEGREE_HELP)] = None
-    units: Annotated[str | None, BeforeValidator(_as_text), Option(help=UNITS_HELP)] = None
-    activation: Annotated[str | None, Option(help="Activation: algebraic (the default), logistic, tanh or relu.")] = None
-    samples: Annotated[int | None, Field(ge=200), NUMBER, Option(help="Training samples; 8000, of an energy 1000.", min=200)] = None
-    least: Annotated[float | None, NUMBER, Option(help=LEAST_HELP)] = None
-    greatest: Annotated[float | None, NUMBER, Option(help=GREATEST_HELP)] = None
-    iterations: Annotated[int | None, Field(ge=1), NUMBER, Option(help=ITERATIONS_HELP, min=1)] = None
-    folds: Annotated[int, Field(ge=0), NUMBER, Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5
-    seed: Annotated[int, Field(ge=0), NUMBER, Option(help="Seed of samples, split and first weights.", min=0)] = 0
+    energy: Annotated[bool, Option("--energy", help="Fit the isochoric energy, for plane strain, solids and any bulk modulus.")] = False
+    features: Annotated[str | None, Option(help="Features: isochoric (default for polynomials), symmetric (for networks) or paper.")] = None
+    degree: Annotated[str | None, BeforeValidator(_as_text), Option(help="Degrees of a polynomial (default: 12,6).")] = None
+    units: Annotated[str | None, BeforeValidator(_as_text), Option(help="Hidden units of a network instead, layer by layer.")] = None
+    activation: Annotated[str | None, Option(help="Activation: algebraic, logistic, tanh or relu (default: algebraic).")] = None
+    samples: Annotated[int | None, Field(ge=200), NUMBER, Option(help="Samples (default: 8000, energies 1000).", min=200)] = None
+    least: Annotated[float | None, NUMBER, Option(help="Least principal stretch (default: 0.5, energies 0.25; or the law's limit).")] = None
+    greatest: Annotated[float | None, NUMBER, Option(help="Greatest principal stretch (default: 4, or the law's limit).")] = None
+    iterations: Annotated[int | None, Field(ge=1), NUMBER, Option(help="Most iterations of a network's training.", min=1)] = None
+    folds: Annotated[int, Field(ge=0), NUMBER, Option(help="Number of folds of the cross-validation (0: none).", min=0)] = 5
+    seed: Annotated[int, Field(ge=0), NUMBER, Option(help="Seed of samples, splits and initial weights.", min=0)] = 0
 
     def model_post_init(self, context: Any) -> None:
         if self.folds != 0 and not 2 <= self.folds <= self.n_samples:
@@ -115,15 +109,15 @@ class FitSettings(StrictModel):
     def pipeline(self) -> tuple[InputAwareTargetRegressor, str]:
         """Return the unfitted pipeline of these settings and its description in words; raise ValueError for wrong or contradictory ones."""
         if self.energy and (given := [key for key in ("features", "degree") if getattr(self, key) is not None]):
-            raise ValueError(f"{given[0]} is of bond forces; for the network of an energy choose units")
+            raise ValueError(f"{given[0]} applies to bond forces only; for an energy set units, the size of its network")
         if self.units is None and not self.energy:
             return self._polynomial()
         if self.degree is not None:
-            raise ValueError("degree is of a polynomial, units of a network: choose one")
+            raise ValueError("degree sets a polynomial and units a network: choose one")
         hidden, activation = _numbers("8" if self.units is None else self.units, "units"), self.activation or "algebraic"
         if self.energy:
             if len(hidden) != 1:
-                raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")
+                raise ValueError(f"units: the network of an energy has a single hidden layer, not {_words(hidden)}")
             network = SobolevRegressor(*hidden, activation, max_iter=self.iterations or 500, n_init=2, random_state=self.seed)
             return surrogate_pipeline(network, self.target), f"{hidden[0]} units"
         options = {"max_iter": self.iterations or 1000, "n_iter_no_change": 100, "random_state": self.seed}
@@ -131,20 +125,20 @@ class FitSettings(StrictModel):
         pipeline = surrogate_pipeline(LevenbergMarquardtRegressor(hidden, activation, **options), features=features)
         # Before the training of a network that would be resampled: another choice is exact.
         if not 1 <= len(hidden) <= MOST_HIDDEN:
-            raise ValueError(f"the kernels evaluate networks of one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}")
+            raise ValueError(f"units must have one to {MOST_HIDDEN} numbers, one for each hidden layer, not {len(hidden)}")
         if activation not in ACTIVATIONS:
-            raise ValueError(f"the kernels have no activation {activation!r}; there are {', '.join(ACTIVATIONS)}")
+            raise ValueError(f"unknown activation {activation!r}; {suggestion(activation, ACTIVATIONS)}")
         return pipeline, f"{features} features, {_words(hidden)} units"
 
     def _polynomial(self) -> tuple[InputAwareTargetRegressor, str]:
         """Return the pipeline of a polynomial for a bond force, and its description."""
         if self.activation is not None or self.iterations is not None:
-            raise ValueError("activation and iterations are of a network: give its units")
+            raise ValueError("activation and iterations apply to networks only: set units, too")
         degrees, features = DEGREES if self.degree is None else _numbers(self.degree, "degree"), self.features or "isochoric"
         pipeline = surrogate_pipeline(ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0]), features=features)
         # Before the training of a polynomial that would be resampled: another choice is exact.
         if (count := len(FEATURE_SETS[features].names)) != 2:
-            raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {features} ones are {count}")
+            raise ValueError(f"a polynomial needs a set of two features (isochoric), but {features} has {count}")
         return pipeline, f"{features} features, polynomial of degree {_words(degrees)}"
 
     def design(self, law: Law) -> Samples:
@@ -207,7 +201,7 @@ def _numbers(value: str, key: str) -> tuple[int, ...]:
     try:
         return tuple(map(int, value.split(",")))
     except ValueError:
-        raise ValueError(f"{key} must be whole numbers with commas between, not {value!r}") from None
+        raise ValueError(f"{key} must be whole numbers separated by commas, not {value!r}") from None
 
 
 def _words(numbers: Sequence[int]) -> str:

@@ -146,7 +146,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         anchor = None if self.anchor is None else np.asarray(self.anchor, dtype=float).reshape(d)
         flat = list(self.flat)
         if flat and anchor is None:
-            raise ValueError("flat names derivatives that vanish at the anchor, and there is none")
+            raise ValueError("flat needs an anchor: it names derivatives that vanish there")
 
         mean, spread = X.mean(axis=0), X.std(axis=0)
         spread[spread == 0] = 1.0

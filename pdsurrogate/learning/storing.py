@@ -196,13 +196,13 @@ def _check_members(members: Sequence[tuple], target: Target) -> None:
     """Raise TypeError or ValueError unless committee members are tuples of a fitted model, samples of the target, and a law."""
     check_kind(members, list | tuple, "members", "a list of tuples, each a fitted model, its samples and its law")
     if members and not target.has_committees:
-        raise ValueError(f"a surrogate of the target {target.name} has no committee; take bond-force or isochoric-energy")
+        raise ValueError(f"a surrogate of the target {target.name} cannot have a committee; use the target bond-force or isochoric-energy")
     for number, member in enumerate(members, 1):
         if not isinstance(member, list | tuple) or len(member) != 3:
             raise TypeError(f"member {number} must be a tuple of a fitted model, its samples and its law, not {kind_of(member)}")
         check_kind(member[1], Samples, f"the samples of member {number}", "Samples, such as training_samples draws")
         if member[1].target is not target:
-            raise ValueError(f"the samples of member {number} are of the target {member[1].target.name}, not of {target.name}")
+            raise ValueError(f"the samples of member {number} belong to the target {member[1].target.name}, not to {target.name}")
         checked_law(member[2])
 
 

@@ -150,7 +150,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         1.0
         """
         if (self.func is None) != (self.inverse_func is None):
-            raise ValueError("func and inverse_func are given together or not at all")
+            raise ValueError("func and inverse_func must be given together, or neither of them")
         for key in ("regressor_", "offsets_", "training_inputs_"):
             vars(self).pop(key, None)  # of an earlier training, which must not outlive a failed one
         columns, targets = columns_read(self.func)
@@ -168,7 +168,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             first = rows[undetermined].min()
             which = f"{undetermined.sum()} of {len(X)} samples do not determine the transformed target, such as sample {first}"
             if undetermined.all():
-                raise ValueError(f"{which}, and nothing is left to train on")
+                raise ValueError(f"{which}, so that no samples are left for training")
             warnings.warn(f"{which}, {X[rows == first][0]}: they are left out", stacklevel=2)
             X, z, rows = X[~undetermined], z[~undetermined], rows[~undetermined]
             sample_weight = None if sample_weight is None else sample_weight[~undetermined]
@@ -454,7 +454,7 @@ class EnergyTarget(Target):
 
     def pipeline(self, regressor: SobolevRegressor | None) -> InputAwareTargetRegressor:
         if regressor is not None and not isinstance(regressor, SobolevRegressor):
-            raise ValueError(f"an energy is learned with its derivatives, by a SobolevRegressor, not by a {type(regressor).__name__}")
+            raise ValueError(f"an energy is fitted with its derivatives: give a SobolevRegressor, not a {type(regressor).__name__}")
         inner = SobolevRegressor(self._n_units, random_state=0) if regressor is None else clone(regressor)
         features, names, size, *targets = self._functions
         inner.set_params(anchor=ANCHOR, flat=self._flat, size=size)

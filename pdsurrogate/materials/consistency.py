@@ -112,7 +112,7 @@ def compare_derivatives(owner, expression, values, arguments, derivatives, modul
             first = int(np.flatnonzero(wrong)[0])
             where = ", ".join(f"{label} = {value:.4g}" for label, value in zip(arguments, states[:, first], strict=True))
             raise ValueError(
-                f"{owner}: {name} is {given[row, first]:.6g} at {where}, but differences make it {right[first]:.6g}: "
+                f"{owner}: {name} is {given[row, first]:.6g} at {where}, but by finite differences {right[first]:.6g}: "
                 f"correct {name} in `{expression}`, or the function of which it is the derivative"
             )
     return given[:, 0]

@@ -52,7 +52,7 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stre
     J3, P, energy = PLANES[plane].exact(law, F)
     if not np.isfinite(P).all():
         limit = law.limit(stretch_squares(*invariants(F)))
-        raise ValueError(f"{law.name}: no state at stretches of {stretch:g} and {lateral_stretch:g}: {limit}")
+        raise ValueError(f"{law.name}: no state exists at the stretches {stretch:g} and {lateral_stretch:g}: {limit}")
     thickness = J3 / (stretch * lateral_stretch)
     return HomogeneousState(*map(float, (stretch, lateral_stretch, thickness, J3, P[0, 0], P[1, 1], energy)))
 
@@ -71,7 +71,7 @@ def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousStat
     if not np.isfinite(lateral).all():
         side = stretch ** (-1.0 if plane == "strain" else -0.5)
         squares = stretch_squares(stretch**2 + side**2, stretch * side)
-        raise ValueError(f"{law.name}: no state with free sides at a stretch of {stretch:g}: {law.limit(squares)}")
+        raise ValueError(f"{law.name}: no state with free sides exists at the stretch {stretch:g}: {law.limit(squares)}")
     return biaxial(law, stretch, float(lateral[0]), "strain" if plane == "strain" else "stress")
 
 

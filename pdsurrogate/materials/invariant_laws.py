@@ -178,7 +178,7 @@ class Gent(InvariantLaw):
     chain_limit: float = 120.0
 
     def limit(self, squares: np.ndarray) -> str:
-        return f"I1bar - 3 is {squares.sum() - 3:.4g} there, and the law ends at chain_limit = {self.chain_limit:g}"
+        return f"I1bar - 3 = {squares.sum() - 3:.4g} exceeds the limit of the law, chain_limit = {self.chain_limit:g}"
 
     @staticmethod
     def isochoric(I1, I2, parameters):
@@ -242,7 +242,7 @@ class ArrudaBoyce(InvariantLaw):
         return np.array([self.bulk_modulus / self.shear_modulus, N, density, float(chain_energy(at_rest, beta))])
 
     def limit(self, squares: np.ndarray) -> str:
-        return f"I1bar/3 is {squares.sum() / 3:.4g} there, and the chains are straight at chain_links = {self.chain_links:g}"
+        return f"I1bar/3 = {squares.sum() / 3:.4g} exceeds the limit of the law, chain_links = {self.chain_links:g}"
 
     @staticmethod
     def isochoric(I1, I2, parameters):

@@ -131,9 +131,9 @@ class Law(ABC):
         >>> import numpy as np
         >>> import pdsurrogate as pds
         >>> pds.materials.NeoHookean().limit(np.array([100.0, 0.1, 0.1]))
-        "beyond the law's limit"
+        'it is beyond the limit of the law'
         """
-        return "beyond the law's limit"
+        return "it is beyond the limit of the law"
 
     @property
     def shape(self) -> dict[str, float]:

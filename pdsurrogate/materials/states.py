@@ -121,7 +121,7 @@ class Solid:
         with np.errstate(all="ignore"):  # non-finite values are tested below
             found = expressions.ISOCHORIC_SOLID(law, *invariants(full))[3]
         squares = np.linalg.svd(full, compute_uv=False) ** 2 / np.abs(np.linalg.det(full)) ** (2 / 3)
-        return None if np.isfinite(found) else f"{law.name}: there is no state: {law.limit(squares)}"
+        return None if np.isfinite(found) else f"{law.name}: no state exists: {law.limit(squares)}"
 
 
 class PlaneStrain(Solid):
@@ -172,9 +172,8 @@ class PlaneStress(PlaneStrain):
         if np.any(failed):
             first = np.flatnonzero(failed.ravel())[0]
             state = float(trace.ravel()[first]), float(J.ravel()[first])
-            raise ValueError(
-                f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {law.limit(stretch_squares(*state))}"
-            )
+            limit = law.limit(stretch_squares(*state))
+            raise ValueError(f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {limit}")
         return J3
 
     def why_no_state(self, law: Law, F) -> str | None:

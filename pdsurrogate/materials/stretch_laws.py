@@ -81,9 +81,7 @@ class Ogden(PrincipalStretchLaw):
         given = modulus if self.shear_modulus is None else self.shear_modulus
         check_number(given, f"{self.name}: shear_modulus")
         if not (np.isfinite(given) and abs(given - modulus) <= 1e-6 * modulus):
-            raise ValueError(
-                f"{self.name}: {' and '.join(self.lists)} make the shear_modulus {modulus:g}, not {given:g}; leave it out, or scale them"
-            )
+            raise ValueError(f"{self.name}: {' and '.join(self.lists)} imply shear_modulus = {modulus:g}, not {given:g}; leave it out")
         object.__setattr__(self, "shear_modulus", float(given))
         if self.bulk_modulus is None:
             object.__setattr__(self, "bulk_modulus", 100 * self.shear_modulus)
@@ -96,10 +94,7 @@ class Ogden(PrincipalStretchLaw):
             raise ValueError(f"{self.name}: moduli and exponents must be finite")
         for number, (modulus, exponent) in enumerate(zip(self.moduli, self.exponents, strict=True), start=1):
             if modulus * exponent <= 0:
-                raise ValueError(
-                    f"{self.name}: modulus times exponent of term {number} must be positive, not {modulus * exponent:g}: "
-                    "moduli have the signs of their exponents"
-                )
+                raise ValueError(f"{self.name}: term {number} needs modulus * exponent > 0, not {modulus:g} * {exponent:g}")
 
     def _stiffness(self) -> float:
         """Return the shear modulus of the undeformed material that follows from the moduli and exponents."""
@@ -188,9 +183,9 @@ class Polyconvex(Ogden):
         if self.moduli or self.exponents:
             super()._check_terms()
         if min(map(abs, self.exponents), default=1) < 1:
-            raise ValueError(f"{self.name}: exponents must be of size 1 or more, for the sum to be polyconvex, not {list(self.exponents)}")
+            raise ValueError(f"{self.name}: exponents must be at least 1 in size for a polyconvex law, not {list(self.exponents)}")
         if not self._stiffness() > 0:
-            raise ValueError(f"{self.name}: nothing is stiff at rest: give moduli, or first or second a first number above 0")
+            raise ValueError(f"{self.name}: the stiffness at rest is zero: give moduli, or a first number above 0 in first or second")
 
     def _stiffness(self) -> float:
         return super()._stiffness() + 2 * self.first[0] + SECOND_AT_REST * self.second[0]
@@ -301,7 +296,7 @@ class FullNetwork(PrincipalStretchLaw):
 
     def limit(self, squares: np.ndarray) -> str:
         greatest = squares.max()
-        return f"the square of the greatest stretch is {greatest:.4g} there, and chains are straight at chain_links = {self.chain_links:g}"
+        return f"the square of the greatest stretch, {greatest:.4g}, exceeds the limit of the law, chain_links = {self.chain_links:g}"
 
     @staticmethod
     def coefficients(parameters, k):

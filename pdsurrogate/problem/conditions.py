@@ -66,7 +66,7 @@ def conditions_of(
         holding = [one for one in prescriptions if regions.edge(one.region) == edge]
         if not body.share.any(body.ghosts.lever[reached, number].any()):
             words = words_for(edge, body)
-            raise ValueError(f"{holding[0].key}: no bond of the body crosses its {words}; do holes take all that is there?")
+            raise ValueError(f"{holding[0].key}: no bond crosses the {words} of the body, on which there is no material; check the holes")
         points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
         feet = body.points[sources].copy()
         feet[:, plane.axis] = plane.position
@@ -99,7 +99,7 @@ def conditions_of(
         support.response = loading.course.response
     if any(stage.inertia is None for stage in stages):
         ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
-        _check_held(loading, "prescribed", f"hold {ways} of a region by 0 against it, or let the steps be in dynamics")
+        _check_held(loading, "prescribed", f"prescribe {ways} = 0 on a region, or run the steps in dynamics")
     return loading
 
 
@@ -117,7 +117,7 @@ def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
     for one in prescriptions:
         for axis in one.components if one.holder is not None else ():
             if not loading.body.share.any(counted[loading.names.index(one.holder), axis]):
-                raise ValueError(f"{one.key}: later entries hold all that it holds along x{axis + 1}; leave one of them out")
+                raise ValueError(f"{one.key}: later entries hold all of its points along x{axis + 1} as well; remove one of the entries")
 
 
 def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, moving: bool) -> Held:
@@ -135,8 +135,8 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
     if len(found) < 2:
         return one.held(names, points, body.points[points])
     if moving:
-        why = f"{len(found)} points are equally near to this place, and a support between points is not followed in dynamics"
-        raise ValueError(f"{one.key}.region: {why}; give points by their numbers, or a box around them")
+        why = f"{len(found)} points are equally near to this place, and dynamics cannot hold a place between points"
+        raise ValueError(f"{one.key}.region: {why}; give the numbers of points, or a box around them")
     others = share.local(np.array(list(found)[1:]))
     place = np.mean(list(found.values()), axis=0, keepdims=True)
     return one.held(names, np.setdiff1d(points, others), place, others=others, count=len(found))
@@ -156,7 +156,7 @@ def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
         raise ValueError(str(invalid)) from None
     if at_rest.any():
         name = held[every.part[at_rest.argmax()]].name
-        raise ValueError(f"{name}.amplitude: it must be 0 at t = 0, where the body is at rest, as ramp and sine are")
+        raise ValueError(f"{name}.amplitude: must be 0 at t = 0, where the body is undeformed (as ramp and sine are)")
     # Conditions on one component of a point stand next to each other, in the order of `held`.
     order = np.lexsort((every.point, every.component))
     one, other = order[:-1], order[1:]
@@ -191,12 +191,12 @@ def _check_held(loading: Loading, key: str, advice: str, only: str | None = None
         where = f", at {text_of(body.points[loose[0]])}," if len(loose) else ""
         what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"
         if count > 1:
-            thin = f"as where a wall is thinner than the spacing, {body.spacing:.3g}, or a cut goes all the way"
-            advice = f"there are {count} pieces with no bonds between them, {thin}: take {body.finer}, or {advice}"
+            thin = f"for example because a wall is thinner than the spacing {body.spacing:.3g}, or a cut goes all the way through"
+            advice = f"the body consists of {count} pieces without bonds between them, {thin}: use {body.finer}, or {advice}"
         raise ValueError(f"{key}: nothing keeps {what} from {' or '.join(motions)}; {advice}")
     if count > 1 and share.leads:
-        why = f"as where a cut goes all the way, or a wall is thinner than the spacing, {body.spacing:.3g}"
-        warnings.warn(f"the body is in {count} pieces with no bonds between them, {why}; each is held by itself", stacklevel=2)
+        why = f"for example because a cut goes all the way through, or a wall is thinner than the spacing {body.spacing:.3g}"
+        warnings.warn(f"the body consists of {count} pieces without bonds between them, {why}; each piece is held by itself", stacklevel=2)
 
 
 def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
@@ -224,10 +224,10 @@ def check_speeds(scene: Scene, loading: Loading, stages: tuple[Stage, ...], modu
         if speed <= wave:
             continue
         if stage.inertia.pace == "stretch_rate":
-            what, slowest = "the grips", f"the greatest rate is {motion.rate * wave / speed:.4g}"
+            what, slowest = "the grips", f"the greatest possible rate is {motion.rate * wave / speed:.4g}"
         else:
             what, least = "parts that are held", units.amount(motion.duration * speed / wave, "time", ".4g")
-            slowest = f"the least duration is {least}"
+            slowest = f"the shortest possible duration is {least}"
         apart = f"{what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}"
         raise ValueError(f"{stage.key}.{stage.inertia.pace}: {apart}; {slowest}")
 
@@ -272,8 +272,8 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
         distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
         if (distance < ON_A_PLANE * body.spacing).all(axis=1).any():
             edge = words_for(edge_of(plane), body)
-            why = f"which is held by reflection, so that a {load.kind} there goes into what holds it"
-            raise ValueError(f"{key}: it takes in facets of the {edge}, {why}; leave the {edge} out, or hold points (support=points)")
+            why = f"which is held by reflection, so that a {load.kind} there acts on the support only"
+            raise ValueError(f"{key}: the region contains the {edge}, {why}; leave the {edge} out, or hold points (support=points)")
     return facets
 
 
@@ -292,8 +292,8 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
     if load.kind == "force" and regions.edge(load.region) in map(edge_of, body.planes):
         # It would pull at points half a cell inside the edge, which are free.
         edge = words_for(regions.edge(load.region), body)
-        why = f"the {edge} is held by reflection, so that a force there goes into what holds it"
-        raise ValueError(f"{key}: {why}; give another region, or hold points (support=points)")
+        why = f"the {edge} is held by reflection, so that a force there acts on the support only"
+        raise ValueError(f"{key}: {why}; give another region, or hold points instead (support=points)")
     points = regions.points(load.region, key)
     points = points[body.share.own[points]]
     if load.kind == "body_force":

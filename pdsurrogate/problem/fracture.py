@@ -139,5 +139,5 @@ def _stretch_at(law: Law, quantity: str, wanted: float, what: str) -> float:
         try:
             excess(upper)
         except ValueError:
-            raise ValueError(f"{law.name} reaches its limit at stretch {lower:.3g}, before it holds {what}") from None
+            raise ValueError(f"{law.name} reaches its limit at the stretch {lower:.3g}, before it reaches {what}") from None
     return float(brentq(excess, 1.0, upper, xtol=1e-12))

@@ -55,8 +55,8 @@ def warn_of_bulk_moduli(scene: Scene) -> None:
     for key, law in {"material": scene.law(), **laws}.items():
         if law.bulk_modulus < 2 / 3 * law.shear_modulus:
             moduli = f"the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the shear modulus, {law.shear_modulus:g}"
-            remedy = "give bulk_modulus in the units of shear_modulus; by default it is 100 or 200 whatever these are"
-            _warn(scene, f"{key}: {moduli}, and Poisson's ratio is negative: {remedy}")
+            remedy = "set bulk_modulus in the unit of shear_modulus; its default is 100 or 200 in any unit"
+            _warn(scene, f"{key}: {moduli}, so that Poisson's ratio is negative; {remedy}")
 
 
 def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[str]) -> None:
@@ -70,18 +70,20 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
     for number, law in enumerate(laws if len(laws) > 1 else ()):
         cells = force.interfaces.cells_across(number, LEAST_CELLS)
         if 0 < cells < LEAST_CELLS:
-            thin = f"some {cells:.0f} cells thick, {cells * force.body.spacing:.3g}, and bonds reach through it"
-            errors = "with 2 cells a soft layer is 1.6 times too stiff between halves 10 times as stiff, 8 times between halves 100 times"
-            _warn(scene, f"the part of shear modulus {law.shear_modulus:.4g} is {thin}: {errors}; take a smaller spacing")
+            thin = f"only about {cells:.0f} cells ({cells * force.body.spacing:.3g}) thick, and bonds reach through it"
+            errors = (
+                "a soft layer of 2 cells is 1.6 times too stiff between parts 10 times as stiff (8 times if they are 100 times as stiff)"
+            )
+            _warn(scene, f"the part with shear modulus {law.shear_modulus:.4g} is {thin}: {errors}; use a smaller spacing")
     moduli = [law.shear_modulus for law in laws]
     contrast = max(moduli) / min(moduli)
     stiff = f"one material is {contrast:.3g} times as stiff as another"
     if contrast > AS_GOOD_AS_RIGID:
-        trouble = "equilibrium takes thousands of evaluations or is not found"
-        _warn(scene, f'{stiff}, and {trouble}: take material = "rigid" for it, which differs by less than 0.1 %')
+        trouble = "equilibrium needs thousands of evaluations, or is not found"
+        _warn(scene, f'{stiff}, and {trouble}: use material = "rigid" for it, which changes results by less than 0.1 %')
     if not force.has_energy and contrast > MOST_CONTRAST:
-        trouble = "is off by 2 to 7 %, a soft layer of 4 cells is many times too stiff, or no equilibrium is found"
-        _warn(scene, f"{stiff}; with it {model} {trouble}: take force=bond-energy")
+        trouble = "has errors of 2 to 7 %, makes a soft layer of 4 cells many times too stiff, or finds no equilibrium"
+        _warn(scene, f"{stiff}, for which {model} {trouble}: use force=bond-energy")
     confined = [
         (one.shear_modulus, soft.bulk_modulus)
         for one in laws
@@ -89,9 +91,9 @@ def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[st
         if YIELDING * soft.shear_modulus < one.shear_modulus < soft.bulk_modulus / NOT_CONFINED
     ]
     if force.has_energy and scene.plane == "strain" and confined:
-        beside = "a material of shear modulus {:.4g} lies next to a softer one of bulk modulus {:.4g}".format(*confined[0])
-        trouble = "the softer one is too soft where it is confined: by 6 to 14 % in a layer 4 cells thick, by 3 % in one of 8"
-        _warn(scene, f'{beside}, and {trouble}; take a smaller spacing, or material = "rigid" for the stiff part')
+        beside = "a material with shear modulus {:.4g} lies next to a softer one with bulk modulus {:.4g}".format(*confined[0])
+        trouble = "the softer one is too soft where it is confined (by 6 to 14 % in a layer of 4 cells, by 3 % in a layer of 8)"
+        _warn(scene, f'{beside}, and {trouble}; use a smaller spacing, or material = "rigid" for the stiff part')
 
 
 def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
@@ -101,11 +103,11 @@ def _check_rigid_thickness(scene: Scene, cells: float, names: str) -> None:
     and `names` their names in the messages.
     """
     if cells < 2:
-        raise ValueError(f"materials: a rigid region ({names}) is one cell thick, and needs 2; take a smaller spacing")
+        raise ValueError(f"materials: a rigid region ({names}) is only one cell thick, but needs two; use a smaller spacing")
     if 0 < cells < LEAST_LOADED_CELLS and {load.kind for load in scene.loads} & {"traction", "pressure"}:
-        thin = f"a rigid region is at most {cells:.0f} cells thick, and part of a traction or pressure on it acts on what is behind it"
-        errors = "its force in the results is up to 31 % off with 2 cells, 20 % with 3, though all forces are in balance"
-        _warn(scene, f"{thin}: {errors}; give the load as a force on the region, or take a smaller spacing")
+        thin = f"a rigid region is at most {cells:.0f} cells thick, and part of a traction or pressure on it acts on the material behind it"
+        errors = "its force in the results has errors of up to 31 % with 2 cells and 20 % with 3, although all forces are in balance"
+        _warn(scene, f"{thin}: {errors}; apply the load as a force on the region, or use a smaller spacing")
 
 
 @contextmanager
@@ -148,7 +150,7 @@ def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
     """Return the force model of an entry of `materials`; raise ValueError if it does not fit `rest`, the model of the rest."""
     if part.material.rigid:
         if rest.family != "bond energy":
-            raise ValueError(f"a rigid region takes a force that has an energy, as bond-energy; {rest.name} has none")
+            raise ValueError(f"a rigid region needs a force that defines an energy, such as bond-energy; {rest.name} defines none")
         return rest  # not evaluated there
     law = part.material.build()
     if part.force is None:
@@ -159,7 +161,7 @@ def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
         return rest
     own = artifacts.load_surrogate(part.force)
     if own.family != rest.family:
-        raise ValueError(f"{own.name} is a {own.family}, and {rest.name} of the rest a {rest.family}; take two of one kind")
+        raise ValueError(f"{own.name} is a {own.family} model, but {rest.name} of the rest is a {rest.family} model; use one family")
     own.check_material(law)
     return own
 
@@ -200,7 +202,7 @@ def portions_of(
         error, twice = None, (before > 0) & ~np.array(same, dtype=bool)
         if twice.any():
             first, where = before[twice.argmax()] - 1, text_of(body.points[points[twice.argmax()]])
-            taken = f"materials.{first} and {key} both take {int(twice.sum())} points, the first at {where}"
+            taken = f"materials.{first} and {key} both contain {int(twice.sum())} points, the first at {where}"
             error = ValueError(f"{taken}; regions of different materials must not overlap")
         body.share.agree(error)
         of_points[points] = number

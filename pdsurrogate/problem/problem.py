@@ -132,8 +132,8 @@ class Problem:
             own = np.isin(every, numbers)
             pulls = (own[first] & ~rigid[second]) | (own[second] & ~rigid[first])
             if not pulls.any() and (self.loading.free[numbers] > 0).all():
-                why = "nothing holds this rigid region: no material that is deformed is bonded to it"
-                raise ValueError(f"{name}: {why}; hold it by prescribed, or make it one region with what it touches")
+                why = "nothing holds this rigid region: it is not bonded to a deformable material"
+                raise ValueError(f"{name}: {why}; hold it with prescribed, or join it with the region that it touches")
         regions = [RigidRegion(name, self.body, numbers, self.loading.free) for name, numbers in self.rigid.items()]
         for value in sorted({0.0, *(stage.to for stage in self.stages)}):
             positions = self.body.points.copy()
@@ -156,8 +156,8 @@ class Problem:
             plane = self.body.dimension == 2
             where, what = ("on one line", "rows") if plane else ("in one plane", "layers")
             lie = f"the bonds of {len(alone)} of its points, the first at {text_of(self.body.points[alone[0]])}, lie {where}"
-            needs = f"two {what} of points or more in {'either' if plane else 'every'} direction everywhere"
-            raise ValueError(f"body: {lie}; the body needs {needs}, {self.body.spacing:.4g} apart: take {self.body.finer}")
+            needs = f"at least two {what} of points in {'either' if plane else 'every'} direction everywhere"
+            raise ValueError(f"body: {lie}; it needs {needs}, at the spacing {self.body.spacing:.4g}: use {self.body.finer}")
 
 
 def _together(rigid: dict[str, np.ndarray]) -> np.ndarray:
@@ -209,7 +209,7 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         loads = loads_of(scene, body, regions)
         portions, rigid = portions_of(scene, body, models, regions) if models else ([], {})
         if rigid and ranks.size > 1:
-            raise ValueError("materials: rigid regions are taken on one rank only; run it without mpiexec, or give them a law")
+            raise ValueError("materials: rigid regions are supported on one rank only; run without mpiexec, or give the regions a law")
         prescriptions = prescriptions_of(scene, regions, stages)
         loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
         body.share.clear(loading.free)  # points of the halo are moved by their owners

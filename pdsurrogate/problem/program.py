@@ -274,6 +274,6 @@ def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
             labels.append(entry.name or label_of_region(entry.region, key))
             other, region = owners.setdefault(labels[-1], (key, entry.region))
             if region != entry.region:
-                one = f"{other} and {key} are on different regions and both called {labels[-1]!r}"
+                one = f"{other} and {key} have different regions but the same name {labels[-1]!r}"
                 raise ValueError(f"{one}; give one of them another name")
     return labels[: len(scene.prescribed)]

@@ -52,7 +52,7 @@ class _Parts:
     def group(self, name: str) -> np.ndarray:
         """Return the distances from a physical group of the mesh file: 0 for its points or facets, infinite for others."""
         if not self.groups:
-            raise ValueError(f"there is no group {name!r}: the body is of no mesh with physical groups of cells or lines")
+            raise ValueError(f"there is no group {name!r}: the body is not a mesh with physical groups of cells or lines")
         if name not in self.groups:
             raise ValueError(f"the mesh has no group {name!r}; {suggestion(name, self.groups, 'it has')}")
         return self.numbered(self.groups[name])
@@ -67,7 +67,7 @@ class _Parts:
 class _Points(_Parts):
     """Points of the body, among which the points of a region are searched."""
 
-    what = "no point of the body lies in it"
+    what = "the region contains no point of the body"
 
     def describe(self, number: int) -> str:
         return f"point {number} at {text_of(self.places[number])}"
@@ -95,18 +95,18 @@ class _Points(_Parts):
             least = min(share.everywhere(float(distance[nearest])))
             if least > NEAR * self.body.cell.max():
                 place, found = text_of(np.array(region.near)), self.describe(nearest)
-                raise ValueError(f"the nearest point to {place} is {found}, {distance[nearest]:.3g} away: too far")
+                raise ValueError(f"no point is close enough to {place}: the nearest one is {found}, {distance[nearest]:.3g} away")
             return self.numbered(np.flatnonzero(distance <= least + ALIKE * self.body.cell.min()))
         numbers, size = np.array(region.points, dtype=np.int64), share.size
         if numbers.max(initial=-1) >= size:
-            raise ValueError(f"there is no point {numbers.max()}; the body has {size}, from 0 on")
+            raise ValueError(f"there is no point {numbers.max()}; the points of the body have the numbers 0 to {size - 1}")
         return self.numbered(share.local(numbers))
 
 
 class _Facets(_Parts):
     """Facets of the boundary of the body, among which the facets of a region are searched."""
 
-    what = "no part of the boundary lies in it"
+    what = "the region contains no part of the boundary"
 
     def describe(self, number: int) -> str:
         return f"a facet of {self.surface().parts[number]} with its middle at {text_of(self.places[number])}"
@@ -119,7 +119,7 @@ class _Facets(_Parts):
 
     def listed(self, region: Region) -> np.ndarray:
         key = "near" if region.points is None else "points"
-        raise ValueError(f"points have no boundary for a load to act on; in the place of {key} give an edge, outline, holes or a box")
+        raise ValueError(f"this load needs a part of the boundary, not points; instead of {key} give an edge, outline, holes or a box")
 
 
 def _facets_of(surface: Surface, name: str) -> np.ndarray:
@@ -128,7 +128,7 @@ def _facets_of(surface: Surface, name: str) -> np.ndarray:
     found = np.flatnonzero(~holes if name == "outline" else holes if name == "holes" else surface.parts == name)
     if not len(found):
         there = sorted(set(surface.parts[holes]), key=lambda part: int(part.removeprefix("holes.")))
-        raise ValueError(f"there is no boundary of {name}; " + (f"there are {', '.join(there)}" if there else "the body has no holes"))
+        raise ValueError(f"there is no boundary {name}; " + (f"there are {', '.join(there)}" if there else "the body has no holes"))
     return found
 
 
@@ -183,9 +183,9 @@ class BodyRegions:
         surface = self.surface()
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
-            few = f"where the points near the boundary, with which it moves, are fewer than {too_few(self.body)}"
+            few = f"where the points near the boundary, with which it moves, are {too_few(self.body)}"
             thin = f"the body is too thin at {text_of(surface.nodes[lost[0]])}, {few}"
-            raise ValueError(f"{self._key(reference, key)}: {thin}; take {self.body.finer}")
+            raise ValueError(f"{self._key(reference, key)}: {thin}; use {self.body.finer}")
         return found
 
     def edge(self, reference: str | Region) -> str | None:
@@ -252,8 +252,8 @@ class BodyRegions:
         """Return, for the message about an empty region, which point or facet is nearest by the given distances, or why none is near."""
         region = self._unnamed(reference)
         if isinstance(region, Region) and region.both is not None:
-            counts = [f"{key} {(self._resolved(member, parts) == 0).sum()}" for key, member in region.members()]
-            return f": of {len(parts.places)} there are in {', in '.join(counts)}, and none in all of them"
+            counts = [f"{(self._resolved(member, parts) == 0).sum()} lie in {key}" for key, member in region.members()]
+            return f": of {len(parts.places)} candidates, {', '.join(counts)}, but none lies in all of them"
         edge = self.edge(region)
         if edge is not None and parts is not self._points:
             side, there = ("straight side", "edge") if len(self.lower) == 2 else ("flat part", "face")

@@ -167,7 +167,7 @@ def communicator() -> Communicator:
         if started > 1:
             missing = "" if importlib.util.find_spec("mpi4py") else 'pip install "pdsurrogate[mpi]" && '
             raise NotUnderMPI(
-                f"{started} processes were started, and each would run by itself; for one run on all of them: "
+                f"{started} processes were started, but each would run the whole scene by itself; for one run on all of them use: "
                 f"{missing}mpiexec -n {started} python -m mpi4py -m pdsurrogate ..."
             )
         return ALONE

@@ -1,7 +1,7 @@
 """Speed and error of every force model, timed in turns of milliseconds, with a table and a figure of the comparison."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from .. import learning
 from ..artifacts import load_surrogate
 from ..body import Body
 from ..engine.threads import most_threads, thread_count
-from ..forces import AnalyticBondForce, BANOSBForce, BondEnergyForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
+from ..forces import FORCES, BANOSBForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..learning.levenberg_marquardt import listening
 from ..learning.sobolev import SobolevRegressor
@@ -29,12 +29,11 @@ Progress = Callable[[str, float, int, str], None]
 """Function that receives the stage of a comparison, the number of models (or timings) done in it, possibly a fraction, the total number,
 and a description."""
 
-FITTING, TIMING, ERRORS = "Fitting", "Timing", "Errors, section 6.2"
+FITTING, TIMING, ERRORS = "Fitting", "Timing", "Errors and uniaxial scene"
 """Stages of a comparison: fitting or loading the models, timing them, and measuring their errors."""
 
-RIVAL, REFERENCE = "BA-NOSB", "NOSB"
-"""Titles of the two models with which the cost of every model is compared."""
-
+RIVAL, REFERENCE = BANOSBForce.name, NOSBForce.name
+"""Names of the two models with which the cost of every model is compared."""
 
 SHIPPED = {("symmetric", 20): "neo-hookean@1", ("isochoric", 4): "neo-hookean@2"}
 """Shipped artifacts of Neo-Hookean rubber, used instead of a fit, by their feature set and number of hidden units."""
@@ -52,12 +51,19 @@ class Plan(NamedTuple):
     changes: tuple[str, ...] = ()
 
 
-def plans(law: Law, quick: bool) -> Iterator[Plan]:
-    """Yield plans of all force models to be compared for a material law: exact models, NOSB, BA-NOSB, and surrogates of several sizes.
+def plans(law: Law, quick: bool, references: Sequence[str] | None = None) -> Iterator[Plan]:
+    """Yield plans of the force models to be compared for a law: NOSB, BA-NOSB, and those of `references` or, by default, all others.
 
-    Surrogates are fitted to the law, except for the networks in `SHIPPED` and "neo-hookean-paper" for Neo-Hookean rubber. `quick` selects
-    fewer and smaller fits.
+    These are the other models of `FORCES` for plane stress, and surrogates of several sizes: fitted to the law, except for the networks in
+    `SHIPPED` and "neo-hookean-paper" for Neo-Hookean rubber. `quick` selects fewer models, smaller fits and, of a surrogate, single
+    precision only.
     """
+    both = ("float32",) if quick else ("float32", "float64")
+    exact = (name for name, model in FORCES.items() if "stress" in model().honors["plane"])
+    for name in dict.fromkeys((REFERENCE, RIVAL, *(exact if references is None else references))):
+        yield Plan(name, partial(load_surrogate, name), ("float64",) if name in FORCES else both)
+    if references is not None:
+        return
     shipped = isinstance(law, NeoHookean)
     samples = learning.training_samples(law, 3000 if quick else 8000, learning.reachable_stretches(law), random_state=0)
 
@@ -78,17 +84,12 @@ def plans(law: Law, quick: bool) -> Iterator[Plan]:
         regressor = SobolevRegressor(12, max_iter=200 if quick else 1000, random_state=0)
         return learning.surrogate_of(learning.surrogate_pipeline(regressor, "sheet-energy").fit(energies.X, energies.y), law, energies)
 
-    double, both = ("float64",), ("float32", "float64")
-    yield Plan(REFERENCE, NOSBForce, double)
-    yield Plan(RIVAL, BANOSBForce, double)
-    yield Plan("analytic bond force", partial(AnalyticBondForce, law), double)
-    if shipped:
+    if shipped and not quick:
         # Its domain is too small for the scene (theory, section 5): as in the paper, it is also evaluated outside.
         paper = partial(load_surrogate, "neo-hookean-paper")
         yield Plan("network, paper's features, 20 units", paper, changes=("outside=extrapolate",))
-    for units in (12, 20) if quick else (8, 12, 20, 40):
+    for units in (20 if shipped else 12,) if quick else (8, 12, 20, 40):
         yield network("symmetric", units, both if units == 20 else both[:1])
-    yield Plan("bond-level energy, exact", BondEnergyForce, double)
     yield Plan("bond-level energy, network, 12 units", fitted_energy, both)
     for units in (8,) if quick else (4, 8):
         yield network("isochoric", units)
@@ -97,19 +98,25 @@ def plans(law: Law, quick: bool) -> Iterator[Plan]:
         yield Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", learning.ChebyshevRegressor(degree)))
 
 
-def candidates(law: Law, quick: bool, body: Body, progress: Progress) -> list[TimedModel]:
-    """Return the force models to be compared for a law, loaded or fitted, one for each precision, to be timed on `body`."""
-    planned, found = list(plans(law, quick)), []
+def candidates(law: Law, quick: bool, body: Body, progress: Progress, references: Sequence[str] | None = None) -> list[TimedModel]:
+    """Return the force models to be compared for a law, loaded or fitted, one for each precision, to be timed on `body`.
+
+    `references` are the models to compare, see `plans`; raise ValueError if one does not describe sheets of this law in plane stress.
+    """
+    planned, found = list(plans(law, quick, references)), []
 
     def iteration(number: int, what: str, now: int, most: int, loss: float) -> None:
         progress(FITTING, number + now / most, len(planned), f"{what}: iteration {now} of at most {most}, loss {loss:.2e}")
 
     for number, plan in enumerate(planned):
-        what = plan.title.format(size="").removesuffix(", ")
+        what = plan.title.replace("{size}", "").removesuffix(", ")
         progress(FITTING, number, len(planned), what)
         with listening(partial(iteration, number, what)):
             model = plan.made()
-        title = plan.title.format(size=model.size)
+        if "stress" not in model.honors["plane"]:
+            raise ValueError(f"{plan.title} does not describe plane stress, for which compare measures force models")
+        model.check_material(law)
+        title = plan.title.replace("{size}", model.size)
         found += [TimedModel(model, precision, body, title, plan.changes) for precision in plan.precisions]
     return found
 
@@ -160,20 +167,26 @@ def measure_scene(entry: TimedModel, law: Law, spacing: float) -> dict:
 
 
 def compare(
-    law: Law | None = None, quick: bool = False, progress: Progress = lambda stage, done, of, text: None, threads: int | None = None
+    law: Law | None = None,
+    quick: bool = False,
+    progress: Progress = lambda stage, done, of, text: None,
+    threads: int | None = None,
+    references: Sequence[str] | None = None,
 ) -> dict:
-    """Measure the speed and the error of every force model.
+    """Measure the speed and the error of force models.
 
     Parameters
     ----------
     law : Law, optional
         Material of the comparison; by default Neo-Hookean rubber with K = 100 mu.
     quick : bool
-        Coarser scene, smaller fits and shorter timings: for a first look, not for quoting.
+        Coarser scene, fewer models, smaller fits and shorter timings: for a first look, not for quoting.
     progress : callable
         See `Progress`.
     threads : int, optional
         Greatest number of threads that is measured; by default all.
+    references : sequence of str, optional
+        Force models to compare with NOSB and BA-NOSB, as for `load_surrogate`; by default all exact ones, and surrogates of several sizes.
 
     Returns
     -------
@@ -183,12 +196,12 @@ def compare(
     Raises
     ------
     ValueError
-        If `threads` is greater than the number of available threads.
+        If `threads` is greater than the number of available threads, or a model of `references` does not describe the law in plane stress.
     """
     law, body = law or NeoHookean(), sheet()
     spacing, patience, n_samples = (0.05, 10.0, 2000) if quick else (0.02, 200.0, 20_000)
     with thread_count(threads, limit=True):
-        entries, rows = candidates(law, quick, body, progress), []
+        entries, rows = candidates(law, quick, body, progress, references), []
         speeds = measure_speed(entries, law, patience, partial(progress, TIMING))
         for number, (entry, speed) in enumerate(zip(entries, speeds, strict=True)):
             progress(ERRORS, number, len(entries), f"{entry.title}, {entry.precision}")
@@ -206,26 +219,42 @@ def compare(
         }
 
 
-COLUMNS = {
-    "force": "{force}, {precision}",
-    "ns/directed bond, 1 thread": "{ns_per_directed_bond_1:.2f}",
-    "its bond pass": "{ns_bond_pass_1:.2f}",
-    "all threads": "{ns_per_directed_bond_all:.2f}",
-    "gain, of arithmetic's": "{thread_speedup:.2f} of {arithmetic_speedup:.2f}",
-    "BA-NOSB / this": "{speedup_over_ba_nosb:.1f}",
-    "this / NOSB": "{cost_over_nosb:.1f}",
-    "RMS error on / off surface": "{rms_on_surface:.0e} / {rms_off_surface:.0e}",
-    "greatest error": "{max_on_surface:.0e} / {max_off_surface:.0e}",
-    "least slope": "{least_slope:.2f}",
-    "6.2: stress / displ. error (%)": "{scene_stress_error:.2g} / {scene_displacement_error:.2g}",
-    "6.2: evaluations, s": "{scene_evaluations}, {scene_seconds:.2f}",
+MODEL = {"model": "{force}, {precision}"}
+
+TABLES = {
+    "Cost of a force evaluation in ns per directed bond": {
+        "1 thread": "{ns_per_directed_bond_1:.2f}",
+        "bond pass": "{ns_bond_pass_1:.2f}",
+        "all threads": "{ns_per_directed_bond_all:.2f}",
+        "speed-up": "{thread_speedup:.2f}",
+        "ideal": "{arithmetic_speedup:.2f}",
+        "BA-NOSB / model": "{speedup_over_ba_nosb:.1f}",
+        "model / NOSB": "{cost_over_nosb:.1f}",
+    },
+    "Error of the force, relative to the exact one": {
+        "RMS, plane stress": "{rms_on_surface:.0e}",
+        "RMS, other states": "{rms_off_surface:.0e}",
+        "greatest, plane stress": "{max_on_surface:.0e}",
+        "greatest, other states": "{max_off_surface:.0e}",
+        "least slope": "{least_slope:.2f}",
+    },
+    "Uniaxial scene (section 6.2 of the paper)": {
+        "stress error (%)": "{scene_stress_error:.2g}",
+        "displacement error (%)": "{scene_displacement_error:.2g}",
+        "force evaluations": "{scene_evaluations}",
+        "time (s)": "{scene_seconds:.2f}",
+    },
 }
-"""Title of each column of the comparison's table, and the format by which its cells show a row of the report."""
+"""Tables of a comparison: for each title the titles of its columns, with the formats by which their cells show a row of the report.
+
+``ideal`` is the speed-up of arithmetic that needs no memory; ``bond pass`` is the part of an evaluation on one thread that runs over bonds.
+"""
 
 
-def table(report: dict) -> tuple[list[str], list[list[str]]]:
-    """Return the header and the rows, as texts, of the table of a report by `compare`, with one row for each model and precision."""
-    return list(COLUMNS), [[_cell(form, row) for form in COLUMNS.values()] for row in report["models"]]
+def table(report: dict, title: str) -> tuple[list[str], list[list[str]]]:
+    """Return the header and the rows, as texts, of a table (`TABLES`) of a report by `compare`: a row for each model and precision."""
+    columns = MODEL | TABLES[title]
+    return list(columns), [[_cell(form, row) for form in columns.values()] for row in report["models"]]
 
 
 def _cell(form: str, row: dict) -> str:
@@ -245,7 +274,8 @@ def caution(rows: list[dict]) -> str:
     most = max(max(row["disturbance_1"], row["disturbance_all"]) for row in rows)
     if most <= UNDISTURBED:
         return ""
-    return f"Other work used the cores: the reference arithmetic took up to {most:.2f} times its best; ratios are no more accurate."
+    slower = f"the reference arithmetic took up to {most:.2f} times its shortest time"
+    return f"Other processes used the cores: {slower}, so the costs may be off by the same factor."
 
 
 def pareto_figure(report: dict) -> Figure:
@@ -260,7 +290,7 @@ def pareto_figure(report: dict) -> Figure:
         for row, cost, color in zip(report["models"], costs, itertools.cycle(matplotlib.colormaps["tab20"].colors)):
             label = f"{row['force']}, {row['precision']}"
             if "rms_off_surface" in row:
-                marker = "s" if row["force"].startswith("analytic") else "o" if row["precision"] == "float32" else "^"
+                marker = "s" if row["force"] in FORCES else "o" if row["precision"] == "float32" else "^"
                 axis.plot(cost, max(row["rms_off_surface"], floor), marker, ms=6, color=color, label=label)
             else:
                 axis.axvline(cost, color=color, lw=1.2, ls="--", label=label)

@@ -19,7 +19,7 @@ refused."""
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, RecursionError)
-ANEW = "begin anew by --overwrite in the place of --resume"
+ANEW = "start again with --overwrite instead of --resume"
 
 
 class CheckpointError(ValueError):
@@ -82,21 +82,21 @@ class Checkpoint(NamedTuple):
         except _DAMAGE as error:
             raise CheckpointError(f"{path} is damaged ({type(error).__name__}); {ANEW}") from None
         if found != FORMAT:
-            raise CheckpointError(f"{path} has format {found!r}, this version reads {FORMAT}; {ANEW}")
+            raise CheckpointError(f"{path} has the format {found!r}, but this version reads {FORMAT}; {ANEW}")
         there = contents_in(written)
         if there is None:
             raise CheckpointError(f"{path} is damaged: it does not name its scene; {ANEW}")
         if differences := differences_between(there, identity):
-            raise CheckpointError(f"{path} belongs to another run: {differences}; {ANEW}, or resume with what is there")
+            raise CheckpointError(f"{path} belongs to another run: {differences}; {ANEW}, or resume with the values of the checkpoint")
         for key in identity.keys() - there.keys():
             if written.get(key) != identity[key]:
                 raise CheckpointError(f"{path} belongs to another run: its {key} differs; {ANEW}")
         for key, (shape, dtype) in shapes.items():
             if key not in arrays or arrays[key].shape != shape or arrays[key].dtype != dtype:
-                raise CheckpointError(f"{path} is damaged: {key} is missing or of another shape; {ANEW}")
+                raise CheckpointError(f"{path} is damaged: {key} is missing or has another shape; {ANEW}")
         for key, array in arrays.items():
             if array.dtype.kind not in "fiub" or not np.isfinite(array).all():
-                raise CheckpointError(f"{path} is damaged: {key} holds what is not a number; {ANEW}")
+                raise CheckpointError(f"{path} is damaged: {key} contains values that are not finite numbers; {ANEW}")
         return cls(progress, arrays)
 
 

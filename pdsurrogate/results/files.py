@@ -30,6 +30,11 @@ def replacing(path: Path) -> Iterator[Path]:
         with temporary.open("rb") as file:
             os.fsync(file.fileno())
         os.replace(temporary, path)
+    except Exception as error:
+        # An interrupt that leaves a member of a ZIP file open makes zipfile raise an error of its own.
+        if isinstance(error.__context__, KeyboardInterrupt):
+            raise error.__context__ from None
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -83,10 +88,10 @@ def check_writable(folder: Path) -> None:
     """
     place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not place.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, "a folder is needed, and this is a file", str(place))
+        raise NotADirectoryError(errno.ENOTDIR, "this is a file, but a folder is needed", str(place))
     try:
         with tempfile.NamedTemporaryFile(dir=place):
             pass
     except OSError as error:
-        where = "" if place == folder else f", as no file can be made in {place}"
-        raise type(error)(error.errno, f"files cannot be made there{where}: {error.strerror}", str(folder)) from None
+        where = "" if place == folder else f" ({place} is not writable)"
+        raise type(error)(error.errno, f"files cannot be created here{where}: {error.strerror}", str(folder)) from None

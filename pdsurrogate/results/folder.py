@@ -56,8 +56,8 @@ def occupied(folder: Path, patience: float = 0.0) -> Iterator[None]:
             held = lock.acquire(patience, 0.2)
         except Timeout:
             process, host, *_ = [*head_of(path).decode(errors="replace").split(), "", ""]
-            taken = f"{folder}: {f'process {process} on {host}' if host else 'another process'} is writing a run there"
-            raise FolderTaken(f"{taken}; give another folder (if there is no such run, remove {path})") from None
+            taken = f"{folder}: {f'process {process} on {host}' if host else 'another process'} is writing a run to this folder"
+            raise FolderTaken(f"{taken}; use another folder (or, if no run writes there, remove {path})") from None
         with held:
             yield
 
@@ -69,7 +69,7 @@ _HEADS = {
 }
 """Patterns of the first bytes of files that have the same name in every run; an empty or damaged file of a run still matches."""
 
-WAY_OUT = "give another folder, or --overwrite (overwrite=True in Python)"
+WAY_OUT = "use another folder, or --overwrite (in Python overwrite=True)"
 
 
 def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
@@ -94,17 +94,17 @@ def check_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
     if overwrite or not names:
         return
     if others := sorted(names - {name}):
-        raise FolderTaken(f"{folder} holds the results of another scene ({', '.join(others)}); {WAY_OUT}")
+        raise FolderTaken(f"{folder} contains the results of another scene ({', '.join(others)}); {WAY_OUT}")
     summary = read_summary(folder)
     found = contents_in(summary or identity_in(folder))
     if found is None:
-        raise FolderTaken(f"{folder} holds results of {name} that do not name their scene; {WAY_OUT}")
+        raise FolderTaken(f"{folder} contains results of {name} without a description of their scene; {WAY_OUT}")
     if differences := differences_between(found, contents):
-        raise FolderTaken(f"{folder} holds the results of another run of {name}: {differences}; {WAY_OUT}")
+        raise FolderTaken(f"{folder} contains the results of another run of {name} ({differences}); {WAY_OUT}")
     ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)
     if not ended and (folder / CHECKPOINT).exists():  # without a checkpoint nothing can be resumed
-        ways = "go on with it by --resume, or begin it anew by --overwrite (resume=True or overwrite=True in Python)"
-        raise FolderTaken(f"{folder} holds this run, ended before its time: {ways}")
+        ways = "continue it with --resume, or start again with --overwrite (in Python resume=True or overwrite=True)"
+        raise FolderTaken(f"{folder} contains this run, which was interrupted: {ways}")
 
 
 def check_names(folder: Path, name: str, resumed: bool = False) -> None:
@@ -114,7 +114,7 @@ def check_names(folder: Path, name: str, resumed: bool = False) -> None:
     """
     for path in (*(folder / kind for kind in (SUMMARY, *_HEADS)), *_files_of(folder, name)):
         if path.exists() and not _is_ours(path) and not (resumed and path.name == CHECKPOINT):
-            raise FolderTaken(f"{path} was not written by a run and would be replaced; give another folder")
+            raise FolderTaken(f"{path} was not written by a run and would be overwritten; use another folder")
 
 
 def make_room(folder: Path, contents: dict, overwrite: bool = False) -> None:
@@ -152,7 +152,7 @@ def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
     if overwrite or not path.exists():
         return
     if differences := differences_from(path, "asked", asked)[1]:
-        raise FolderTaken(f"{path} answers something else: {differences}; {WAY_OUT}")
+        raise FolderTaken(f"{path} is the report of other settings: {differences}; {WAY_OUT}")
 
 
 def differences_from(path: Path, key: str, asked: dict) -> tuple[dict, str]:
@@ -164,7 +164,7 @@ def differences_from(path: Path, key: str, asked: dict) -> tuple[dict, str]:
         written = json.loads(path.read_text("utf-8"))
         return written, told(differences_of(written[key], json.loads(json.dumps(asked))))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise FolderTaken(f"{path} does not tell what it answers and would be replaced; {WAY_OUT}") from None
+        raise FolderTaken(f"{path} is not a report with known settings, and would be overwritten; {WAY_OUT}") from None
 
 
 def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
+from ..arguments import suggestion
 from ..body import Body, fields_at
 from ..forces import InternalForce
 from ..materials.states import principal_stretches
@@ -238,12 +239,13 @@ def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
     """
     base, indices = _split(name) if name not in fields else (name, ())
     if base not in fields:
-        raise ValueError(f"field: the state has no {name!r}; there are {', '.join(fields)}, and components as stress_22")
+        components = [field + name[len(base) :] for field in fields]
+        raise ValueError(f"field: the state has no field {name!r}; {suggestion(name, fields, unlisted=components)}")
     values = fields[base]
     values = values.reshape(-1, 3, 3) if values.ndim == 2 and values.shape[1] == 9 else values
     if indices and values.ndim - 1 != len(indices):
-        needed = {1: "no components", 2: f"one component, as {base}_1", 3: f"two indices, as {base}_22"}[values.ndim]
-        raise ValueError(f"field: {name!r} does not fit: {base} has {needed}")
+        needed = {1: "no components", 2: f"components such as {base}_1", 3: f"components such as {base}_22"}[values.ndim]
+        raise ValueError(f"field: {name!r} does not exist: {base} has {needed}")
     return values[(slice(None), *indices)]
 
 
@@ -251,7 +253,7 @@ def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
     """Return the values of a scalar field or a component, or the lengths of a vector field, shape (n,); raise ValueError for a tensor."""
     values = values_of(fields, name)
     if values.ndim == 3:
-        raise ValueError(f"field: {name} has nine components; say which, as {name}_22")
+        raise ValueError(f"field: {name} has nine components; give one of them, such as {name}_22")
     return values if values.ndim == 1 else np.linalg.norm(values, axis=1)
 
 

@@ -161,7 +161,7 @@ class Result:
             if not streamed:
                 contents = contents_in(self.summary)
                 if self.body is None or contents is None:
-                    raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
+                    raise ValueError(f"the result was read from files, so there is nothing to save: copy the files to {folder}")
                 make_room(folder, contents, overwrite)
                 written = StatesInFiles(folder, self.scene.name, self.body)
                 for number in range(len(self.states)):
@@ -285,7 +285,7 @@ class Result:
     def _fields(self, level: int) -> dict[str, np.ndarray]:
         if not -len(self.states) <= level < len(self.states):
             there = f"there are 0 to {len(self.states) - 1}" if self.states else "there are none"
-            raise IndexError(f"level {level}: the result has no such state; {there}")
+            raise IndexError(f"level {level}: the result has no such output; {there}")
         return self.states[level][1]
 
     def plot(self, field: str = "displacement", level: int = -1, limits: tuple[float, float] | None = None) -> Figure:
@@ -534,9 +534,9 @@ def load_result(folder: str | Path) -> Result:
     folder = Path(folder)
     summary = read_summary(folder)
     if summary is None:
-        raise FileNotFoundError(f"{folder}: there is no result of a run: no {SUMMARY} that one wrote")
+        raise FileNotFoundError(f"{folder}: not a folder with results of a run (no valid {SUMMARY} found)")
     if "scene_as_run" not in summary:
-        raise ValueError(f"{folder / SUMMARY}: the scene as run is not in it, as earlier versions left it out: run the scene again")
+        raise ValueError(f"{folder / SUMMARY}: it was written by an older version and does not contain the scene: run the scene again")
     name = summary["scene"]
     try:
         scene = Scene.model_validate(summary["scene_as_run"])

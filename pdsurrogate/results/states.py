@@ -65,13 +65,13 @@ class States:
         moment, kept = self.moments[number], self._kept[number]
         fields = vtk.read_state(kept)[2] if isinstance(kept, Path) else kept
         if fields.get(vtk.DISPLACEMENT) is None:
-            raise RuntimeError("the fields of a run on several ranks are on the first of them")
+            raise RuntimeError("the fields of a run on several ranks are available on the first rank only")
         return moment, fields
 
     def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
         """Return the cells of the body in a state that was read from a file, and the displacements of their nodes, shape (k, d)."""
         if not any(isinstance(kept, Path) for kept in self._kept):
-            raise ValueError("the result has neither a body nor files with states")
+            raise ValueError("the result contains neither a body nor files with states")
         return vtk.read_state(self._kept[number])[:2]
 
 

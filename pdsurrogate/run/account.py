@@ -32,7 +32,7 @@ GAP_WARNED, GAP_FAILED = 0.01, 0.05
 """Gaps of the energy account relative to the supplied energy: beyond the first the run warns, beyond the second it fails. Chosen: accounts
 of torn strips close within 0.1 % with the default viscosity (`CRACK_VISCOSITY`), and are off by half without it."""
 
-MEND_GAP = "a smaller dynamics.safety or more dynamics.viscosity mends it"
+MEND_GAP = "use a smaller dynamics.safety or more dynamics.viscosity"
 """Advice for an energy account that does not close: forces are closer to linear within a shorter step, and viscosity damps short waves."""
 
 LEAST_UNEVENNESS = 0.01
@@ -232,8 +232,8 @@ class Bookkeeping:
         account.most_put_in = max(account.most_put_in, put_in)
         allowed = put_in + (MOST_ENERGY - 1) * account.most_put_in + self._rounding
         if not first and kinetic + account.damped_energy > allowed:
-            taken = f"it and the damping have taken {kinetic + account.damped_energy:.3g} of the {put_in:.3g} that was put in"
-            raise Diverging(f"time {account.time:.4g}: the motion runs away: {taken}")
+            taken = f"kinetic and damped energy are {kinetic + account.damped_energy:.3g}, but only {put_in:.3g} was put in"
+            raise Diverging(f"time {account.time:.4g}: the motion is unstable: {taken}")
         if self.closes:
             account.gap = kinetic + strain - put_in + account.damped_energy + account.released_energy
             account.greatest_gap = max(account.greatest_gap, account.gap, key=abs)
@@ -247,7 +247,7 @@ class Bookkeeping:
         """
         account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
         if not self.closes:
-            remark = f"{self._run.model.name} has no energy: whether the motion keeps it is not known"
+            remark = f"{self._run.model.name} defines no energy, so energy conservation cannot be checked"
             return put_in | {"energy_gap": None, "greatest_energy_gap": None, "remark": remark}
         scale = max(account.most_put_in, self._rounding)
         wide = abs(account.greatest_gap) > GAP_WARNED * scale
@@ -266,5 +266,5 @@ class Bookkeeping:
     def _words_for_gap(self, gap: float) -> str:
         put_in = max(self.account.most_put_in, self._rounding)
         amount = self._run.problem.scene.units.amount(put_in, "energy", ".3g")
-        share, what = 100 * abs(gap) / put_in, "gained from nothing" if gap > 0 else "lost"
-        return f"the account of energy is off by {share:.2g} %: {amount} were put in, and {abs(gap):.3g} were {what}"
+        share, what = 100 * abs(gap) / put_in, "created" if gap > 0 else "lost"
+        return f"the energy balance has an error of {share:.2g} %: {amount} were put in, and {abs(gap):.3g} were {what} numerically"

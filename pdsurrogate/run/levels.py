@@ -69,9 +69,9 @@ def solver_of(run: Run) -> EquilibriumSolver:
     spec = run.problem.scene.solver
     solver = SOLVERS[spec.method]
     if solver.needs_energy and not run.loaded.has_energy:
-        why = run.loaded.no_energy_because if run.force.has_energy else f"{run.model.name} has none"
-        needs = f"solver.method={spec.method} needs a force that has an energy, as bond-energy does, and {why}"
-        raise SceneError(f"scene {run.problem.scene.name}: {needs}; take another solver.method")
+        why = run.loaded.no_energy_because if run.force.has_energy else f"{run.model.name} defines none"
+        needs = f"solver.method={spec.method} needs a force that defines an energy, such as bond-energy, but {why}"
+        raise SceneError(f"scene {run.problem.scene.name}: {needs}; use another solver.method")
     return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.body.share)
 
 
@@ -224,7 +224,7 @@ class Equilibria:
         """
         run, state = self.run, self.run.state
         run.note(increments.target, failure=str(error))
-        logger.info("increment to %s taken back: %s", run.loading.at(increments.target), error)
+        logger.info("increment to %s failed and is shortened: %s", run.loading.at(increments.target), error)
         self._accepted.restore(run, self.solver)
         size, first = increments.size, increments.share == 1
         if not spent and increments.shorten():
@@ -234,7 +234,7 @@ class Equilibria:
             raise cause
         if self._course.adaptive and state.parameter not in (state.begin, *(level["t"] for level in state.levels[-1:])):
             self._record_reached()
-        what = f"equilibrium was followed to {run.loading.at(state.parameter)}, and not further with increments down to {size:.2g}"
+        what = f"the last equilibrium was found at {run.loading.at(state.parameter)}, and none beyond with increments down to {size:.2g}"
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
 
     def _record_reached(self) -> None:
@@ -264,11 +264,11 @@ class Equilibria:
             run.report("residual", evaluations, residual, tolerance)
             self._keep_or_stop(increments)
             if evaluations > patience:
-                raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
+                raise NotConverged(f"no equilibrium was found within {evaluations} force evaluations, after a longer increment had failed")
             moved = run.body.share.greatest(np.abs(run.positions - guess)) if run.loads else 0.0
             if moved > self._farthest:
-                weak = note_of_modes(run.force, "with which loads may carry points away long before their greatest value")
-                raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
+                weak = note_of_modes(run.force, "so that small loads may already carry points away")
+                raise RanAway(f"the loads carry the body away: points moved by {moved:.3g} in one increment without equilibrium{weak}")
 
         least_drive = run.state.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0
         return self.solver.solve(run.loaded, run.positions, tolerance, report, least_drive)
@@ -296,8 +296,8 @@ class Equilibria:
         level = output_row(run, drive=drive)
         level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
         if drive and level["force_balance"] > MOST_OFF:
-            off = f"{100 * level['force_balance']:.2g} % of what drives the body, and may leave {100 * MOST_OFF:g} %"
-            raise Unbalanced(f"the sum of all loads and reactions is {off}")
+            off = f"{100 * level['force_balance']:.2g} % of the forces that drive the body, more than {100 * MOST_OFF:g} %"
+            raise Unbalanced(f"loads and reactions are not in balance: their sum is {off}")
         state.levels.append(level)
         reached = run.loading.at(state.parameter), equilibrium.evaluations, equilibrium.residual, equilibrium.method
         logger.info("%s: equilibrium after %d evaluations, residual %.2g, by %s", *reached)
@@ -329,7 +329,7 @@ def _check_resolved(run: Run, target: float) -> None:
     least = RESOLVED * max(FORCE_ROUNDING[run.force.precision], strain_rounding(run.body)) * contrast
     strain = strain_of(run.loaded)
     if strain < least:
-        apart = f" with moduli {contrast:.3g} apart" if contrast > 1 else ""
+        apart = f" with shear moduli that differ by a factor of {contrast:.3g}" if contrast > 1 else ""
         resolved = f"{PRECISION_NAMES[run.force.precision]} precision, which resolves {least:.1g}{apart}"
         raise TooSmall(f"the greatest strain, {strain:.2g}, is too small for {resolved}")
 

@@ -253,7 +253,7 @@ def _threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
     threads = asked or max(1, min(paying, cores // here))
     if here * threads > cores and ranks.rank == 0:
         what = f"{here} ranks of {threads} thread{'s' * (threads > 1)} each share {cores} cores"
-        warnings.warn(f"{what}: each keeps the others waiting; take as many ranks as cores", Oversubscribed, stacklevel=3)
+        warnings.warn(f"{what}: waiting ranks slow the others down; do not start more ranks than cores", Oversubscribed, stacklevel=3)
     return threads
 
 

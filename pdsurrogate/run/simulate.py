@@ -99,23 +99,23 @@ UNDER_WAY = "the run is under way, or was ended from without"
 
 
 ADVICE = {
-    NotConverged: "allow more solver.most_evaluations, take a smaller solver.largest_increment, or another solver.method",
-    Diverging: "take another solver.method",
-    TooSmall: "take larger strains, of which smaller ones are a part, or precision=float64 if it is single",
-    Unbalanced: "take a smaller solver.tolerance; or, with bond forces where two edges held by reflection meet, force=bond-energy, "
-    "support=points or a finer spacing",
-    TooFar: "take a smaller steps.largest_increment, or more outputs",
-    Unstable: "push it less far, or follow it in dynamics",
-    RanAway: "a load may have a maximum, as the pressure in a balloon has: prescribe displacements in its place, or follow it in dynamics",
-    FoldedOver: "contact is not followed, and a finer spacing shows the fold sooner: push it less far, make the free side hollow, or let "
-    "the body slide there, with the components along the plane left free",
-    InvalidState: "take a finer spacing; or the material itself does not reach this far",
+    NotConverged: "increase solver.most_evaluations, decrease solver.largest_increment, or use another solver.method",
+    Diverging: "use another solver.method",
+    TooSmall: "apply larger strains and scale the results, or use precision=float64 instead of float32",
+    Unbalanced: "use a smaller solver.tolerance; for bond forces where two edges held by reflection meet, use force=bond-energy, "
+    "support=points or a smaller spacing",
+    TooFar: "use a smaller steps.largest_increment, or more outputs",
+    Unstable: "compress the body less, or continue in dynamics",
+    RanAway: "the load may exceed its maximum, like the pressure in a balloon: prescribe displacements instead, or continue in dynamics",
+    FoldedOver: "contact is not modeled, and a smaller spacing folds earlier: compress the body less, make the free side concave, or let "
+    "the body slide there (do not prescribe the components along the plane)",
+    InvalidState: "use a smaller spacing; if that does not help, the material cannot be deformed this far",
 }
 """Advice for error messages by the type of error with which a stage in equilibrium fails."""
 
-DYNAMICS_ADVICE = "take a smaller dynamics.safety, more dynamics.viscosity or damping, or a finer spacing"
+DYNAMICS_ADVICE = "use a smaller dynamics.safety, more dynamics.viscosity or damping, or a smaller spacing"
 
-SINGLE_ADVICE = "or take precision=float64, whose rounding leaves less of a residual and disturbs less"
+SINGLE_ADVICE = "or use precision=float64, which has smaller rounding errors"
 
 
 def simulate(
@@ -136,7 +136,7 @@ def simulate(
     scene : Scene, str or path
         A scene, or the name or file of one, see `pdsurrogate.load_scene`.
     force : str, path, ForceModel, fitted pipeline or object, optional
-        A force model, the name of one ("analytic", "nosb"), an artifact: NAME, NAME@VERSION or a path; or a fitted
+        A force model, the name of an exact one such as "analytic", or an artifact: NAME, NAME@VERSION or a path; or a fitted
         `pdsurrogate.surrogate_pipeline`, or a scikit-learn search (such as GridSearchCV) over one; or an object with a ``bond_force`` or
         an ``energy`` (`pdsurrogate.forces.OwnBondForce`), which is assumed to describe the scene's material.
         A built-in scene adopts the material of an artifact's card (stored description), see `pdsurrogate.artifacts.with_material`.
@@ -207,9 +207,9 @@ def simulate(
     scene, model = _model_of(force, scene)
     _check_arguments(threads, progress, folder, max_time)
     if resume and folder is None:
-        raise ValueError("resume: give the folder with the checkpoint as folder (--out)")
+        raise ValueError("resume: give the folder that contains the checkpoint (folder, or --out)")
     if resume and overwrite:
-        raise ValueError("give resume or overwrite, not both")
+        raise ValueError("resume and overwrite exclude each other: give one of them (--resume or --overwrite)")
     ranks = communicator()
     if ranks.size > 1:
         _refuse_different(ranks, scene, model, folder, resume)
@@ -338,8 +338,8 @@ def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, fold
     others = ranks.everywhere(given)
     different = [what for what in given if any(other[what] != others[0][what] for other in others)]
     if different:
-        what = f"the ranks were not given the same {' and '.join(different)}"
-        raise SceneError(f"scene {scene.name}: {what}; start all of them by one command")
+        what = f"the ranks have different arguments ({', '.join(different)})"
+        raise SceneError(f"scene {scene.name}: {what}; start all ranks with one command")
 
 
 def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) -> None:
@@ -349,7 +349,7 @@ def _check_arguments(threads: Any, progress: Any, folder: Any, max_time: Any) ->
     if folder is not None:
         check_path(folder, "folder")
         if not str(folder):
-            raise ValueError("a folder is needed for the results (--out), and its name is empty")
+            raise ValueError("folder (--out): the name is empty; give a folder for the results")
     if max_time is not None:
         check_seconds(max_time, "max_time")
     if threads is not None:
@@ -380,10 +380,7 @@ def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
     from sklearn.base import BaseEstimator
 
     if not isinstance(force, BaseEstimator):
-        raise TypeError(
-            "force must be a force model, the name of one, an artifact (NAME, NAME@VERSION or a path), a fitted "
-            f"surrogate_pipeline, or an object with a bond_force or an energy, not {force!r}"
-        )
+        raise TypeError(f"force must be a force model, its name or path, a surrogate_pipeline, or have bond_force or energy, not {force!r}")
     from ..learning.export import best_of
     from ..learning.fitting import force_model_of, stated_against
 

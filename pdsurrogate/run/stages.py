@@ -58,7 +58,7 @@ def _stage_of(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient:
 
 def _take_double(run: Run, error: TooSmall) -> None:
     """Change a run to double precision after `error`, which says that single precision does not resolve the strains, and warn of it."""
-    reason = f"{error}: the forces are evaluated in double precision from here on"
+    reason = f"{error}: from here on, forces are evaluated in double precision"
     run.note(run.state.parameter, reason=reason)
     if run.ranks.rank == 0:
         warnings.warn(f"{run.loading.at(run.target)}: {reason}", SinglePrecisionLeft, stacklevel=4)
@@ -76,12 +76,12 @@ def _dynamics_after(run: Run) -> int:
     """
     following = [number for number, stage in enumerate(run.stages) if number > run.state.stage and stage.inertia is not None]
     if not following:
-        raise Unstable(f"a bond would break between {run.loading.at(run.state.parameter)} and here: what follows is not in equilibrium")
+        raise Unstable(f"a bond breaks after {run.loading.at(run.state.parameter)}: add a step in dynamics, which a running crack needs")
     if run.ranks.rank == 0:
         begin = run.loading.at(run.state.parameter)
         warnings.warn(
-            f"a bond would break in equilibrium between {begin} and {run.loading.at(run.target)}: the motion begins at {begin}, the last "
-            "output; more outputs before the break bring its beginning nearer to it",
+            f"a bond would break in equilibrium between {begin} and {run.loading.at(run.target)}: the dynamics start at {begin}, the last "
+            "output; add outputs before the break to start closer to it",
             stacklevel=4,
         )
     return following[0]
@@ -97,4 +97,4 @@ def _resumed(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient | No
     except CheckpointError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without resume") from None
+        raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without --resume") from None

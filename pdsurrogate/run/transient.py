@@ -80,7 +80,7 @@ class Transient:
             integrator.center()
         if motion.duration > MOST_STEPS * integrator.time_step:
             duration, key = run.problem.scene.units.amount(motion.duration, "time", ".3g"), self.stage.key
-            many = f"the dynamics take {duration} in steps of {integrator.time_step:.3g}, more than {MOST_STEPS:.0e} of them"
+            many = f"a duration of {duration} in time steps of {integrator.time_step:.3g} needs more than {MOST_STEPS:.0e} steps"
             raise Diverging(f"{many}; check the units of {key}.density and {key}.{self.stage.inertia.pace}")
         run.state.dynamics.append({"step": run.state.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)

@@ -42,9 +42,9 @@ def _checked(value: Any) -> Any:
         numbers = [number for row in rows for number in row]
         valid = all(isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n) for n in numbers)
         if len(rows) < max(2, len(value)) or not valid:
-            raise ValueError("a table needs two rows [t, value] or more, and holds numbers alone")
+            raise ValueError("a table needs at least two rows [t, value] of numbers")
         if any(later[0] <= earlier[0] for earlier, later in pairwise(value)):
-            raise ValueError("the t of a table must rise from row to row")
+            raise ValueError("the first column of a table, t, must increase from row to row")
     else:
         raise ValueError(f"must be ramp, sine, an expression of t, or a table of rows [t, value], not {value!r}")
     return value
@@ -96,7 +96,7 @@ def _compiled(text: str) -> CodeType:
             _check_node(node, text)
         return compile(tree, "<amplitude>", "eval")
     except (SyntaxError, MemoryError, RecursionError):
-        raise ValueError(f"{text!r} is no expression of t; written are ramp, sine, or for example 1 - exp(-t)") from None
+        raise ValueError(f"{text!r} is not an expression of t; write ramp, sine, or for example 1 - exp(-t)") from None
 
 
 def _check_node(node: ast.AST, text: str) -> None:
@@ -105,13 +105,13 @@ def _check_node(node: ast.AST, text: str) -> None:
     A number is turned in place into a float, because powers of integers would grow without bound.
     """
     if isinstance(node, ast.Name) and node.id not in ("t", "pi", *FUNCTIONS):
-        known = f"t, pi, {', '.join(FUNCTIONS)}, and the names ramp and sine"
-        raise ValueError(f"{text!r}: there is no {node.id!r}; an expression knows {known}")
+        known = f"t, pi and {', '.join(FUNCTIONS)}; ramp and sine are complete amplitudes"
+        raise ValueError(f"{text!r}: unknown name {node.id!r}; an expression of t may contain {known}")
     if isinstance(node, ast.Call) and (not isinstance(node.func, ast.Name) or node.func.id not in FUNCTIONS or node.keywords):
         raise ValueError(f"{text!r}: only {', '.join(FUNCTIONS)} can be called")
     if not isinstance(node, _NODES):
-        raise ValueError(f"{text!r}: an expression of t has numbers, + - * / **, parentheses and functions alone")
+        raise ValueError(f"{text!r}: an expression of t may contain only numbers, + - * / **, parentheses and functions")
     if isinstance(node, ast.Constant):
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            raise ValueError(f"{text!r}: {node.value!r} is no number")
+            raise ValueError(f"{text!r}: {node.value!r} is not a number")
         node.value = float(node.value)

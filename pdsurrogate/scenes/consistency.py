@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING, Any
 
+from ..arguments import suggestion
 from .amplitudes import amplitude_of
-from .problems import suggestion
 from .regions import FACES, Region, edge_names, references_in, reserved_names
 from .shapes import Mesh
 from .solids import Prism
@@ -45,33 +45,33 @@ def _references(scene: Scene) -> Iterator[tuple[str, str | Region]]:
 
 def _spacing(scene: Scene) -> None:
     if scene.spacing is None and not isinstance(scene.body, Mesh):
-        raise ValueError("spacing: a number is needed; only a mesh has a spacing of its own")
+        raise ValueError("spacing: must be a number, unless the body is a mesh, which has its own spacing")
 
 
 def _dimension(scene: Scene) -> None:
     """Raise ValueError if a part of a scene belongs to the plane and the body is a solid, or the other way round."""
     dimension, body = scene.dimension, scene.body.shape
-    here, there = ("space", "the plane") if dimension == 3 else ("the plane", "space")
+    here, there = ("3D", "2D") if dimension == 3 else ("2D", "3D")
     if (scene.plane == "space") != (dimension == 3):
-        taken = "plane=space, which is also the default" if dimension == 3 else "plane=stress or plane=strain"
-        raise ValueError(f"plane: a {body} lies in {here} and takes {taken}, not {scene.plane}")
+        taken = "space, which is also the default" if dimension == 3 else "stress or strain"
+        raise ValueError(f"plane: must be {taken}, not {scene.plane}: the body, a {body}, is {here}")
     for key, part in _entries(scene, "holes", "precuts"):
         if part.dimension != dimension:
             what = f"a {part.shape}" if key.startswith("holes") else "this cut"
-            raise ValueError(f"{key}: {what} belongs to {there}, and the body, a {body}, to {here}")
+            raise ValueError(f"{key}: {what} is {there}, but the body, a {body}, is {here}")
     for key, entry in _entries(scene, "prescribed"):
         if dimension == 3 and entry.rotation is not None and entry.axis is None:
-            raise ValueError(f"{key}.axis: a rotation of a solid needs the direction of its axis, as axis=[1, 0, 0]")
+            raise ValueError(f"{key}.axis: a rotation of a solid needs the direction of its axis, such as axis=[1, 0, 0]")
     for key, name in _of_solids_alone(scene) if dimension == 2 else ():
-        raise ValueError(f"{key}: a body in the plane has no {name}, only x1, x2 and the edges {', '.join(edge_names(2))}")
+        raise ValueError(f"{key}: a 2D body has no {name}, only x1, x2 and the edges {', '.join(edge_names(2))}")
     for key, region in _references(scene):
         for pair in (("disc", "ball"), ("half_plane", "half_space")):
             own, other = pair if dimension == 2 else pair[::-1]
             if getattr(region, other, None) is not None:
-                raise ValueError(f"{key}: {other} is a region of {there}; in {here} give {own}")
+                raise ValueError(f"{key}: {other} is a {there} region, but the body is {here}; use {own}")
     for key, vector in vectors_in(scene):
         if len(vector) != dimension:
-            raise ValueError(f"{key}: needs {dimension} components for a body in {here}, not {len(vector)}")
+            raise ValueError(f"{key}: needs {dimension} components for a {here} body, not {len(vector)}")
 
 
 def _of_solids_alone(scene: Scene) -> Iterator[tuple[str, str]]:
@@ -88,54 +88,54 @@ def _way_of_loading(scene: Scene) -> None:
     general = [key for key in ("prescribed", "loads", "steps") if getattr(scene, key)]
     short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(scene, key)]
     if general and short:
-        ways = "give grips and stretches (with holds and dynamics), or prescribed and loads with steps (dynamics within a step)"
-        raise ValueError(f"{short[0]} and {general[0]} are two ways of saying the loading: {ways}")
+        ways = "use grips and stretches (with holds and dynamics), or prescribed and loads with steps (with dynamics in a step)"
+        raise ValueError(f"{short[0]} and {general[0]} belong to two different ways to define the loading: {ways}")
     if general and not scene.steps:
-        raise ValueError(f"{general[0]} need steps: the values of the loading parameter t to go to, as steps=1")
+        raise ValueError(f"{general[0]}: needs steps, the values of the loading parameter t to be reached, such as steps=1")
     if general == ["steps"]:
-        raise ValueError("steps change nothing without prescribed displacements or loads")
+        raise ValueError("steps: have no effect without prescribed displacements or loads")
     if not general and not scene.grips:
-        raise ValueError("nothing is loaded: give two grips and stretches, or prescribed displacements or loads, and steps")
+        raise ValueError("the scene has no loading: give two grips and stretches, or steps with prescribed displacements or loads")
 
 
 def _rigid_regions(scene: Scene) -> None:
     if scene.material is not None and scene.material.rigid:
-        raise ValueError("material: the rest of a body is of a law; a rigid region is an entry of materials")
+        raise ValueError("material: cannot be rigid; define rigid regions as entries of materials")
     rigid = next((key for key, part in _entries(scene, "materials") if part.material.rigid), None)
     moving = next((key for key, step in _entries(scene, "steps") if step.dynamics is not None), None)
     if rigid and scene.stretched:
-        raise ValueError(f"{rigid}: with a rigid region, give the loading by prescribed, loads and steps, not by grips")
+        raise ValueError(f"{rigid}: with a rigid region, define the loading with prescribed, loads and steps, not with grips")
     if rigid and moving:
-        raise ValueError(f"{moving}.dynamics: a rigid region ({rigid}) is taken in equilibrium only")
+        raise ValueError(f"{moving}.dynamics: rigid regions ({rigid}) are supported in equilibrium only")
 
 
 def _grips(scene: Scene) -> None:
     if not scene.grips:
         return
     if len(scene.grips) != 2:
-        raise ValueError(f"grips needs 2 entries, on opposite edges, not {len(scene.grips)}; more are said by prescribed")
+        raise ValueError(f"grips: needs 2 entries, on opposite edges, not {len(scene.grips)}; for other supports use prescribed")
     pairs = [FACES[axis : axis + 2] for axis in range(0, 2 * scene.dimension, 2)]
     if {grip.edge for grip in scene.grips} not in map(set, pairs):
-        raise ValueError(f"grips must hold two opposite edges, {' or '.join(' and '.join(pair) for pair in pairs)}")
+        raise ValueError(f"grips: must hold two opposite edges, {' or '.join(' and '.join(pair) for pair in pairs)}")
     travel = sum(grip.travel for grip in scene.grips)
     if not math.isclose(travel, 1.0):
-        raise ValueError(f"the travel of the two grips must add up to 1, not {travel:g}")
+        raise ValueError(f"grips: the travel of the two grips must add up to 1, not {travel:g}")
     if not scene.stretches and scene.dynamics is None:
-        raise ValueError("the program is empty: give stretches, or dynamics")
+        raise ValueError("grips: need stretches or dynamics")
     if scene.dynamics is not None and scene.dynamics.stretch <= (scene.stretches[-1] if scene.stretches else 1.0):
-        raise ValueError("dynamics.stretch must be greater than the last of stretches, where the dynamics start")
+        raise ValueError("dynamics.stretch: must be greater than the last entry of stretches, where the dynamics start")
 
 
 def _program(scene: Scene) -> None:
     begin = 0.0
     for key, step in _entries(scene, "steps"):
         if step.largest_increment is not None and abs(step.to - begin) > MOST_INCREMENTS * step.largest_increment:
-            most = f"{step.largest_increment:g} makes more than {MOST_INCREMENTS:,} increments from t = {begin:g} to {step.to:g}"
+            most = f"{step.largest_increment:g} would need more than {MOST_INCREMENTS:,} increments from t = {begin:g} to {step.to:g}"
             raise ValueError(f"{key}.largest_increment: {most}")
         begin = step.to
     if scene.fracture is not None and scene.dynamics is None and not any(step.dynamics for step in scene.steps):
         where = "a step with dynamics" if scene.steps else "dynamics"
-        raise ValueError(f"fracture needs {where}: a crack that runs is not in equilibrium")
+        raise ValueError(f"fracture: needs {where}, since a running crack is not in equilibrium")
     if scene.fracture is not None and scene.fracture.energy is not None:
         tip_diameter(scene.plane, scene.horizon_ratio)  # for which force model, a run checks
 
@@ -160,7 +160,7 @@ def _amplitudes(scene: Scene) -> None:
 def _probes(scene: Scene) -> None:
     names = [probe.name for probe in scene.probes]
     if twice := [name for name in names if names.count(name) > 1]:
-        raise ValueError(f"probes: the name {twice[0]!r} is given twice")
+        raise ValueError(f"probes: the name {twice[0]!r} is used twice")
 
 
 def _regions(scene: Scene) -> None:
@@ -178,7 +178,7 @@ def _regions(scene: Scene) -> None:
         TopologicalSorter(defined_by).prepare()
     except CycleError as error:
         circle = error.args[1][::-1]
-        raise ValueError(f"regions.{circle[0]}: it is said by itself: {' by '.join(circle)}") from None
+        raise ValueError(f"regions.{circle[0]}: the region refers to itself: {' -> '.join(circle)}") from None
 
 
 def _check_hole(scene: Scene, key: str, name: str) -> None:

@@ -59,11 +59,11 @@ class Prescribed(StrictModel):
 
     def model_post_init(self, _) -> None:
         if all(value is None for value in (*self.displacement, self.rotation)):
-            raise ValueError("nothing is prescribed: give x1, x2, for a solid x3, or a rotation; 0 holds a component")
+            raise ValueError("needs at least one of x1, x2, x3 (solids) and rotation; 0 holds a component")
         if (self.rotation is None) != (self.about is None):
-            raise ValueError("a rotation needs the place that it is about, and only a rotation has one: give both or neither")
+            raise ValueError("rotation and about (the place to rotate about) must be given together")
         if self.axis is not None and self.rotation is None:
-            raise ValueError("axis is the direction of the axis of a rotation, and only a rotation has one")
+            raise ValueError("axis, the direction of the axis of a rotation, needs rotation")
 
     @property
     def displacement(self) -> tuple[float | None, float | None, float | None]:
@@ -140,11 +140,11 @@ class Load(StrictModel):
     def model_post_init(self, _) -> None:
         given = [kind for kind in self.kinds if getattr(self, kind) is not None]
         if len(given) != 1:
-            raise ValueError("a load is exactly one of traction, pressure, body_force and force")
+            raise ValueError("a load needs exactly one of traction, pressure, body_force and force")
         if given != ["body_force"] and "region" not in self.model_fields_set:
-            raise ValueError(f"a {given[0]} needs the region that it acts on")
+            raise ValueError(f"a {given[0]} needs the region on which it acts")
         if self.thickness is not None and given != ["pressure"]:
-            raise ValueError("only a pressure has a thickness that it acts on")
+            raise ValueError("thickness applies to a pressure only")
 
 
 class DynamicsSettings(StrictModel):
@@ -242,7 +242,7 @@ class Step(StrictModel):
 
     def model_post_init(self, _) -> None:
         if self.dynamics is not None and self.largest_increment is not None:
-            raise ValueError("a step in dynamics has no increments: leave largest_increment out")
+            raise ValueError("largest_increment does not apply to a step in dynamics: leave it out")
 
 
 class Probe(StrictModel):

@@ -7,12 +7,13 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+from ..arguments import suggestion
 from ..body import WEIGHT_FUNCTIONS
 from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from .consistency import check_consistency
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
-from .problems import SceneError, suggestion
+from .problems import SceneError
 from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
 from .shapes import Mesh
 from .solids import AnyBody, AnyPrecut, AnyShape
@@ -66,14 +67,14 @@ class MaterialSpec(StrictModel):
     def model_post_init(self, _) -> None:
         if self.rigid:
             if self.model_extra:
-                raise ValueError(f"{RIGID} has no parameter {next(iter(self.model_extra))!r}; it has none")
+                raise ValueError(f"{RIGID} has no parameters; remove {next(iter(self.model_extra))}")
             return
         law = self.build()
         for key in ("shear_modulus", "bulk_modulus"):
             value = getattr(law, key)
             if not LEAST_MODULUS <= value <= MOST_MODULUS:
-                taken = f"forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}"
-                raise ValueError(f"{key} is {value:g}: {taken}; take other units of stress")
+                taken = f"outside the supported range from {LEAST_MODULUS:g} to {MOST_MODULUS:g}"
+                raise ValueError(f"{key} is {value:g}, {taken}; use another unit of stress")
 
     @property
     def rigid(self) -> bool:
@@ -106,7 +107,7 @@ class MaterialSpec(StrictModel):
         try:
             return law(**given)
         except TypeError:
-            raise ValueError(f"{self.law}: a parameter is a list where a number belongs, or the other way round") from None
+            raise ValueError(f"{self.law}: a parameter is a list instead of a number, or a number instead of a list") from None
 
 
 class Part(StrictModel):
@@ -140,7 +141,7 @@ class Part(StrictModel):
 
     def model_post_init(self, _) -> None:
         if self.material.rigid and self.force is not None:
-            raise ValueError("a rigid region is not deformed and takes no force: leave it out")
+            raise ValueError("force does not apply to a rigid region, which is not deformed: leave it out")
 
 
 class Grip(StrictModel):
@@ -451,7 +452,7 @@ class Scene(StrictModel):
     def _free_names(cls, value: dict, info: ValidationInfo) -> dict:
         for name in value:
             if name in reserved_names(_dimension_of(info.data)):
-                raise ValueError(f"{name} is the name of a region that every body has; take another")
+                raise ValueError(f"{name} is the name of a predefined region; choose another name")
         return value
 
     @property
@@ -485,7 +486,7 @@ class Scene(StrictModel):
         'neo-hookean'
         """
         if self.material is None:
-            raise SceneError(f"scene {self.name}: material: none is given; give one, or an artifact as the force, whose material is taken")
+            raise SceneError(f"scene {self.name}: material: missing; add one, or choose an artifact as the force to use its material")
         return self.material.build()
 
     @property

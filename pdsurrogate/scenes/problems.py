@@ -1,10 +1,10 @@
 """Error messages for invalid scenes: `SceneError`, and the conversion of Pydantic's validation errors."""
 
-import difflib
-from collections.abc import Iterable
 from typing import Any, get_origin
 
 from pydantic import BaseModel, ValidationError
+
+from ..arguments import suggestion
 
 
 class SceneError(ValueError):
@@ -21,19 +21,8 @@ class SceneError(ValueError):
     """
 
 
-CLOSE = 0.78
-"""Similarity of two words, from 0 to 1, above which one may be a misspelling of the other: elipse and ellipse are similar (0.92), cube and
-tube are not (0.75)."""
-
-
-def suggestion(word: str, known: Iterable[str], otherwise: str = "there are") -> str:
-    """Return the end of a message about an unknown word: "did you mean" a similar known word, else `otherwise` and all known words."""
-    known = list(known)
-    nearest = difflib.get_close_matches(word, known, 1, CLOSE)
-    return f"did you mean {nearest[0]}?" if nearest else f"{otherwise} {', '.join(known)}"
-
-
-PLAIN = {"tuple_type": "must be a list", **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table")}
+PLAIN = dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), "must be a table")
+PLAIN |= {"missing": "this key is missing", "tuple_type": "must be a list"}
 """Messages by type of error in the place of Pydantic's, which uses the words of Python; a description is written in TOML."""
 
 
@@ -71,14 +60,14 @@ def _lines(problem: Any, problems: list, part: type[BaseModel]) -> list[tuple[st
         if any(other["type"] == "missing" and other["loc"][:-1] == loc[:-1] and other["loc"] > loc for other in problems):
             return []  # The last one missing shows how many there should be.
         key, count = key.rpartition(".")[0], f"needs {loc[-1] + 1} entries, not {len(given)}"
-        message = f"{count}; it belongs to space, and two components to what is in the plane" if loc[-1] == 2 else count
+        message = f"{count}; this shape is 3D, and 2D shapes need two components" if loc[-1] == 2 else count
     elif kind == "extra_forbidden":
         message, given = f"unknown key; {suggestion(str(loc[-1]), fields)}", None
     elif kind in ("too_short", "too_long"):
         bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
         message = f"needs {bound} entries, not {context['actual_length']}"
         if (context.get("max_length"), context["actual_length"]) == (2, 3):
-            message += "; it belongs to the plane, and three components to a solid"
+            message += "; this shape is 2D, and solids need three components"
     elif kind == "union_tag_invalid":
         shapes = context["expected_tags"].replace("'", "").split(", ")
         message = f"unknown shape {context['tag']!r}; {suggestion(context['tag'], shapes)}"

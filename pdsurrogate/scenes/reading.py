@@ -8,7 +8,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from ..arguments import check_path
+from ..arguments import check_path, suggestion
 from .model import Scene
 from .problems import SceneError
 
@@ -100,7 +100,7 @@ def read_description(path: Path | Traversable, kind: str) -> dict[str, Any]:
         with path.open("rb") as file:
             content = file.read(MOST_BYTES + 1)
         if len(content) > MOST_BYTES:
-            raise SceneError(f"{path}: it has more than {MOST_BYTES / 2**20:.0f} MiB, which no description of a scene or study has")
+            raise SceneError(f"{path}: the file has more than {MOST_BYTES / 2**20:.0f} MiB, so it is not a scene or study")
         return tomllib.loads(content.decode("utf-8").replace("\r\n", "\n"))
     except OSError as error:
         raise SceneError(f"cannot read {kind} file {path}: {error.strerror}") from None
@@ -115,7 +115,7 @@ def parse_change(change: str) -> tuple[str, Any]:
     key, separator, value = change.partition("=")
     key, value = key.strip(), value.strip()
     if not separator or not key or not value:
-        raise SceneError(f"a change is written key=value, not {change!r}")
+        raise SceneError(f"a change must have the form key=value, not {change!r}")
     for candidate in (value, f"[{value}]" if "," in value else value):
         try:
             return key, tomllib.loads(f"value = {candidate}")["value"]
@@ -157,7 +157,7 @@ def apply_change(data: dict, key: str, value: Any) -> None:
         elif inner is None and not following.isdecimal():
             inner = {}
         if not isinstance(inner, dict | list):
-            why = f"{name} is {inner!r}, which has no keys or entries; change it whole: {name}=..."
+            why = f"{name} is {inner!r}, which has no keys or entries; set {name}=... instead"
             raise SceneError(f"{key}: {'the scene has no ' + name if inner is None else why}")
         place[number] = inner
         place = inner
@@ -171,7 +171,7 @@ def _entry(place: dict | list, step: str, key: str, before: list[str]) -> str | 
         return int(step)
     name = ".".join(before)
     there = f"its entries are {', '.join(f'{name}.{number}' for number in range(len(place)))}" if place else "it is empty"
-    raise SceneError(f"{key}: {name} is a list without an entry {step!r}; {there}")
+    raise SceneError(f"{key}: the list {name} has no entry {step!r}; {there}")
 
 
 def _place_of(reference: str | Path) -> tuple[Path | Traversable, str]:
@@ -181,5 +181,6 @@ def _place_of(reference: str | Path) -> tuple[Path | Traversable, str]:
         return resources.files(__package__) / f"{name}.toml", f"scene {name}"
     path = Path(reference)
     if not name or (path.suffix != ".toml" and not path.exists()):
-        raise SceneError(f"unknown scene {name!r}; built in are {', '.join(scene_names())}, anything else is the path of a .toml file")
+        hint = suggestion(name, scene_names(), "give the path of a .toml file, or a built-in scene:")
+        raise SceneError(f"unknown scene {name!r}; {hint}")
     return path, str(path)

@@ -157,9 +157,9 @@ class Region(StrictModel):
         fields = type(self).model_fields
         if sum(getattr(self, name) is not None for name in fields) != 1:
             names = ", ".join(field.alias or name for name, field in fields.items())
-            raise ValueError(f"a region is given in exactly one way, by one of {names}")
+            raise ValueError(f"a region needs exactly one of {names}")
         if self.box is not None and not all(low <= high for low, high in zip(*self.box, strict=False)):
-            raise ValueError("a box is given by its corners where all coordinates are least, and greatest")
+            raise ValueError("box must be two corners, first the one with the smallest and then the one with the greatest coordinates")
         return self
 
     def members(self) -> Iterator[tuple[str, str | Region]]:

@@ -217,7 +217,7 @@ class Polygon(Outline):
         area = 0.5 * abs(_cross(corners, np.roll(corners, -1, axis=0)).sum())
         extent = np.ptp(corners, axis=0).max()
         if crossing := _crossing(corners):
-            raise ValueError(f"the outline {crossing}; give its corners in order, once around, and what is cut out under holes")
+            raise ValueError(f"the outline {crossing}; give the corners in order, once around, and cut-outs as holes")
         if not area > 1e-9 * extent**2:
             raise ValueError("the polygon has no area")
 

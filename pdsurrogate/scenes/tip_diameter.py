@@ -47,5 +47,5 @@ def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) ->
     entries = zip(TIP_DIAMETERS, ratios, strict=True)
     there = "; ".join(f"{known}, plane={state}, horizon_ratio {ratio}" for (known, state, *_), ratio in entries)
     here = f"{'' if family is None else f'{family}, '}plane={plane}, horizon_ratio {horizon_ratio:g}"
-    limited = f"only where the diameter of a crack tip was measured ({there}), and not for {here}"
-    raise ValueError(f"fracture.energy gives a critical stretch {limited}; give fracture.critical_stretch")
+    limited = f"for which the diameter of a crack tip was calibrated ({there}), not for {here}"
+    raise ValueError(f"fracture.energy is available only in cases {limited}; set fracture.critical_stretch instead")

@@ -78,7 +78,7 @@ def note_of_modes(force: InternalForce, consequence: str) -> str:
     if not force.zero_energy_modes:
         return ""
     others = "force=bond-energy" if force.body.dimension == 3 else "force=analytic or force=bond-energy"
-    return f" (this force does not resist all displacements from point to point, {consequence}: {others} does)"
+    return f" (this force has zero-energy modes, {consequence}; use {others})"
 
 
 @dataclass(frozen=True)
@@ -237,6 +237,6 @@ class EquilibriumSolver(ABC):
         """Return the error to raise for a residual, or a sum of residual forces, that is still too large."""
         reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
         if residual <= tolerance:
-            left = f"the forces left on free points are in sum more than {self._share_left:.1g} of those that drive the body"
+            left = f"the sum of the residual forces on free points is more than {self._share_left:.1g} of the forces that drive the body"
             reached = f"after {evaluations} force evaluations {left}"
-        return NotConverged(reached + note_of_modes(force, "which then never come to rest"))
+        return NotConverged(reached + note_of_modes(force, "in which points never come to rest"))

@@ -127,10 +127,7 @@ class RigidRegion:
             d = len(middle)
             middle, turn = middle + step[:d], turn_by(step[d:] / self.size) @ turn
         if np.abs(left).max(initial=0.0) > HELD * self.size:
-            raise InvalidState(
-                f"{self.name} is rigid, and what is prescribed moves its points apart: by {np.abs(left).max():.3g} from any place that it "
-                "can take as one body"
-            )
+            raise InvalidState(f"{self.name} is rigid, but is prescribed to deform: its points move by {np.abs(left).max():.3g} apart")
         positions[self.points] = placed
         positions[self.points[self._held[0]], self._held[1]] = goals
 

@@ -179,8 +179,8 @@ def check_branch(
         return
     if jumped:
         raise Unstable(
-            f"the body buckles between the stretches {before:.4g} and {after:.4g}: while its length changed by {growth:.3g}, "
-            f"its points moved by {moved:.3g} in the mean from where the states before lead"
+            f"the body buckles between the stretches {before:.4g} and {after:.4g}: while its length changed by {growth:.3g}, its points "
+            f"moved by {moved:.3g} on average from their extrapolated positions"
         )
     preconditioner = solver.preconditioner(force)
     preconditioner.update()
@@ -192,6 +192,6 @@ def check_branch(
         array[:] = held[key]
     if curvature < NEGATIVE:
         raise Unstable(
-            f"the equilibrium at {loading.at(after)} is not stable: along one displacement the energy has "
-            f"{curvature:.2g} times the curvature that it has at rest, so that the body buckles"
+            f"the equilibrium at {loading.at(after)} is not stable, so the body buckles: along one displacement the energy has "
+            f"{curvature:.2g} times its curvature at rest"
         )

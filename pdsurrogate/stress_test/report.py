@@ -73,7 +73,7 @@ def stress_test(
         found = [Subject(reference, quick, plane) for plane in planes if plane in taken]
         if not found:
             asked = " or ".join(BODIES[plane] for plane in planes)
-            raise ArtifactError(f"{reference} takes plane={' and '.join(taken)}: the hard cases are those of {asked}")
+            raise ArtifactError(f"{reference} supports plane={' and '.join(taken)} only, but the hard cases are those of {asked}")
         subjects += found
     # A damaged card is found here, before any case is run.
     models = [{"force": one.reference, "plane": one.plane, "material": one.law.describe(), "results": {}} for one in subjects]

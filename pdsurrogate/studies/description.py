@@ -9,9 +9,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field
 
-from ..arguments import check_path
+from ..arguments import check_path, suggestion
 from ..scenes import MaterialSpec, SceneError, scene_names
-from ..scenes.problems import suggestion
 from ..scenes.reading import leaves, read_description
 from ..scenes.strict_model import Finite, StrictModel, Whole
 
@@ -92,13 +91,13 @@ class Distribution(StrictModel):
         known = {name: kind for name, kind in vars(stats).items() if isinstance(kind, stats.rv_continuous | stats.rv_discrete)}
         if self.distribution not in known:
             nearest = suggestion(self.distribution, known, "")
-            meant = nearest if nearest.endswith("?") else f"names are those of scipy.stats, such as {', '.join(USUAL)}"
+            meant = nearest if nearest.endswith("?") else f"use a name from scipy.stats, such as {', '.join(USUAL)}"
             raise ValueError(f"unknown distribution {self.distribution!r}; {meant}")
         kind, given = known[self.distribution], self.model_extra or {}
         shapes = kind.shapes.split(", ") if kind.shapes else []
         takes = [*shapes, "loc", *([] if self.discrete else ["scale"])]
         if unknown := [key for key in given if key not in takes]:
-            raise ValueError(f"{self.distribution} has no parameter {unknown[0]!r}; it has {', '.join(takes)}")
+            raise ValueError(f"{self.distribution} has no parameter {unknown[0]!r}; {suggestion(unknown[0], takes, 'it has')}")
         if missing := [key for key in shapes if key not in given]:
             raise ValueError(f"{self.distribution} needs {', '.join(missing)}; it has {', '.join(takes)}")
         frozen = kind(**given)
@@ -147,9 +146,9 @@ def _values(values: Any) -> Any:
         values = values.tolist()
     if not isinstance(values, list | tuple | range):
         shown = f"[{values}]" if isinstance(values, int | float) else "[...]"
-        raise ValueError(f"must be a list of values, as {shown}, or a table with a distribution, not {values!r}")
+        raise ValueError(f"must be a list of values, such as {shown}, or a table with a distribution, not {values!r}")
     if not len(values):
-        raise ValueError("is an empty list; give at least one value")
+        raise ValueError("must contain at least one value")
     return tuple(values)
 
 
@@ -167,7 +166,7 @@ class Study(StrictModel):
     fit : dict, optional
         Material and settings of a fit.
     force : str, optional
-        Force model of all runs: ``"analytic"``, ``"bond-energy"``, ``"nosb"``, ``"ba-nosb"`` or an artifact.
+        Force model of all runs: the name of an exact one, such as ``"analytic"``, or an artifact.
     set : dict
         Changes to the scene for all runs, by dotted key.
     parameters : dict
@@ -217,7 +216,7 @@ class Study(StrictModel):
             (not self.parameters, "parameters: there are none; name one and give its values, or its distribution"),
             (
                 self.fit is not None and (self.force is not None or self.set),
-                f"{key}: belongs to a scene; put settings common to all fits in [fit]",
+                f"{key}: applies to scenes only; put settings common to all fits in [fit]",
             ),
             (self.force is not None and FORCE in self.parameters, "force: is also a parameter; set it in one place only"),
             *((key in self.parameters, f"set.{key}: is also a parameter; set it in one place only") for key in self.set),
@@ -269,8 +268,8 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
     if study.design == "grid":
         number = math.prod(map(len, values))
         if number > MOST_RUNS:
-            to_draw = "to draw from it, use design=latin-hypercube"
-            raise SceneError(f"parameters: the grid has {number} runs, the limit is {MOST_RUNS}; {to_draw}")
+            to_draw = "use design=latin-hypercube to draw a sample from it"
+            raise SceneError(f"parameters: the grid has {number} runs, more than the limit {MOST_RUNS}; {to_draw}")
         rows = itertools.product(*values)
     elif study.design == "zip":
         if len({len(entries) for entries in values}) > 1:

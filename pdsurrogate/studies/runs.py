@@ -246,7 +246,7 @@ class Workers:
                 check_whole_number(value, key, 1)
         if scheduler is not None:
             if jobs is not None:
-                raise SceneError("jobs: with a scheduler the number of jobs is that of its workers' threads; leave jobs out")
+                raise SceneError("jobs: with a scheduler, the threads of its workers set the number of parallel runs; leave jobs out")
             if importlib.util.find_spec("distributed") is None:
                 raise SceneError('scheduler: Dask is not installed; pip install "pdsurrogate[dask]"')
             return cls(1, threads or 1, scheduler)
@@ -312,11 +312,11 @@ class Workers:
                 client.wait_for_workers(1, timeout=10)
             except TimeoutError:
                 start = f"start them with: dask worker {self.scheduler}"
-                raise SceneError(f"scheduler: the one at {self.scheduler} has no workers; {start}") from None
+                raise SceneError(f"scheduler: the scheduler at {self.scheduler} has no workers; {start}") from None
             seen = client.run(os.path.isdir, str(folder))
             if blind := [worker for worker, found in seen.items() if not found]:
                 count = f"{len(blind)} of {len(seen)} workers, the first {blind[0]}"
-                raise SceneError(f"scheduler: {count}, do not see {folder}; put it on a shared disk")
+                raise SceneError(f"scheduler: {count}, cannot access {folder}; use a folder on a shared disk")
             yield None, {"backend": "dask", "client": client}, KilledWorker
 
 

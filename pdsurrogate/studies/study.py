@@ -149,7 +149,7 @@ class StudyResult:
         found = [f"quantities: no run has {name!r}" for name in missing if summaries]
         outside = [place for place, summary in summaries.items() if summary.get("fraction_outside_domain")]
         if outside:
-            found.append(f"{len(outside)} runs, the first {outside[0]}, met states outside the surrogate's domain: fraction_outside_domain")
+            found.append(f"{len(outside)} runs (first {outside[0]}) left the domain of the surrogate; see fraction_outside_domain")
         return found
 
     def figure(self):
@@ -190,7 +190,7 @@ class StudyInterrupted(RuntimeError):
     """
 
     def __init__(self, result: StudyResult) -> None:
-        super().__init__(f"interrupted; {len(result.not_done)} of {len(result.rows)} runs are left, and the same call does them")
+        super().__init__(f"interrupted; {len(result.not_done)} of {len(result.rows)} runs are left; repeat the command to run them")
         self.result = result
 
 
@@ -261,7 +261,7 @@ def study(
     (2, 0)
     """
     if communicator().size > 1:
-        raise ValueError("a study runs in parallel by jobs or a Dask scheduler, not by ranks: start it without mpiexec")
+        raise ValueError("a study runs in parallel with jobs or a Dask scheduler, not with MPI ranks: start it without mpiexec")
     described, source, home = load_study(description)
     try:
         check_quantities(described)
@@ -273,9 +273,9 @@ def study(
     if max_time is not None:
         check_seconds(max_time, "max_time")
         if described.fit is not None:
-            raise ValueError(f"{source}: max_time: a fit has no checkpoint to go on from; leave it out")
+            raise ValueError(f"{source}: max_time: a fit cannot be resumed from a checkpoint; leave max_time out")
     if not str(folder):
-        raise ValueError("folder: its name is empty; name a folder for the results")
+        raise ValueError("folder: the name is empty; give a folder for the results")
     folder = Path(folder).resolve()
     places = [task.digest[:DIGITS] for task in tasks]
     by_place = dict(zip(places, tasks, strict=True))
@@ -323,7 +323,7 @@ def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool)
     """
     described = (folder / DESCRIPTION).exists()
     if not described and (folder / TABLE).exists():
-        raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
+        raise FolderTaken(f"{folder / TABLE} was not written by a study and would be overwritten; use another folder")
     if overwrite or not described:
         return
     written, differences = differences_from(folder / DESCRIPTION, "study", study.model_dump(mode="json"))
@@ -331,7 +331,7 @@ def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool)
         raise FolderTaken(f"{folder / DESCRIPTION} does not name the runs of its study; {WAY_OUT}")
     if lost := set(map(str, runs)) - set(places):
         why = f": {differences}" if differences else ": its force or mesh differs"
-        raise FolderTaken(f"{folder} holds the table of a study with {len(lost)} runs that this one has not{why}; {WAY_OUT}")
+        raise FolderTaken(f"{folder} contains the table of a study with {len(lost)} runs that are not in this study{why}; {WAY_OUT}")
 
 
 def _write(result: StudyResult) -> None:

@@ -9,11 +9,11 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..arguments import suggestion
 from ..results import tables
 from ..results.figures import STYLE
 from ..scenes import SceneError
 from ..scenes.model import with_unit
-from ..scenes.problems import suggestion
 from ..scenes.reading import leaves
 from .description import Study
 

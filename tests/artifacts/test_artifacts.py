@@ -94,7 +94,7 @@ def test_card_says_what_one_needs_to_know(stored):
 def test_versions_never_change(stored, fitted):
     model, samples = fitted
     before = {path.name: path.read_bytes() for path in stored.iterdir()}
-    with pytest.raises(ArtifactError, match="exists already"):
+    with pytest.raises(ArtifactError, match="already exists"):
         pds.store(model, samples, LAW, stored.parents[1], "rubber", "1.2", "again")
     assert {path.name: path.read_bytes() for path in stored.iterdir()} == before
     assert sorted(path.name for path in stored.parent.iterdir()) == ["1.2"]  # no temporary folder is left
@@ -120,7 +120,7 @@ def test_finding(stored, fitted, monkeypatch):
     assert find_artifact(stored) == stored
     assert find_artifact(str(stored.parent)).name == "1.10"
     assert [f"{path.parent.name}@{path.name}" for path in list_artifacts()][-2:] == ["rubber@1.2", "rubber@1.10"]
-    with pytest.raises(ArtifactError, match=r"unknown force 'robber'.*rubber@1\.10"):
+    with pytest.raises(ArtifactError, match=r"unknown force 'robber'; did you mean rubber"):
         find_artifact("robber")
     with pytest.raises(ArtifactError, match="unknown force 'rubber@7'"):
         find_artifact("rubber@7")
@@ -140,7 +140,7 @@ def test_a_folder_of_results_is_no_artifact(working_folder):
     assert surrogate_for(LAW).name == "neo-hookean@2"
     assert load_surrogate("neo-hookean").name == "neo-hookean@2"
     for path in ("./neo-hookean", "neo-hookean/", working_folder / "neo-hookean"):
-        with pytest.raises(ArtifactError, match="no artifact there"):
+        with pytest.raises(ArtifactError, match="not the folder of an artifact"):
             load_surrogate(path)
 
 
@@ -149,7 +149,7 @@ def test_a_folder_that_holds_a_card_is_a_path(working_folder, fitted):
     pds.store(model, samples, LAW, working_folder, "mine", "1", "in the working folder")
     assert load_surrogate("mine").name == "mine@1"
     shutil.copytree("mine/1", "neo-hookean")
-    with pytest.raises(ArtifactError, match=r"artifacts/neo-hookean/2 .* the folder neo-hookean holds"):
+    with pytest.raises(ArtifactError, match=r"artifacts/neo-hookean/2.* the folder neo-hookean contains"):
         load_surrogate("neo-hookean")
     assert load_surrogate("./neo-hookean").name == "neo-hookean (mine@1 by its card)"
     assert load_surrogate("neo-hookean@2").name == surrogate_for(LAW).name == "neo-hookean@2"
@@ -179,7 +179,7 @@ def test_a_missing_folder_of_artifacts_is_named(working_folder, monkeypatch):
 def test_materials_that_an_artifact_does_not_describe_are_told_apart_in_full_digits():
     with pytest.raises(ValueError, match=r"with chain_limit = 120\.0, not 120\.00001; fit"):
         load_surrogate("gent").check_material(pds.materials.Gent(chain_limit=120.00001))
-    with pytest.raises(ValueError, match=r"ogden with exponent_1, .*modulus_3, not .* modulus_1; fit"):
+    with pytest.raises(ValueError, match=r"ogden with parameters .*exponent_1.*modulus_3.*, not .*modulus_1.*; use"):
         load_surrogate("ogden").check_material(pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,)))
 
 
@@ -214,7 +214,7 @@ def test_malicious_payload_with_a_matching_digest_does_not_run(stored, tmp_path,
     else:
         np.savez(file, **{**good, "at_rest": np.array([(0.0, Malice(trap))], dtype=[("number", float), ("thing", object)])})
     rewrite(stored, file.getvalue())
-    with pytest.raises(ArtifactError, match="no file of plain arrays"):
+    with pytest.raises(ArtifactError, match="file of plain arrays"):
         load_surrogate(stored)
     assert not trap.exists()
     # The same file does run where one trusts it: the trap is a real one.
@@ -237,7 +237,7 @@ def test_a_payload_larger_than_any_model_is_not_read(stored):
     card = json.loads((stored / "card.json").read_text())
     card["payloads"]["surrogate.npz"]["bytes"] = 2**40
     (stored / "card.json").write_text(sealed(card))
-    with pytest.raises(ArtifactError, match="at most 67108864 are read"):
+    with pytest.raises(ArtifactError, match="files of more than 67108864 bytes are not read"):
         load_surrogate(stored)
 
 
@@ -273,7 +273,7 @@ def test_truncated_payload(stored):
     payload = (stored / "surrogate.npz").read_bytes()
     for size in range(0, len(payload), 37):
         (stored / "surrogate.npz").write_bytes(payload[:size])
-        with pytest.raises(ArtifactError, match="not the one that the card describes"):
+        with pytest.raises(ArtifactError, match="its size or SHA-256 differs from the card"):
             load_surrogate(stored)
         with pytest.raises(DamagedFile):
             payload_of(payload[:size])
@@ -343,13 +343,13 @@ def test_polynomials_are_stored_too(tmp_path):
         (lambda text: "[1, 2]", "not the card"),
         (lambda text: text.replace("pdsurrogate artefact", "something else"), "not the card"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": 99'), "upgrade pdsurrogate"),
-        (lambda text: text.replace('"schema_version": 3', '"schema_version": 0'), "earlier one again"),
+        (lambda text: text.replace('"schema_version": 3', '"schema_version": 0'), "older card again"),
         (lambda text: text.replace('"schema_version": 3', '"schema_version": "1"'), "schema_version: .* not '1'"),
         (lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": NaN'), "least_stretch: must be a finite number"),
         (lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": -1'), "domain.least_stretch"),
         (lambda text: text.replace('"least_stretch"', '"lowest_stretch"'), "domain.least_stretch"),
         (lambda text: text.replace('"name": "rubber"', '"name": "../rubber"'), "name"),
-        (lambda text: text.replace('"kind": "bond-force-network"', '"kind": "oracle"'), "digest: what the card says of kind"),
+        (lambda text: text.replace('"kind": "bond-force-network"', '"kind": "oracle"'), "digest: kind"),
         (lambda text: "[" * 100_000, "not valid JSON"),
         (lambda text: "{" + '"a":' * 50_000, "not valid JSON"),
         (lambda text: " " * (2**20 + 10), "not a card"),
@@ -463,11 +463,11 @@ def test_an_artifact_binds_no_law_that_has_changed_since(tmp_path):
     unsaved.check_material(law)
     with pytest.raises(ValueError, match="of the greatest force, more than 5 %: the law has changed since"):
         unsaved.check_material(law_with(0.5))
-    with pytest.warns(UserWarning, match=r"expo@1 differs .* the scene asks for, by [1-5]"):
+    with pytest.warns(UserWarning, match=r"expo@1 deviates from expo by [1-5]"):
         unsaved.check_material(law_with(0.062))
-    with pytest.warns(UserWarning, match=r"expo@3 is off by .* % RMS from expo,"):
+    with pytest.warns(UserWarning, match=r"expo@3 has an RMS error of .* % relative to expo,"):
         pds.store(model, samples, law_with(0.06), tmp_path, "expo", "3", "samples of a law nearby")
-    with pytest.raises(ValueError, match=r"expo@2 is off by .* more than 10 %, and is not written: fit it"):
+    with pytest.raises(ValueError, match=r"expo@2 has an RMS error of .* more than 10 %; it is not written: fit it"):
         pds.store(model, samples, law_with(0.5), tmp_path, "expo", "2", "samples of another law")
     assert not (tmp_path / "expo" / "2").exists()
 
@@ -476,7 +476,7 @@ def test_what_is_far_off_at_small_strains_alone_is_said():
     """Beside enormous forces at the end of its range all errors look small."""
     bins = [{"strain": [0.01, 0.02], "rms": 0.4}, {"strain": [1, 3], "rms": 1e-3}]
     errors = {"on_surface": {"rms": 1e-3}, "by_strain": bins, "stretch_range": [0.4, 4.0]}
-    with pytest.warns(UserWarning, match="x is off by 40 % .* at strains from 0.01 to 0.02"):
+    with pytest.warns(UserWarning, match="x has an RMS error of 40 % at strains from 0.01 to 0.02"):
         check_worth_storing(errors, "x", LAW)
 
 
@@ -488,7 +488,7 @@ def test_shipped_bond_forces_serve_every_bulk_modulus(bulk):
 
 def test_names_and_versions_of_artifacts_that_would_be_misread(fitted, tmp_path):
     model, samples = fitted
-    with pytest.raises(ArtifactError, match="'analytic' is not allowed: it is that of a force model"):
+    with pytest.raises(ArtifactError, match="'analytic' is not allowed: it is the name of an exact force model"):
         pds.store(model, samples, LAW, tmp_path, "analytic", "1", "x")
     with pytest.raises(ArtifactError, match="version 1 is not allowed: it must be text"):
         pds.store(model, samples, LAW, tmp_path, "rubber", 1, "x")

@@ -123,7 +123,7 @@ def test_cards_know_their_members(folder):
 
 @pytest.mark.parametrize(
     ("which", "message"),
-    [("#3", "has no member #3: it has members #1 to #2"), ("#0", "no artifact there"), ("#x", "no artifact there")],
+    [("#3", "has no member #3: it has members #1 to #2"), ("#0", "not the folder of an artifact"), ("#x", "not the folder of an artifact")],
 )
 def test_members_that_there_are_not(folder, which, message):
     with pytest.raises(ArtifactError, match=message):
@@ -132,18 +132,18 @@ def test_members_that_there_are_not(folder, which, message):
 
 def test_what_has_no_committee_says_so():
     for reference in ("neo-hookean@1#1", "neo-hookean#all"):
-        with pytest.raises(ArtifactError, match="it has no committee; pdsurrogate fit --committee"):
+        with pytest.raises(ArtifactError, match="it has no committee \\(create one with pdsurrogate fit --committee"):
             pds.load_surrogate(reference)
-    with pytest.raises(ArtifactError, match="analytic has learned nothing and has no committee: leave out #2"):
+    with pytest.raises(ArtifactError, match="analytic is an exact force model without a committee: leave out #2"):
         pds.load_surrogate("analytic#2")
 
 
 def test_bodies_that_it_is_not_told_of_are_refused(folder):
-    with pytest.raises(ValueError, match="gives the deviation of its members under plane stress"):
+    with pytest.raises(ValueError, match="the deviation of members needs plane stress"):
         bound(f"{folder}#all", plane="strain")
     part = {"region": {"box": [[-9, -9], [0.6, 9]]}, "material": {**MAIN.describe(), "shear_modulus": 4.0}}
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.2, material=MAIN.describe(), materials=[part])
-    with pytest.raises(SceneError, match="is given for bodies of one material; leave out #all"):
+    with pytest.raises(SceneError, match="is available only for bodies of one material; leave out #all"):
         pds.simulate(scene, f"{folder}#all")
 
 
@@ -154,7 +154,7 @@ def test_a_damaged_member_is_told(folder, tmp_path):
     shutil.copytree(folder, copy)
     (copy / "members.npz").write_bytes(b"x" * (copy / "members.npz").stat().st_size)
     pds.load_surrogate(copy)
-    with pytest.raises(ArtifactError, match=r"members\.npz: the file is not the one that the card describes"):
+    with pytest.raises(ArtifactError, match=r"members\.npz: the file is damaged or was replaced"):
         pds.load_surrogate(f"{copy}#1")
 
 

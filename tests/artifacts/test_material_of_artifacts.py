@@ -83,7 +83,7 @@ def test_an_artifact_that_is_off_is_said_at_every_run(tmp_path):
     law = pds.materials.NeoHookean()
     samples = pds.training_samples(pds.materials.Gent(chain_limit=40.0), 400, (0.7, 2.0), random_state=0)
     model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(5), features="isochoric").fit(samples.X, samples.y)
-    with pytest.warns(UserWarning, match=r"off by [\d.]+ % RMS from neo-hookean"):
+    with pytest.warns(UserWarning, match=r"RMS error of [\d.]+ % relative to neo-hookean"):
         path = pds.store(model, samples, law, tmp_path, "off", "1", "x")
-    with pytest.warns(UserWarning, match=r"off@1 is off by [\d.]+ % RMS from neo-hookean"):
+    with pytest.warns(UserWarning, match=r"off@1 has an RMS error of [\d.]+ % relative to neo-hookean"):
         with_material(pds.load_scene("uniaxial"), path)

@@ -81,7 +81,7 @@ def test_points_that_coincide_or_reach_nobody_are_refused():
     for points in (np.zeros((4, 2)), np.zeros((4, 3)), np.vstack([grid((0, 0), (1, 1), 0.25), [[0.5, 0.5]] * 4])):
         with pytest.raises(ValueError, match=r"points \d+ and \d+ coincide at "):
             Body(points, np.ones(len(points)), 1.5)  # it was built, and failed wherever its bonds were first asked for
-    with pytest.raises(ValueError, match="reaches no neighbor"):
+    with pytest.raises(ValueError, match="contains no neighbor"):
         _ = Body(np.array([[0.0, 0.0], [3.0, 0.0]]), np.ones(2), 1.5).bonds
 
 

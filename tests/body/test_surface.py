@@ -270,7 +270,7 @@ def test_ligaments_of_one_row_tell_no_deformation():
     assert (surface.nodes[lost, 1] > 0.85).all()
     assert surface.followed()[surface.nodes[:, 1] < 0.75].all()
     assert np.array_equal(empty_rows(surface.interpolation.rows[0]), lost)
-    with pytest.raises(ValueError, match=r"\(0, 0\.95\): .*; take a smaller spacing"):
+    with pytest.raises(ValueError, match=r"\(0, 0\.95\): .*; use a smaller spacing"):
         interpolation(body, np.array([[0.5, 0.5], [0.0, 0.95]]))
     assert scene.spacing == 0.1
 

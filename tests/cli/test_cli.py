@@ -2,16 +2,16 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 
 import pytest
 from conftest import SHIPPED, sealed
-from rich.table import Table
 from typer.testing import CliRunner
 
-from pdsurrogate.cli import app, terminal
+from pdsurrogate.cli import COMMANDS, app, terminal
 
 FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
 
@@ -40,16 +40,25 @@ def test_forces_by_every_kind_of_reference(force):
 def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
     done = invoke("run", "uniaxial", "--set", "spacing=0.12", "--set", "stretches=1.2", "--force", "analytic")
     assert done.exit_code == 0, done.output
-    assert "Cells of 0.12 x 0.125 cm fill the body, the nearest to the spacing of 0.12; the horizon is 0.378 cm" in done.stdout
-    assert "Cells of" not in invoke("run", "uniaxial", *FAST, "--force", "analytic").stdout
+    assert "The cells measure 0.12 x 0.125 cm, the nearest to the spacing of 0.12 that fills the body; the horizon is 0.378 cm" in " ".join(
+        done.stdout.split()
+    )
+    assert "The cells measure" not in invoke("run", "uniaxial", *FAST, "--force", "analytic").stdout
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "uniaxal"], "unknown scene 'uniaxal'"),
-        (["run", "uniaxial", "--force", "wizardry"], "unknown force 'wizardry'"),
-        (["run", "uniaxial", "--force", "neo-hookean@9"], "unknown force 'neo-hookean@9'"),
+        (["run", "uniaxal"], "unknown scene 'uniaxal'; did you mean uniaxial?"),
+        (["run", "wizardry"], "unknown scene 'wizardry'; give the path of a .toml file, or a built-in scene: biaxial-hole, "),
+        (["run", "uniaxial", "--force", "wizardry"], "unknown force 'wizardry'; there are analytic, ba-nosb, bond-energy, nosb, arruda"),
+        (["run", "uniaxial", "--force", "analitic"], "unknown force 'analitic'; did you mean analytic?"),
+        (["run", "uniaxial", "--force", "neo-hokean@1"], "unknown force 'neo-hokean@1'; did you mean neo-hookean?"),
+        (["run", "uniaxial", "--force", "neo-hookean@9"], "unknown force 'neo-hookean@9'; neo-hookean has the versions 1, 2"),
+        (["compare", "--force", "gent@2"], "unknown force 'gent@2'; gent has the version 1"),
+        (["compare", "--force", "gent", "--law", "yeoh"], "gent@1 describes the law gent, not yeoh"),
+        (["compare", "--force", "gent-isochoric"], "unknown force 'gent-isochoric'"),
+        (["compare", "--force", "neo-hookean-isochoric"], "neo-hookean-isochoric does not describe plane stress"),
         (["run", "uniaxial", "--set", "spcing=1"], "spcing: unknown key"),
         (["run", "uniaxial", "--set", "spacing=5"], "larger than the body"),
         (["run", "uniaxial", "--set", "stretches=0"], "stretches.0"),
@@ -57,9 +66,12 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         (["run", "uniaxial", "--set", "material.shear_modulus=inf"], "shear_modulus must be finite"),
         (["run", "uniaxial", "--threads", "0"], "threads must be between"),
         (["run", "missing.toml"], "cannot read scene file"),
-        (["evaluate", "nosb"], "no bond force of its own"),
-        (["evaluate", "nothing"], "unknown force 'nothing'"),
-        (["artifacts", "nothing"], "unknown force 'nothing'"),
+        (["evaluate", "nosb"], "evaluate takes analytic, bond-energy, or an artifact"),
+        (["evaluate", "nothing"], "unknown force 'nothing'; there are analytic, bond-energy, arruda-boyce-isochoric"),
+        (["evaluate", "gent", "--law", "yeoh"], "--law yeoh: gent@1 is compared with its own law, gent"),
+        (["artifacts", "nothing"], "unknown artifact 'nothing'; there are arruda-boyce-isochoric"),
+        (["identify", "treloar", "--law", "gen"], "unknown law 'gen'; did you mean gent?"),
+        (["identify", "trelor"], "cannot read test data trelor: No such file or directory; did you mean treloar?"),
         (["fit", "Bad Name", "--samples", "300"], "not allowed"),
         (["fit", "x", "--law", "granite"], "unknown law 'granite'"),
         (["fit", "x", "--set", "shear_modulus=0"], "shear_modulus must be positive"),
@@ -69,20 +81,23 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         (["fit", "x", "--least", "nan"], "0 < least < 1 < greatest, finite, not nan and 4"),
         (["evaluate", "analytic", "--greatest", "0.9"], "0 < least < 1 < greatest, finite, not 0.5 and 0.9"),
         (["evaluate", "bond-energy", "--least", "1.5"], "0 < least < 1 < greatest, finite, not 1.5 and 4"),
-        (["fit", "x", "--data", "none.csv", "--units", "8,8,8,8"], "networks of one to 3 hidden layers, this one has 4"),
-        (["fit", "x", "--data", "none.csv", "--features", "symmetric"], "polynomials in two features (isochoric)"),
-        (["fit", "x", "--units", "4", "--activation", "sine"], "no activation 'sine'; there are algebraic"),
+        (["fit", "x", "--data", "none.csv", "--units", "8,8,8,8"], "units must have one to 3 numbers"),
+        (
+            ["fit", "x", "--data", "none.csv", "--features", "symmetric"],
+            "a polynomial needs a set of two features (isochoric), but symmetric has 4",
+        ),
+        (["fit", "x", "--units", "4", "--activation", "sine"], "unknown activation 'sine'; there are algebraic"),
         (["fit", "x", "--units", "0"], "every hidden layer needs at least one unit"),
-        (["fit", "x", "--units", "4", "--degree", "3"], "degree is of a polynomial, units of a network"),
-        (["fit", "x", "--activation", "tanh"], "give its units"),
+        (["fit", "x", "--units", "4", "--degree", "3"], "degree sets a polynomial and units a network"),
+        (["fit", "x", "--activation", "tanh"], "set units, too"),
         (["fit", "x", "--folds", "1"], "folds must be 0, or from 2 to the number of samples"),
-        (["fit", "x", "--set", "law=ogden"], "not by --set law=ogden"),
+        (["fit", "x", "--set", "law=ogden"], "--set law=ogden: --set changes parameters"),
         (["fit", "x", "--data", "none.csv", "--version", "1/2"], "version '1/2' is not allowed"),
         (["evaluate", "analytic", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce, full-network, gent"),
         (["evaluate", "bond-energy", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce"),
         (["evaluate", "neo-hookean@"], "unknown force 'neo-hookean@'"),
         (["artifacts", "x" * 300], "cannot be read: File name too long"),
-        (["run", "uniaxial", "--force", "./nothing"], "./nothing: no artifact there: the folder of one holds card.json"),
+        (["run", "uniaxial", "--force", "./nothing"], "./nothing: this is not the folder of an artifact, which would contain card.json"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(arguments, message, tmp_path, monkeypatch):
@@ -129,38 +144,75 @@ def test_data_that_no_law_describes_make_no_artifact(tmp_path):
     done = invoke("fit", "x", "--data", data, "--law", "gent", "--out", tmp_path / "a")
     assert done.exit_code == 2
     words = " ".join(done.stderr.split())
-    assert "row 1 (uniaxial, stretch 1.1, nominal stress -1) pushes where rubber pulls" in words
-    assert "and 5 rows more" in words
+    assert "row 1 (uniaxial, stretch 1.1, nominal stress -1) is compressive where rubber is in tension" in words
+    assert "and 5 more rows" in words
     data.write_text("mode,stretch,nominal_stress\nuniaxial,1.5,0\nuniaxial,2,0\n")
     done = invoke("identify", data, "--law", "gent")
     assert done.exit_code == 2
-    assert "the stresses of uniaxial are all zero" in done.stderr
+    assert "the stresses of mode uniaxial are all zero" in done.stderr
 
 
 @pytest.mark.parametrize("width", [20, 60, 80])
 def test_tables_cut_nothing_off(width, monkeypatch):
-    """In a terminal of 80 columns figures were cut (``384.793…``)."""
+    """In a terminal of 80 columns figures were cut (``384.793…``), later tables were wider than it."""
     monkeypatch.setattr(terminal.out, "width", width)
     figures = ["-384.79312", "1234567.12345", "+0.00012", "6.02214e+23"]
-    table = Table(title="figures")
-    for _ in range(3):
-        for title in ("stretch", "greatest lateral (cm)", "error (%)", "a sentence of many words that may break"):
-            table.add_column(title)
-    table.add_row(*figures * 3)
+    titles = ["stretch", "greatest lateral (cm) [kPa]", "error (%)", "a sentence of many words that may break"]
     with terminal.out.capture() as captured:
-        terminal.show(table)
-    for commands in (["materials"], ["artifacts"], ["run", "uniaxial", *FAST], ["evaluate", "analytic", "--samples", "200"]):
-        done = invoke(*commands)
-        assert done.exit_code == 0
-        assert "…" not in done.output
-    for figure in figures:
-        assert captured.get().count(figure) == 3
-    if width == 80:
-        long = Table("what it is")
-        long.add_row("many words " * 30)
-        with terminal.out.capture() as captured:
-            terminal.show(long)
-        assert max(map(len, captured.get().splitlines())) <= width
+        terminal.print_table("figures", titles * 3, [figures * 3, None, figures * 3], left=1)
+    for figure in figures[1:]:
+        assert captured.get().count(figure) == 6
+    assert captured.get().count("[kPa]") == 3
+    # A word of each column and a number beside it have to fit.
+    assert max(map(len, captured.get().splitlines())) <= max(width, 25)
+    # The first column, by which rows are known, stands before the rest of every part.
+    assert captured.get().count(figures[0]) == 2 * captured.get().count("stretch")
+    with terminal.out.capture() as captured:
+        terminal.print_table("words", ["what it is"], [["many words " * 30]])
+    assert max(map(len, captured.get().splitlines())) <= width
+    assert captured.get().count("many") == 30
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["run", "pure-shear", "--set", "spacing=0.2", "--force", "analytic"],  # as `hole` and `tear`, with a reference
+        ["run", "ring-pressure", "--set", "spacing=0.2", "--force", "analytic"],
+        ["run", "inflation", "--set", "spacing=0.2", "--set", "steps=0.1", "--force", "bond-energy"],
+        ["scenes"],
+        ["scenes", "tear"],
+        ["materials"],
+        ["artifacts"],
+        ["identify", "treloar", "--law", "gent", "--law", "yeoh", "--hold-out"],
+        ["evaluate", "analytic", "--samples", "200"],
+        ["evaluate", "neo-hookean-energy", "--samples", "200"],
+        *([*command, "-h"] for command in ([], *([name] for name in COMMANDS))),
+    ],
+    ids=" ".join,
+)
+def test_no_line_is_longer_than_80_characters(command):
+    done = CliRunner().invoke(app, command, env={"COLUMNS": "80"})
+    assert done.exit_code == 0, done.output
+    assert "…" not in done.stdout
+    assert [line for line in done.stdout.splitlines() if len(line) > 80] == []
+
+
+def test_small_bodies_far_from_the_origin_show_their_forces():
+    """A sheet of a micrometer, a meter from the origin: its moments are a million times its forces by the extent of the body."""
+    far = ["body.size=1e-6,1e-6", "body.lower=1.0,1.0", "spacing=1e-7", "probes=[]", "units={}"]
+    done = invoke("run", "traction", *(item for change in far for item in ("--set", change)), "--force", "bond-energy", "--json")
+    levels = json.loads(done.stdout)["levels"]
+    force, moment = levels[-1]["forces"]["left"], levels[-1]["moments"]["left"]
+    assert abs(moment) > 1e5 * max(map(abs, force)) * 1e-6  # why they were left out
+    table = invoke("run", "traction", *(item for change in far for item in ("--set", change)), "--force", "bond-energy").stdout
+    assert f"{force[1]:.5g}" in table
+    assert "Moments" not in table
+
+
+def test_what_is_turned_shows_its_moments():
+    table = invoke("run", "disc-torsion", "--set", "spacing=0.1", "--set", "steps=0.5", "--force", "analytic").stdout
+    assert "Moments about the origin (kPa·cm³)" in table
+    assert re.search(r"outline +0\.5 +0 +0\n", table)
 
 
 def test_output_that_cannot_be_written_is_refused_before_work(tmp_path):
@@ -179,7 +231,7 @@ def test_a_folder_belongs_to_one_scene(tmp_path):
     other = ["run", "gent", *FAST, "--force", "analytic", "--out", tmp_path]
     done = invoke(*other)
     assert done.exit_code == 2
-    assert "holds the results of another scene (uniaxial); give another folder, or --overwrite" in done.stderr
+    assert "contains the results of another scene (uniaxial); use another folder, or --overwrite" in done.stderr
     assert "ns per directed bond" not in done.output
     assert invoke(*other, "--overwrite").exit_code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == [
@@ -193,7 +245,9 @@ def test_unlike_cross_sections_are_told(tmp_path):
     body = "body={shape='polygon',vertices=[[0,0],[3,0],[3,1],[1,1],[1,3],[0,3]]}"
     done = invoke("run", "pure-shear", *FAST, "--force", "analytic", "--set", body, "--set", grips)
     assert done.exit_code == 0, done.output
-    assert "force of the top grip over its cross-section of 1 cm^2; the bottom grip's is 3 cm^2" in " ".join(done.output.split())
+    assert "force of the top grip divided by its cross-section of 1 cm^2; the cross-section of the bottom grip is 3 cm^2" in " ".join(
+        done.output.split()
+    )
     assert "cross-section" not in invoke("run", "pure-shear", *FAST, "--force", "analytic").output
 
 
@@ -204,7 +258,7 @@ def test_damaged_artifacts_are_refused(tmp_path):
     (copy / "surrogate.npz").write_bytes(payload[: len(payload) // 2])
     done = invoke("run", "uniaxial", *FAST, "--force", copy)
     assert done.exit_code == 2
-    assert "not the one that the card describes" in done.stderr
+    assert "its size or SHA-256 differs from the card" in done.stderr
     (copy / "card.json").write_text("{")
     done = invoke("run", "uniaxial", *FAST, "--force", copy)
     assert done.exit_code == 2
@@ -224,14 +278,14 @@ def test_fit_evaluate_and_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     fitted = invoke("fit", "mine", "--samples", 1500, "--units", 10, "--iterations", 80, "--folds", 2, "--greatest", 2)
     assert fitted.exit_code == 0, fitted.output
-    assert "fold 1" in fitted.output
+    assert "Fold 1" in fitted.output
     again = invoke("fit", "mine", "--version", 1, "--samples", 1500)
     assert again.exit_code == 2
-    assert "exists already" in again.stderr
+    assert "already exists" in again.stderr
     report = invoke("evaluate", "mine", "--samples", 500, "--json")
     assert report.exit_code == 0
     assert json.loads(report.stdout)["on_surface"]["rms"] < 5e-3
-    assert "least stiffness slope" in invoke("evaluate", "mine@1", "--samples", 500).output
+    assert "least slope of the force" in invoke("evaluate", "mine@1", "--samples", 500).output
     assert "mine@1" in invoke("artifacts").output
     assert json.loads(invoke("artifacts", "mine").stdout)["name"] == "mine"
     assert invoke("run", "uniaxial", *FAST, "--force", "mine").exit_code == 0
@@ -259,7 +313,7 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
     # The answer to another question is not replaced unasked.
     other = invoke("identify", data, "--law", "gent", "--bulk-ratio", 1e6, "--out", tmp_path / "found")
     assert other.exit_code == 2
-    assert "answers something else: laws is ['mooney-rivlin', 'gent'] there and ['gent'] here; up_to is 2.6 there" in other.stderr
+    assert "is the report of other settings: laws is ['mooney-rivlin', 'gent'] there and ['gent'] here; up_to is 2.6 there" in other.stderr
     fitted = invoke("fit", "measured", "--data", data, "--law", "mooney-rivlin", "--bulk-ratio", 1e4, "--samples", 2000, "--folds", 2)
     assert fitted.exit_code == 0, fitted.output
     card = json.loads(invoke("artifacts", "measured").stdout)
@@ -273,9 +327,9 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
 def test_bad_identifications_exit_with_2(tmp_path):
     for arguments, message in (
         (["identify", "none.csv"], "cannot read test data"),
-        (["identify", "treloar", "--law", "granite"], "unknown law 'granite': "),
-        (["identify", "treloar", "--up-to", "0.5"], "no row"),
-        (["identify", "kawabata", "--law", "gent", "--hold-out"], "nothing held out"),
+        (["identify", "treloar", "--law", "granite"], "unknown law 'granite'; laws that can be fitted to tests are"),
+        (["identify", "treloar", "--up-to", "0.5"], "all rows have stretches above 0.5"),
+        (["identify", "kawabata", "--law", "gent", "--hold-out"], "no mode can be held out"),
         (["fit", "x", "--data", "treloar", "--law", "gent", "--set", "chain_limit=3"], "choose one"),
         (["fit", "x", "--degree", "high"], "degree must be whole numbers"),
         (["fit", "x", "--data", "treloar", "--free", "--law", "gent"], "choose one"),
@@ -321,14 +375,14 @@ def run_compiling(folder, force, environment):
 def test_an_identification_that_failed_says_so(tmp_path):
     (tmp_path / "falling.csv").write_text("mode,stretch,nominal_stress\nuniaxial,1.2,3\nuniaxial,1.5,2\nuniaxial,2.0,0.1\n")
     output = " ".join(invoke("identify", tmp_path / "falling.csv", "--law", "gent").output.split())
-    assert "chain_limit ended at the bound of the search" in output
+    assert "chain_limit reached a bound of the search range" in output
     assert "gent describes uniaxial worse than the mean stress does (R^2 below 0)" in output
 
 
 def test_a_surrogate_of_no_use_is_not_written(tmp_path):
     result = invoke("fit", "poor", "--law", "ogden", "--degree", "0", "--samples", "200", "--folds", "0", "--out", tmp_path)
     assert result.exit_code == 1
-    assert "poor@1 is off by" in result.output
+    assert "poor@1 has an RMS error of" in result.output
     assert not (tmp_path / "poor").exists()
     result = invoke("fit", "analytic", "--out", tmp_path)
     assert result.exit_code == 2
@@ -352,4 +406,4 @@ def test_a_run_says_what_error_a_card_states(tmp_path):
     (poor / "card.json").write_text(sealed(card))
     for force, said in ((poor, True), (SHIPPED / "neo-hookean" / "1", False)):
         output = " ".join(invoke("run", "uniaxial", *FAST, "--force", force).output.split())
-        assert ("is off by 3 % RMS" in output) == said
+        assert ("has an RMS error of 3 %" in output) == said

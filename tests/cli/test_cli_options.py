@@ -29,7 +29,7 @@ from pdsurrogate.run.run import Oversubscribed
         (["run", "uniaxial", "--set", "spacing=-1"], 2, "spacing"),
         (["run", "uniaxial", "--wizardry"], 2, "No such option: --wizardry"),
         (["run"], 2, "Missing argument 'SCENE'"),
-        (["show", "nowhere"], 2, "there is no result of a run"),
+        (["show", "nowhere"], 2, "not a folder with results of a run"),
         (["evaluate", "nothing"], 2, "nothing"),
         (["stress-test", "--force", "nothing"], 2, "nothing"),
         (["wizardry"], 2, "No such command 'wizardry'"),
@@ -102,9 +102,33 @@ def test_the_version_and_the_completion_of_shells():
     assert invoke("--version").stdout == f"pdsurrogate {pds.__version__}\n"
     assert "--install-completion" in invoke("--help").output
     for typed, meant in (("st", {"stress-test", "study"}), ("run --thr", {"--threads"})):
-        asked = {"_PDSURROGATE_COMPLETE": "complete_bash", "COMP_WORDS": f"pdsurrogate {typed}", "COMP_CWORD": str(1 + typed.count(" "))}
-        done = CliRunner().invoke(app, [], prog_name="pdsurrogate", env=asked)
-        assert set(done.output.split()) == meant
+        assert completed(typed) == meant
+
+
+def completed(typed):
+    """What a shell offers after words that were typed, the last of which may be empty."""
+    asked = {"_PDSURROGATE_COMPLETE": "complete_bash", "COMP_WORDS": f"pdsurrogate {typed}", "COMP_CWORD": str(1 + typed.count(" "))}
+    return set(CliRunner().invoke(app, [], prog_name="pdsurrogate", env=asked).output.split())
+
+
+def test_shells_complete_names(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.1), "analytic").save("done")
+    (tmp_path / "torn.toml").touch()
+    for typed, meant in (
+        ("run to", {"torsion", "torn.toml"}),
+        ("scenes tr", {"traction", "trousers"}),
+        ("run uniaxial --force neo-hookean@", {"neo-hookean@1", "neo-hookean@2"}),
+        ("compare --force b", {"ba-nosb", "bond-energy"}),
+        ("stress-test --force no", {"nosb"}),
+        ("evaluate b", {"bond-energy"}),
+        ("artifacts gent", {"gent", "gent@1"}),
+        ("fit mine --law o", {"ogden"}),
+        ("identify treloar --law g", {"gent"}),
+        ("show done --field stress", {"stress"}),
+        ("show none --field s", set()),
+    ):
+        assert completed(typed) == meant, typed
 
 
 def test_commands_are_loaded_when_they_are_called():
@@ -200,11 +224,11 @@ def test_laws_of_the_users_own(own_law):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, "there is no such Python file"),
+        (None, "this Python file does not exist"),
         ("x = ", "SyntaxError"),
         ("import nowhere_at_all", "ModuleNotFoundError: No module named 'nowhere_at_all'"),
-        ("x = 1", "it defines no law"),
-        (OWN_LAW.replace('"doubled"', '"gent"'), "there is a law 'gent' already; give Doubled another name"),
+        ("x = 1", "the file defines no law"),
+        (OWN_LAW.replace('"doubled"', '"gent"'), "a law named 'gent' already exists; give Doubled another name"),
     ],
 )
 def test_modules_without_laws_are_told_in_one_line(tmp_path, content, message):

@@ -238,7 +238,7 @@ def test_a_hundred_times_as_stiff_is_found_in_equilibrium(name):
 @pytest.mark.parametrize("name", ["analytic", "neo-hookean", "nosb"])
 def test_where_the_volume_is_held_single_points_know_no_pressure_beside_an_interface(name):
     body = sheet(0.2)
-    with pytest.raises(ValueError, match=f"{name}.* plane=stress only.*; force=bond-energy takes them"):
+    with pytest.raises(ValueError, match=f"{name}.* only with plane=stress; use force=bond-energy"):
         bound(name, body, halves(body), settings=STRAIN)
 
 
@@ -370,16 +370,16 @@ def test_each_material_takes_the_surrogate_of_its_law():
 @pytest.mark.parametrize(
     ("changes", "force", "message"),
     [
-        ({}, "ba-nosb", "takes a body of one material"),
-        ({"plane": "strain", "reference": None}, "analytic", "takes several materials with plane=stress only"),
-        ({"materials.0.force": "bond-energy"}, "analytic", "materials.0.force: bond-energy is a bond energy, and analytic of the rest"),
+        ({}, "ba-nosb", "supports bodies of one material only"),
+        ({"plane": "strain", "reference": None}, "analytic", "supports several materials only with plane=stress"),
+        ({"materials.0.force": "bond-energy"}, "analytic", "0.force: bond-energy is a bond energy model, but analytic of the rest"),
         ({"materials.0.force": "gent"}, "analytic", "materials.0.force: gent@1 describes the law gent, not neo-hookean"),
         ({"materials.0.force": "nothing"}, "analytic", "materials.0.force: unknown force 'nothing'"),
         ({"materials.0.region": {"box": [[5, 5], [6, 6]]}}, "analytic", "materials.0.region: "),
         (
             {"materials": [{"region": "right", "material": "gent"}, {"region": "top", "material": "neo-hookean"}]},
             "analytic",
-            "materials.0 and materials.1 both take 1 points, the first at",
+            "materials.0 and materials.1 both contain 1 points, the first at",
         ),
         (
             {"fracture": {"critical_stretch": 2.0}, "dynamics": {"stretch": 2.0, "stretch_rate": 1.0, "density": 1e-4}},

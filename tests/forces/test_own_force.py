@@ -57,7 +57,7 @@ class Wrong:
         ),
         (
             lambda stretch: np.full((len(stretch), 2), np.nan),
-            r"Wrong: bond_force gives t_n = nan, t_tau = nan, which is not finite, at stretch = 1, rotation = 0",
+            r"Wrong: bond_force returned t_n = nan, t_tau = nan, which is not finite, at stretch = 1, rotation = 0",
         ),
         (lambda stretch: 1 / 0, "Wrong: ZeroDivisionError: division by zero"),
     ],
@@ -92,12 +92,12 @@ def test_an_error_on_the_way_is_the_users_own():
 
 
 def test_what_it_does_not_take_is_said():
-    with pytest.raises(SceneError, match="MyRubber does not take precision=float32"):
+    with pytest.raises(SceneError, match="MyRubber does not support precision=float32"):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, precision="float32"), MyRubber())
-    with pytest.raises(SceneError, match="MyRubber does not take plane=strain"):
+    with pytest.raises(SceneError, match="MyRubber does not support plane=strain"):
         pds.simulate(pds.load_scene("plane-strain-block", spacing=0.2), MyRubber())
     for wrong in (MyRubber, 3, object()):
-        with pytest.raises(TypeError, match="or an object with a bond_force or an energy"):
+        with pytest.raises(TypeError, match="or have bond_force or energy"):
             pds.simulate("uniaxial", wrong)
 
 
@@ -144,7 +144,7 @@ def test_a_derivative_that_is_none_is_refused(slopes, name):
             return super().energy(I1bar, I2bar)[0], *slopes
 
     given, right = (slopes[0], 0.4) if name.endswith("1bar") else (slopes[1], 0.1)
-    said = rf"Slip: {name} is {given} at I1bar = .*, I2bar = .*, but differences make it {right}"
+    said = rf"Slip: {name} is {given} at I1bar = .*, I2bar = .*, but by finite differences {right}"
     with pytest.raises(SceneError, match=said):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Slip())
 
@@ -197,12 +197,12 @@ class EnergyEndsIn(MyEnergy):
     [
         (
             EndsIn(np.nan),
-            r"EndsIn: bond_force gives t_n = nan, t_tau = nan, which is not finite, at stretch = 1\.6\d*, rotation = .*, J = ",
+            r"EndsIn: bond_force returned t_n = nan, t_tau = nan, which is not finite, at stretch = 1\.6\d*, rotation = .*, J = ",
         ),
-        (EndsIn(np.inf), r"EndsIn: bond_force gives t_n = inf, t_tau = inf, which is not finite, at stretch = 1\.6"),
+        (EndsIn(np.inf), r"EndsIn: bond_force returned t_n = inf, t_tau = inf, which is not finite, at stretch = 1\.6"),
         (
             EnergyEndsIn(),
-            r"EnergyEndsIn: energy gives W = .*, dW/dI1bar = nan, dW/dI2bar = 0\.1, which is not finite, at I1bar = 6\.\d*, I2bar = ",
+            r"EnergyEndsIn: energy returned W = .*, dW/dI1bar = nan, dW/dI2bar = 0\.1, which is not finite, at I1bar = 6\.\d*, I2bar = ",
         ),
     ],
 )
@@ -227,7 +227,7 @@ class Energy:
 def test_an_energy_of_another_modulus_is_said():
     """A factor of 2 that was forgotten."""
     halved = Energy(lambda I1, I2: 0.2 * (I1 - 3) + 0.05 * (I2 - 3), 0.2, 0.05)
-    with pytest.warns(UserWarning, match=r"Energy: .* units of the shear modulus, .* 0\.5 "):
+    with pytest.warns(UserWarning, match=r"Energy: .* divided by the shear modulus, .* it is 0\.5"):
         pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.1), halved)
 
 

@@ -108,17 +108,17 @@ def test_beyond_its_domain_a_learned_force_is_the_exact_one_of_plane_strain():
 
 @pytest.mark.parametrize("name", ["neo-hookean-energy", "neo-hookean-paper"])
 def test_what_was_learned_of_a_sheet_alone_is_refused(name):
-    with pytest.raises(ValueError, match=r"plane=strain; it takes plane=stress; .*bond-energy take both"):
+    with pytest.raises(ValueError, match=r"plane=strain; it supports plane=stress; .*bond-energy support both"):
         bound(load_surrogate(SHIPPED / name), sheet(0.2), NeoHookean())
 
 
 def test_what_the_selective_energy_cannot_do_is_refused():
-    with pytest.raises(ValueError, match=r"bond-energy .* precision=float32 .*; it takes precision=float64"):
+    with pytest.raises(ValueError, match=r"bond-energy .* precision=float32 .*; it supports precision=float64"):
         bound(EXACT["bond-energy"], sheet(0.2), precision="float32")
 
 
 def test_a_fracture_energy_is_known_under_plane_stress_alone():
-    with pytest.raises(SceneError, match=r"fracture\.energy .* give fracture\.critical_stretch"):
+    with pytest.raises(SceneError, match=r"fracture\.energy .* set fracture\.critical_stretch"):
         pds.load_scene("tear", {"plane": "strain", "fracture": {"energy": 1.0}})
 
 

@@ -101,7 +101,7 @@ def test_a_bond_force_model_states_its_features_domain_and_block_function():
     scene = pds.load_scene("uniaxial", {"spacing": 0.2, "stretches": [1.2]})
     mine, exact = (pds.simulate(scene, force).levels[-1]["nominal_stress"] for force in (Borrowed(), "analytic"))
     assert mine == exact
-    with pytest.raises(ValueError, match="borrowed does not take outside"):
+    with pytest.raises(ValueError, match="borrowed does not support outside"):
         Borrowed().bind(sheet(), LAW, ForceSettings(outside="warn"))
 
 

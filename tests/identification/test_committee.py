@@ -101,5 +101,5 @@ def test_what_makes_no_committee_is_refused(measured):
         pds.identification.committee(pds.identification.EnergyRegressor(), *measured, n_members=1)
     with pytest.raises(TypeError, match="regressor must be a LawRegressor or an EnergyRegressor, not a Ridge"):
         pds.identification.committee(Ridge(), *measured)
-    with pytest.raises(ValueError, match="at least two tests; there is one"):
+    with pytest.raises(ValueError, match="at least two tests, but there is only one"):
         pds.identification.committee(pds.identification.EnergyRegressor(), *measured, tests=np.zeros(45))

@@ -204,7 +204,7 @@ def test_modes_are_held_out(treloar):
     assert [list(row["held_out"]) for row in rows] == [["uniaxial"], ["equibiaxial"], ["pure-shear"]]
     only = held_out_modes([pds.identification.LawRegressor("gent")], treloar, ["uniaxial"])
     assert list(only[0]["held_out"]) == ["equibiaxial", "pure-shear"]
-    with pytest.raises(ValueError, match="nothing held out"):
+    with pytest.raises(ValueError, match="no mode can be held out"):
         held_out_modes([pds.identification.LawRegressor()], treloar.of("uniaxial"), ["uniaxial"])
     with pytest.raises(ValueError, match=r"no rows of pure_shear; there are .*pure-shear"):
         treloar.of("pure_shear")
@@ -258,7 +258,7 @@ def test_shipped_data_are_what_their_sources_hold(treloar):
         ("# note\n\nmode,stretch,nominal_stress\nuniaxial,x,2\n", "line 4: stretch is not a number"),
         ("mode,stretch,nominal_stress\nuniaxial,-1,2\n", "stretch must be positive"),
         ("mode,stretch,nominal_stress\nuniaxial,1,nan\n", "nominal_stress must be finite"),
-        ("mode,stretch,nominal_stress\nuniaxial,1\n", "not as many values"),
+        ("mode,stretch,nominal_stress\nuniaxial,1\n", "values for 3 columns"),
         ("mode,stretch,nominal_stress,weight\nuniaxial,1,1,0\n", "weight must be positive"),
     ],
 )

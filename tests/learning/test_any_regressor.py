@@ -211,7 +211,7 @@ def test_a_force_of_python_is_resampled(samples):
 def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path):
     """Fitted to the five bond quantities and nothing of the package; by itself it does not say where it holds."""
     model = make_pipeline(StandardScaler(), PolynomialFeatures(5), Ridge(1e-6)).fit(samples.X, samples.y)
-    with pytest.raises(ValueError, match=r"which stretches .*: fit it within a surrogate_pipeline"):
+    with pytest.raises(ValueError, match=r"the stretches .*: fit it within a surrogate_pipeline"):
         pds.simulate("uniaxial", model)
     card = pds.load_card(pds.store(model, samples, LAW, tmp_path, "plain", "1", "plain"))
     assert card.training["resampling"]["rms"] < 0.1
@@ -229,7 +229,7 @@ def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
     assert card.training["parameters"] == {"degree": 6}
     assert pds.evaluate(search, LAW, (0.6, 2.5), 500) == pds.evaluate(search.best_estimator_, LAW, (0.6, 2.5), 500)
     search.refit = False
-    with pytest.raises(ValueError, match="keeps no fitted model: give it refit=True"):
+    with pytest.raises(ValueError, match="has no fitted model: set refit=True"):
         pds.evaluate(GridSearchCV(search.estimator, search.param_grid, cv=2, refit=False).fit(samples.X, samples.y), LAW)
 
 
@@ -239,7 +239,7 @@ def test_artifacts_and_names_are_evaluated_as_well(samples, tmp_path):
     assert report["stretch_range"] == [0.6, 2.5]
     assert pds.evaluate("analytic", LAW, (0.6, 2.5), 300)["on_surface"]["max"] < 1e-13
     assert "energy_rms" in pds.evaluate("ogden-isochoric", LAW, n_samples=300)["on_surface"]
-    with pytest.raises(TypeError, match="nosb has no bond force of its own"):
+    with pytest.raises(TypeError, match="nosb has no bond force or energy of its own"):
         pds.evaluate("nosb", LAW)
 
 
@@ -255,10 +255,10 @@ def test_a_forest_runs_from_its_artifact(samples, tmp_path):
 @pytest.mark.parametrize(
     ("regressor", "message"),
     [
-        (LogisticRegression(), "LogisticRegression is no regressor with fit and predict"),
-        (StandardScaler(), "StandardScaler is no regressor"),
-        (Ridge, "Ridge is no regressor .*; give an instance of it"),
-        (3, "int is no regressor"),
+        (LogisticRegression(), "LogisticRegression is not a regressor with the methods fit and predict"),
+        (StandardScaler(), "StandardScaler is not a regressor"),
+        (Ridge, "Ridge is not a regressor .*; give an instance of it"),
+        (3, "int is not a regressor"),
     ],
 )
 def test_what_cannot_work_says_so_before_the_training(regressor, message):
@@ -268,7 +268,7 @@ def test_what_cannot_work_says_so_before_the_training(regressor, message):
 
 def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
     for columns in (3, 4):
-        with pytest.raises(ValueError, match=f"was fitted to {columns} features; taken are "):
+        with pytest.raises(ValueError, match=f"was fitted to {columns} features; fit it to "):
             pds.store(LinearRegression().fit(samples.X[:, :columns], samples.y), samples, LAW, tmp_path, "x", "1", "x")
     with pytest.raises(ValueError, match="not fitted"):
         surrogate_of(pds.surrogate_pipeline(), LAW, samples)
@@ -277,7 +277,7 @@ def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
         def bond_force(self, stretch, rotation, length, C33, J):
             return np.full((len(stretch), 2), np.nan)
 
-    with pytest.raises(ValueError, match=r"Holed: bond_force gives t_n = nan, t_tau = nan, .* at stretch = "):
+    with pytest.raises(ValueError, match=r"Holed: bond_force returned t_n = nan, t_tau = nan, .* at stretch = "):
         pds.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
     assert list(tmp_path.iterdir()) == []
 
@@ -405,7 +405,7 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
     alone = make_pipeline(PolynomialFeatures(2), LinearRegression())
     model = clone(alone).fit(X[SHUFFLED], samples.y)
     np.testing.assert_allclose(force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12)
-    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; taken are .* stretch"):
+    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; fit it to .* stretch"):
         force_of(clone(alone).fit(X.rename(columns={"J": "detF"}), samples.y))
 
 

@@ -97,7 +97,7 @@ def test_surrogate_is_the_pipeline(fitted, tmp_path):
 
 def test_only_an_energy_pipeline_becomes_an_energy(fitted, tmp_path):
     _, samples = fitted
-    with pytest.raises(ValueError, match="by a SobolevRegressor, not by a ChebyshevRegressor"):
+    with pytest.raises(ValueError, match="give a SobolevRegressor, not a ChebyshevRegressor"):
         pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(3), "sheet-energy")
     free = pds.surrogate_pipeline(pds.learning.SobolevRegressor(3, max_iter=2, random_state=0), "sheet-energy").set_params(
         regressor__regressor__flat=()

@@ -91,7 +91,7 @@ def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
 
 def test_pipelines_of_other_energies_are_refused(fitted):
     model, _ = fitted
-    with pytest.raises(ValueError, match=r"target isochoric-energy, .* of sheet-energy"):
+    with pytest.raises(ValueError, match=r"target isochoric-energy, .* the target sheet-energy"):
         pds.learning.surrogate_of(model, LAW, pds.training_samples(LAW, 10, target="sheet-energy"))
     with pytest.raises(ValueError, match="I2bar must be positive"):
         model.predict([[3.0, -1.0]])
@@ -103,7 +103,7 @@ def test_laws_that_lock_are_learned_as_far_as_they_go():
     assert low > 0.25
     assert high < 4.0
     assert np.isfinite(pds.training_samples(law, 500, (low, high), target="isochoric-energy").y).all()
-    with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0\.25 to 4"):
+    with pytest.raises(ValueError, match=r"gent does not reach the stretches 0\.25 to 4"):
         pds.training_samples(law, 500, target="isochoric-energy")
 
 
@@ -245,7 +245,7 @@ def test_policies_outside_the_domain(ogden, plane):
 
 
 def test_what_it_does_not_serve_it_says(ogden):
-    with pytest.raises(ValueError, match=r"ogden-isochoric@1 .* plane=stress; it takes plane=strain\|space; force=analytic"):
+    with pytest.raises(ValueError, match=r"ogden-isochoric@1 .* plane=stress; it supports plane=strain\|space; force=analytic"):
         ogden.bind(sheet(), LAW, ForceSettings())
     with pytest.raises(ValueError, match="describes the law ogden, not gent"):
         ogden.bind(block("space"), pds.materials.Gent(), ForceSettings(plane="space"))
@@ -268,7 +268,7 @@ def test_fitted_from_the_command_line(tmp_path):
     assert len(card.training["cross_validation"]) == 2
     outcome = CliRunner().invoke(app, ["fit", "other", "--energy", "--degree", "4", "--out", str(tmp_path)])
     assert outcome.exit_code == 2
-    assert "degree is of bond forces" in outcome.output
+    assert "degree applies to bond forces only" in outcome.output
 
 
 @pytest.mark.parametrize("scene", ["plane-strain-block", "bonded-block"])

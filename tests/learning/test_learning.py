@@ -187,7 +187,7 @@ def test_bonds_without_shear_do_not_stop_a_training(features, rotation):
         with pytest.warns(UserWarning, match="2 of 302 samples .* such as sample 300, "):
             model.fit(X, y)
         np.testing.assert_array_equal(model.predict(X), sheared.predict(X))
-        with pytest.raises(ValueError, match=r"1 of 1 samples do not determine .*, and nothing is left to train on"):
+        with pytest.raises(ValueError, match=r"1 of 1 samples do not determine .*, so that no samples are left for training"):
             clone(model).fit(X[-1:], y[-1:])
     assert np.isfinite(model.predict(X)).all()
 
@@ -275,7 +275,7 @@ def test_the_repr_of_a_pipeline_is_the_same_in_every_process():
 def test_a_polynomial_of_too_many_terms_is_refused():
     """230,230 terms of 20 features took all memory, without a word."""
     X = np.random.default_rng(0).random((40, 20))
-    with pytest.raises(ValueError, match=r"degree 6 .*: take a degree of at most 3"):
+    with pytest.raises(ValueError, match=r"degree 6 .*: use at most 3"):
         pds.learning.ChebyshevRegressor().fit(X, X[:, 0])
     assert len(pds.learning.ChebyshevRegressor(3).fit(X, X[:, 0]).powers_) == 1771
 
@@ -542,7 +542,7 @@ def test_errors_are_reported_for_ranges_that_are_mostly_compression():
 def test_a_law_that_ends_within_the_range_says_so():
     """Training stopped at "Input y contains NaN"."""
     law = pds.materials.Gent(chain_limit=20)
-    with pytest.raises(ValueError, match=r"gent ends before .* from 0.67\d* to 2.8\d*"):
+    with pytest.raises(ValueError, match=r"gent does not reach .* use 0.67\d* to 2.8\d*"):
         pds.training_samples(law, 300, (0.6, 4.0))
     assert len(pds.training_samples(law, 300, pds.learning.reachable_stretches(law, (0.6, 4.0)))) == 300
 
@@ -558,7 +558,7 @@ def test_a_law_that_ends_within_the_range_says_so():
         (lambda: pds.training_samples(pds.materials.NeoHookean(), 0), ValueError, "n_samples must be at least 1, not 0"),
         (lambda: pds.learning.algorithm_1(pds.materials.NeoHookean(), 10.5), TypeError, "n_samples must be a whole number"),
         (lambda: pds.evaluate(pds.surrogate_pipeline(), pds.materials.NeoHookean()), ValueError, "not fitted"),
-        (lambda: pds.evaluate(3, pds.materials.NeoHookean()), ValueError, "a int is no model of a bond force"),
+        (lambda: pds.evaluate(3, pds.materials.NeoHookean()), ValueError, "a int is not a model of a bond force"),
         (
             lambda: pds.evaluate(pds.surrogate_pipeline(target="sheet-energy"), pds.materials.NeoHookean()),
             ValueError,

@@ -209,15 +209,15 @@ UNPHYSICAL = [
     ("mooney-rivlin", {"second_share": -0.1}, "second_share must be between 0 and 1"),
     ("yeoh", {"third": -1e-3}, "stress fall"),
     ("yeoh", {"second": -0.1, "third": 1e-4}, "stress fall"),
-    ("ogden", {"moduli": (1.0, 1.0), "exponents": (2.0, -2.0)}, "term 2 must be positive"),
-    ("ogden", {"moduli": (1.0,), "exponents": (0.0,)}, "must be positive, not 0"),
+    ("ogden", {"moduli": (1.0, 1.0), "exponents": (2.0, -2.0)}, "term 2 needs modulus"),
+    ("ogden", {"moduli": (1.0,), "exponents": (0.0,)}, "term 1 needs modulus"),
     ("ogden", {"moduli": (1.0, 2.0), "exponents": (2.0,)}, "lists of equal length"),
     ("ogden", {"moduli": (), "exponents": ()}, "lists of equal length"),
     ("ogden", {"moduli": (np.inf,), "exponents": (2.0,)}, "must be finite"),
-    ("ogden", {"shear_modulus": 3.0}, "make the shear_modulus 1, not 3"),
-    ("polyconvex", {"moduli": (1.0,), "exponents": (0.5,)}, "exponents must be of size 1 or more"),
+    ("ogden", {"shear_modulus": 3.0}, "imply shear_modulus = 1, not 3"),
+    ("polyconvex", {"moduli": (1.0,), "exponents": (0.5,)}, "exponents must be at least 1 in size"),
     ("polyconvex", {"first": (0.1, -0.1)}, "first must be at most 3 finite numbers, none negative"),
-    ("polyconvex", {"first": (0.0, 1.0)}, "nothing is stiff at rest"),
+    ("polyconvex", {"first": (0.0, 1.0)}, "the stiffness at rest is zero"),
 ]
 
 
@@ -381,7 +381,7 @@ def test_wrong_volumetric_and_principal_stretch_derivatives_are_refused():
             U, dU, ddU = pds.materials.NeoHookean.volumetric(J3, parameters)
             return U, dU, ddU / 2
 
-    with pytest.raises(ValueError, match="neo-hookean: U'' is 50 at J3 = 1, but differences make it 100"):
+    with pytest.raises(ValueError, match="neo-hookean: U'' is 50 at J3 = 1, but by finite differences 100"):
         plane_stress.volume_ratio(Volume(), 2.0, 1.0)
     for row, name in enumerate(("g1", "g2", "g3", "h"), start=1):
 

@@ -143,12 +143,12 @@ def test_conditions_that_agree_may_share_points():
             (*CLAMPS, {"region": {"box": [[0, 0], [0.2, 0.2]]}, "x2": 0.1, "amplitude": "t**2"}),
             r"prescribed.0 and prescribed.2 move point 0 at \(0\.05, 0\.05\) differently along x2",
         ),
-        ((*CLAMPS, {"region": "top", "x2": 0.1, "name": "left"}), "prescribed.0 and prescribed.2 are on different regions and both called"),
-        (({"region": "left", "x1": 0.0},), "nothing keeps the body from moving along x2; hold x1 or x2 of a region by 0"),
+        ((*CLAMPS, {"region": "top", "x2": 0.1, "name": "left"}), "prescribed.0 and prescribed.2 have different regions but the same name"),
+        (({"region": "left", "x1": 0.0},), "nothing keeps the body from moving along x2; prescribe x1 or x2 = 0 on a region"),
         (({"region": {"near": [0.6, 0.5]}, "x1": 0.0, "x2": 0.0},), "nothing keeps the body from turning"),
         (({"region": {"near": [0.6, 0.5]}, "x2": 0.0},), "nothing keeps the body from moving along x1 or turning"),
-        ((*CLAMPS, {"region": "top", "x2": 0.1, "amplitude": "cos(t)"}), r"prescribed.2.amplitude: it must be 0 at t = 0"),
-        ((*CLAMPS, {"region": {"box": [[3, 3], [4, 4]]}, "x2": 0.1}), "no point of the body lies in it"),
+        ((*CLAMPS, {"region": "top", "x2": 0.1, "amplitude": "cos(t)"}), r"prescribed.2.amplitude: must be 0 at t = 0"),
+        ((*CLAMPS, {"region": {"box": [[3, 3], [4, 4]]}, "x2": 0.1}), "the region contains no point of the body"),
     ],
 )
 def test_conditions_that_make_no_sense_are_refused(prescribed, message):
@@ -221,5 +221,5 @@ def test_what_later_entries_hold_too_is_not_reported_as_zero(second):
     support = "reflected" if "and" in second else "points"
     held = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.3}, {"region": second, "x1": 0.3})
     scene = pds.Scene(name="twice", spacing=0.25, body=body, material="neo-hookean", prescribed=held, support=support, steps=(1.0,))
-    with pytest.raises(pds.SceneError, match=r"prescribed\.1: later entries hold .* x1; leave one of them out"):
+    with pytest.raises(pds.SceneError, match=r"prescribed\.1: later entries hold .* x1 as well; remove one of the entries"):
         pds.simulate(scene)

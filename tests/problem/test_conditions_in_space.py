@@ -185,8 +185,11 @@ def test_what_one_face_does_turns_the_body():
             ({"region": "left", "rotation": 10.0, "about": (0, 0, 0)},),
             "prescribed.0.axis: a rotation of a solid needs",
         ),
-        (({"region": "left", "x1": 0.0, "axis": (1, 0, 0)},), "axis is the direction of the axis of a rotation"),
-        (({"region": "left", "x1": 0.0},), "nothing keeps the body from moving along x2 or moving along x3 or turning; hold x1, x2 or x3"),
+        (({"region": "left", "x1": 0.0, "axis": (1, 0, 0)},), "axis, the direction of the axis of a rotation, needs rotation"),
+        (
+            ({"region": "left", "x1": 0.0},),
+            "nothing keeps the body from moving along x2 or moving along x3 or turning; prescribe x1, x2 or x3",
+        ),
         (({"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, {"region": "back", "x3": 0.0}), None),
         ((*CLAMPS, {"region": "top", "x2": 0.1}), r"prescribed.0 and prescribed.2 move point .* differently along x2"),
     ],
@@ -200,5 +203,5 @@ def test_conditions_that_make_no_sense_are_refused(prescribed, message):
 
 
 def test_a_sheet_has_no_third_component():
-    with pytest.raises(pds.SceneError, match=r"prescribed\.0\.x3: a body in the plane has no x3, only x1, x2"):
+    with pytest.raises(pds.SceneError, match=r"prescribed\.0\.x3: a 2D body has no x3, only x1, x2"):
         scene_of(({"region": "left", "x1": 0.0, "x3": 0.0},), body=pds.shapes.Rectangle(size=(1.0, 1.0)))

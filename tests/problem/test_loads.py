@@ -322,7 +322,7 @@ def test_wrong_loads_are_refused():
         scene_of({"body_force": (1, 0)}, {"body_force": (1, 0), "amplitude": "1 / (t - 2)"}, steps=2)
     body = sheet(planes=(ReflectionPlane(0, 0.0, -1, (-1, -1)),))
     surface = surface_of(body, [outline_of_sheet()])
-    with pytest.raises(ValueError, match=r"loads\.0\.region: it takes in facets of the left edge"):
+    with pytest.raises(ValueError, match=r"loads\.0\.region: the region contains the left edge"):
         loads_on(body, surface, {"region": "outline", "pressure": 1.0})
     loads_on(body, surface, {"region": "right", "pressure": 1.0})
 

@@ -214,7 +214,7 @@ def files(home):
     return sorted(str(path.relative_to(home)) for path in home.rglob("*") if path.name != "checkpoint.npz")
 
 
-SAID = re.compile(r"[\d.]+ ns per|[\d.]+ s(?= in all| compiling)|\d+(?= force evaluations)")
+SAID = re.compile(r"[\d.]+ ns per|[\d.]+ s(?= in total| of it compilation)|\d+(?= force evaluations)")
 """Times, and evaluations, in what a run says."""
 
 CASES = {
@@ -243,7 +243,7 @@ def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
         said.append([SAID.sub("*", stream).splitlines() for stream in streams])
         assert statuses == {expected}, said
         # What one rank has no reason to say, and three only on fewer cores; and what whoever comes first says of the cache.
-        said[-1][1] = [text for text in said[-1][1] if "take as many ranks as cores" not in text and "Compiling kernels" not in text]
+        said[-1][1] = [text for text in said[-1][1] if "do not start more ranks than cores" not in text and "Compiling kernels" not in text]
     assert said[0] == said[1]
     assert files(homes[0]) == files(homes[1])
     assert bool(files(homes[0])) == (expected < 2), "a run that is refused leaves nothing"

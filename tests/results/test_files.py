@@ -86,7 +86,7 @@ def test_a_kill_leaves_whole_artifacts_or_none(tmp_path, monkeypatch):
         (leftover / path.name).write_bytes(path.read_bytes())
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path))
     assert leftover not in list_artifacts()
-    with pytest.raises(ValueError, match="no artifact there"):
+    with pytest.raises(ValueError, match="not the folder of an artifact"):
         find_artifact(tmp_path / "killed")
 
 
@@ -164,7 +164,7 @@ def test_a_full_disk_is_reported_by_compare(tmp_path, monkeypatch):
     from pdsurrogate.reports import compare
 
     monkeypatch.setattr(compare, "compare", lambda *arguments: {"machine": {"processor": "any", "threads": 1}, "models": []})
-    monkeypatch.setattr(compare, "table", lambda report: (["model"], [["none"]]))
+    monkeypatch.setattr(compare, "table", lambda report, title: (["model"], [["none"]]))
     monkeypatch.setattr(compare, "caution", lambda models: None)
     full_disk(monkeypatch)
     done = CliRunner().invoke(app, ["compare", "--out", str(tmp_path / "out")])
@@ -286,7 +286,7 @@ def test_ctrl_c_on_the_command_line(tmp_path):
 
 def test_nothing_to_resume_is_said_too(tmp_path):
     assert "--out" in how_to_resume(None)
-    assert "first checkpoint" in how_to_resume(tmp_path)
+    assert "not yet written a checkpoint" in how_to_resume(tmp_path)
     (tmp_path / "checkpoint.npz").touch()
     assert "--resume" in how_to_resume(tmp_path)
 

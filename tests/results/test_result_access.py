@@ -45,14 +45,14 @@ def test_fields_by_name_and_component(stretched):
     np.testing.assert_array_equal(stretched.field("position")[:, :2], stretched.body.points)
     assert stretched.field("C33", level=0).shape == (300,)
     for name, message in (
-        ("wizardry", "the state has no 'wizardry'; there are position, displacement"),
-        ("stress_2", "stress has two indices, as stress_22"),
-        ("displacement_12", "displacement has one component, as displacement_1"),
+        ("wizardry", "the state has no field 'wizardry'; there are position, displacement"),
+        ("stress_2", "stress has components such as stress_22"),
+        ("displacement_12", "'displacement_12' does not exist: displacement has components such as displacement_1"),
         ("von_mises_1", "von_mises has no components"),
     ):
         with pytest.raises(ValueError, match=message):
             stretched.field(name)
-    with pytest.raises(IndexError, match="level 2: the result has no such state; there are 0 to 1"):
+    with pytest.raises(IndexError, match="level 2: the result has no such output; there are 0 to 1"):
         stretched.field("stress", level=2)
 
 
@@ -72,7 +72,7 @@ def test_plots(stretched, tmp_path):
         drawn = stretched.plot("displacement_2", limits=limits).axes[0].collections[0]
         np.testing.assert_array_equal(drawn.get_array(), values)
         assert drawn.get_clim() == pytest.approx(expected)
-    with pytest.raises(ValueError, match="stress has nine components; say which, as stress_22"):
+    with pytest.raises(ValueError, match="stress has nine components; give one of them, such as stress_22"):
         stretched.plot("stress")
 
 
@@ -193,15 +193,15 @@ def test_a_result_is_read_back(stretched, loaded, tmp_path):
 
 
 def test_what_cannot_be_read_back_is_told(stretched, tmp_path):
-    with pytest.raises(FileNotFoundError, match="there is no result of a run"):
+    with pytest.raises(FileNotFoundError, match="not a folder with results of a run"):
         pds.load_result(tmp_path)
     stretched.save(tmp_path)
     older = {key: value for key, value in stretched.summary.items() if key != "scene_as_run"}
     write_json(tmp_path / "summary.json", older)
-    with pytest.raises(ValueError, match="the scene as run is not in it"):
+    with pytest.raises(ValueError, match="older version and does not contain the scene: run the scene again"):
         pds.load_result(tmp_path)
     # What such a folder holds is not known, and is not replaced unasked.
-    with pytest.raises(FolderTaken, match=r"results of uniaxial .*; give another folder, or --overwrite"):
+    with pytest.raises(FolderTaken, match=r"results of uniaxial.*; use another folder, or --overwrite"):
         stretched.save(tmp_path)
     stretched.save(tmp_path, overwrite=True)
     (tmp_path / "uniaxial.pvd").write_text("<VTKFile")

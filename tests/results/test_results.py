@@ -126,7 +126,7 @@ def test_results_of_another_scene_are_not_replaced_unasked(saved, tmp_path):
     result.save(tmp_path)
     before = names_in(tmp_path)
     other = uniaxial(1.1, name="mine")
-    with pytest.raises(FolderTaken, match=r"another scene \(uniaxial\); give another folder, or --overwrite "):
+    with pytest.raises(FolderTaken, match=r"another scene \(uniaxial\); use another folder, or --overwrite "):
         simulate(other, "analytic", folder=tmp_path)
     found = simulate(other, "analytic")
     # The index alone, of a run that was killed, tells the scene as well.
@@ -134,11 +134,11 @@ def test_results_of_another_scene_are_not_replaced_unasked(saved, tmp_path):
     with pytest.raises(FolderTaken):
         found.save(tmp_path)
     assert names_in(tmp_path) == [name for name in before if name != "summary.json"]
-    with pytest.raises(FolderTaken, match="results of uniaxial that do not name their scene"):
+    with pytest.raises(FolderTaken, match="results of uniaxial without a description of their scene"):
         result.save(tmp_path)
     found.save(tmp_path, overwrite=True)
     assert names_in(tmp_path) == ["convergence.csv", "history.csv", "mine-000.vtu", "mine.png", "mine.pvd", "summary.json"]
-    with pytest.raises(ValueError, match="give resume or overwrite, not both"):
+    with pytest.raises(ValueError, match="resume and overwrite exclude each other"):
         simulate(other, "analytic", folder=tmp_path, resume=True, overwrite=True)
 
 
@@ -152,7 +152,7 @@ def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
         (uniaxial(1.1), "neo-hookean", "force is analytic there and neo-hookean@2 here"),
         (uniaxial(1.1, **{"material.bulk_modulus": 50.0}), "analytic", "material.bulk_modulus is 100.0 there and 50.0 here"),
     ):
-        refused = rf"holds the results of another run of uniaxial: {difference}; give another folder, or --overwrite"
+        refused = rf"contains the results of another run of uniaxial \({difference}\); use another folder, or --overwrite"
         with pytest.raises(FolderTaken, match=refused):
             simulate(scene, force, folder=tmp_path)
         with pytest.raises(FolderTaken, match=refused):
@@ -174,9 +174,9 @@ def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
     for summary in (False, True):  # killed, and stopped by Ctrl-C
         if summary:
             stopped.value.result.save(tmp_path)
-        with pytest.raises(FolderTaken, match="go on with it by --resume, or begin it anew by --overwrite"):
+        with pytest.raises(FolderTaken, match="continue it with --resume, or start again with --overwrite"):
             simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path)
-        with pytest.raises(FolderTaken, match=r"uniaxial: stretches is \[1.1, 1.2\] there and \[1.1\] here"):
+        with pytest.raises(FolderTaken, match=r"uniaxial \(stretches is \[1.1, 1.2\] there and \[1.1\] here"):
             simulate(uniaxial(1.1), "analytic", folder=tmp_path)
     simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, resume=True).save(tmp_path)
     assert len(simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path).states) == 2  # now that it has come to its end
@@ -229,7 +229,7 @@ def test_files_that_have_names_of_a_runs_own_are_left_and_refused(tmp_path, name
     (tmp_path / name).write_text("t,price\n1,2\n")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for options in ({}, {"overwrite": True}, {"resume": True}):
-        with pytest.raises(FolderTaken, match=f"{name} was not written by a run and would be replaced"):
+        with pytest.raises(FolderTaken, match=f"{name} was not written by a run and would be overwritten"):
             simulate(scene, "analytic", folder=tmp_path, **options)
     with pytest.raises(FolderTaken, match=f"{name} was not written by a run"):
         simulate(scene, "analytic").save(tmp_path, overwrite=True)
@@ -313,7 +313,7 @@ def test_a_folder_holds_one_run_at_a_time(tmp_path):
         own, host, *_ = lock.read_text().split()
         assert own == str(os.getpid())
     lock.write_text(f"{os.getppid()}\n{host}\n")
-    with pytest.raises(FolderTaken, match=f"process {os.getppid()} on .* is writing a run there"):
+    with pytest.raises(FolderTaken, match=f"process {os.getppid()} on .* is writing a run to this folder"):
         simulate(uniaxial(1.2), "neo-hookean", folder=tmp_path)
     ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path)])
     assert (ended.exit_code, names_in(tmp_path)) == (2, [LOCK])
@@ -339,7 +339,7 @@ def test_a_folder_that_cannot_be_made_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr("tempfile.NamedTemporaryFile", refused)
     ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path / "some" / "where")])
     assert ended.exit_code == 2
-    assert f"{tmp_path / 'some' / 'where'}: files cannot be made there, as no file can be made in {tmp_path}" in ended.stderr
+    assert f"{tmp_path / 'some' / 'where'}: files cannot be created here ({tmp_path}" in ended.stderr
     assert "tmpabc" not in ended.output
 
 

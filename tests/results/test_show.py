@@ -43,7 +43,7 @@ def test_pictures_of_a_saved_run(folder, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["uniaxial-displacement.png", "uniaxial-stress_11.png"]
     for path in tmp_path.iterdir():
         picture_of(path)
-    assert "fields: position, displacement" in done.stdout
+    assert "Fields: position, displacement" in done.stdout
     assert all(f"{row['strain_energy']:.5g}" in done.stdout for row in pds.load_result(folder).history)
     assert set(json.loads(invoke("show", folder, "--out", tmp_path, "--json").stdout)) == {"fields", "history"}
 
@@ -58,14 +58,14 @@ def test_a_state_in_space_is_drawn_from_its_files(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["show", "nowhere"], "there is no result of a run"),
-        (["show", "{folder}", "--field", "wizardry"], "the state has no 'wizardry'"),
-        (["show", "{folder}", "--field", "stress"], "say which, as stress_22"),
-        (["show", "{folder}", "--level", "7"], "level 7: the result has no such state; there are 0 to 1"),
-        (["show", "{folder}", "--html", "x.html", "--field", "wizardry"], "the state has no 'wizardry'"),
+        (["show", "nowhere"], "not a folder with results of a run"),
+        (["show", "{folder}", "--field", "wizardry"], "the state has no field 'wizardry'"),
+        (["show", "{folder}", "--field", "stress"], "give one of them, such as stress_22"),
+        (["show", "{folder}", "--level", "7"], "level 7: the result has no such output; there are 0 to 1"),
+        (["show", "{folder}", "--html", "x.html", "--field", "wizardry"], "the state has no field 'wizardry'"),
         (["show", "{folder}", "--html", "x.html", "--level", "0"], "leave out --out and --level"),
         (["scenes", "uniaxal"], "unknown scene 'uniaxal'"),
-        (["scenes", "--plot"], "--plot needs the scene that is meant"),
+        (["scenes", "--plot"], "--plot needs a scene"),
         (["scenes", "uniaxial", "--plot", "--set", "spacing=5"], "larger than the body"),
         (["scenes", "bimaterial", "--plot", "--set", "probes.0.at=9,9"], "lies outside the body"),
     ],
@@ -117,7 +117,7 @@ def test_a_file_that_is_no_page_is_not_replaced(folder, tmp_path):
     (tmp_path / "mine.html").write_text("mine")
     done = invoke("show", folder, "--html", tmp_path / "mine.html")
     assert done.exit_code == 2
-    assert "is no page of a result and would be replaced" in done.stderr
+    assert "was not written by pdsurrogate show and would be overwritten" in done.stderr
     assert (tmp_path / "mine.html").read_text() == "mine"
 
 

@@ -156,7 +156,7 @@ def test_energy_of_a_trouser_tear():
     assert tearing_energy(law, 1e-4, width, thickness) == pytest.approx(1e-4, rel=1e-4)  # stiff legs: 2 F/h
     with pytest.raises(ValueError, match="the leg's width must be positive and finite"):
         tearing_energy(law, force, 0.0, thickness)
-    with pytest.raises(ValueError, match="gent reaches its limit at stretch"):
+    with pytest.raises(ValueError, match="gent reaches its limit at the stretch"):
         tearing_energy(Gent(chain_limit=5.0), 1e6, width, thickness)
 
 
@@ -196,7 +196,7 @@ def test_impossible_critical_stretches(stretch):
 
 
 def test_models_without_damage_say_so():
-    with pytest.raises(ValueError, match=r"ba-nosb does not take bonds that break \(fracture\)"):
+    with pytest.raises(ValueError, match=r"ba-nosb does not support bonds that break \(fracture\)"):
         FORCES["ba-nosb"]().bind(sheet(0.1), LAW, ForceSettings(breakable=True))
 
 

@@ -58,6 +58,31 @@ main()
 """
 """The set-up of a preconditioner that takes for ever."""
 
+HELD_UP_WRITING = """
+import sys, time, zipfile
+import numpy as np
+from matplotlib.figure import Figure
+from pdsurrogate.cli import main
+
+what, *arguments = sys.argv[1:]
+def never(*rest, **options):
+    print("held up", flush=True)
+    while True:
+        time.sleep(0.01)
+def half_an_archive(file, **arrays):
+    with zipfile.ZipFile(file, "w") as archive:
+        member = archive.open("member", "w")  # which is still open when the archive is closed
+        member.write(b"half")
+        never()
+if what == "checkpoint":
+    np.savez = half_an_archive
+elif what == "picture":
+    Figure.savefig = never
+sys.argv = ["pdsurrogate", *arguments]
+main()
+"""
+"""A file that takes for ever to be written."""
+
 SHEET = ["--force", "analytic", "--set", "spacing=0.25"]
 
 
@@ -110,7 +135,7 @@ def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
     # What a process leaves that is killed while it writes goes when the run goes on.
     (tmp_path / f"{TEMPORARY}uniaxial-004-abcdefgh.vtu").write_text("half")
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=STRETCHES)
-    with pytest.raises(FolderTaken, match="ended before its time: go on with it by --resume"):
+    with pytest.raises(FolderTaken, match="was interrupted: continue it with --resume"):
         simulate(scene, "analytic", folder=tmp_path)
     resumed = simulate(scene, "analytic", folder=tmp_path, resume=True)
     assert resumed.history == simulate(scene, "analytic").history
@@ -142,7 +167,7 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_pat
         simulate(scene, "analytic", folder=tmp_path, progress=Killed())
     assert pds.load_result(tmp_path).status == "running"
     assert not pds.load_result(tmp_path).states
-    with pytest.raises(FolderTaken, match="another run of uniaxial: stretches"):
+    with pytest.raises(FolderTaken, match=r"another run of uniaxial \(stretches"):
         simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.3]), "analytic", folder=tmp_path)
     assert simulate(scene, "analytic", folder=tmp_path).status == "done"
 
@@ -167,7 +192,7 @@ def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outp
     assert len(read.states) == len(read.levels) == len(list(tmp_path.glob("*.vtu"))) == outputs
     shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
     assert shown.exit_code == 0, shown.output
-    assert ("holds no state to draw: its summary lists none yet; --resume goes on with the run" in shown.stderr) == (not outputs)
+    assert ("there is no output to draw: the run has not finished; resume it with --resume" in shown.stderr) == (not outputs)
     assert (tmp_path / "uniaxial-displacement.png").exists() == bool(outputs)
 
 
@@ -233,7 +258,7 @@ def test_a_run_ends_when_its_time_is_over_and_goes_on(tmp_path):
     done = CliRunner().invoke(app, [*command, "--max-time", "1e-6"])
     assert done.exit_code == 130, done.output
     assert "stopped after max_time" in done.stderr
-    assert "--resume goes on from it" in done.stderr
+    assert "add --resume to the command" in done.stderr
     assert json.loads(done.stdout)["status"] == "interrupted"
     done = CliRunner().invoke(app, [*command, "--resume"])
     assert done.exit_code == 0, done.output
@@ -250,7 +275,7 @@ def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
     assert len(list(tmp_path.glob("runs/*/checkpoint.npz"))) == 2
     done = pds.study(keys, tmp_path, jobs=1, threads=1)
     assert [row["failure"] for row in done.rows] == [None, None]
-    with pytest.raises(ValueError, match="max_time: a fit has no checkpoint"):
+    with pytest.raises(ValueError, match="max_time: a fit cannot be resumed"):
         pds.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
 
 
@@ -287,3 +312,20 @@ def test_ctrl_c_ends_what_does_not_hear_it(tmp_path, how):
     assert "interrupted" in told
     assert "Traceback" not in told
     assert pds.load_result(tmp_path).status in ("interrupted", "running")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("what", ["checkpoint", "picture"])
+def test_ctrl_c_while_a_file_is_written_ends_with_one_line(tmp_path, what):
+    """An archive left open made the command end with status 2 and "Can't close the ZIP file", or print "Exception ignored"."""
+    process = begun(HELD_UP_WRITING, what, "run", "uniaxial", *SHEET, "--set", "stretches=1.5", "--out", tmp_path)
+    while process.stdout.readline().strip() != "held up":
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    told = process.communicate(timeout=60)[0]
+    assert process.returncode == 130, told
+    assert "interrupted" in told
+    for words in ("Traceback", "Exception ignored", "ZIP file"):
+        assert words not in told
+    assert pds.load_result(tmp_path).status in ("done", "interrupted", "running")
+    assert not list(tmp_path.glob(f"{TEMPORARY}*"))

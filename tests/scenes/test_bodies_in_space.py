@@ -42,12 +42,15 @@ def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"plane": "stress"}, "plane: a box lies in space and takes plane=space, which is also the default, not stress"),
-        ({"body": {"shape": "circle", "radius": 1.0}, "plane": "space"}, "plane: a circle lies in the plane and takes plane=stress or"),
-        ({"holes": [{"shape": "circle", "radius": 0.1}]}, "holes.0: a circle belongs to the plane, and the body, a box, to space"),
-        ({"precuts": [{"start": [0, 0], "end": [1, 0]}]}, "precuts.0: this cut belongs to the plane, and the body, a box, to space"),
+        ({"plane": "stress"}, "plane: must be space, which is also the default, not stress: the body, a box, is 3D"),
+        (
+            {"body": {"shape": "circle", "radius": 1.0}, "plane": "space"},
+            "plane: must be stress or strain, not space: the body, a circle, is 2D",
+        ),
+        ({"holes": [{"shape": "circle", "radius": 0.1}]}, "holes.0: a circle is 2D, but the body, a box, is 3D"),
+        ({"precuts": [{"start": [0, 0], "end": [1, 0]}]}, "precuts.0: this cut is 2D, but the body, a box, is 3D"),
         ({"body": {"shape": "cube", "size": [1, 1, 1]}}, "body: unknown shape 'cube'; there are rectangle, circle"),
-        ({"body": {"shape": "box", "size": [1, 1]}}, "body.size: needs 3 entries, not 2; it belongs to space"),
+        ({"body": {"shape": "box", "size": [1, 1]}}, "body.size: needs 3 entries, not 2; this shape is 3D"),
         ({"body": {"shape": "box", "size": [1, 1, -1]}}, "body.size.2: Input should be greater than 0"),
         ({"body": {"shape": "cylinder", "radius": 1, "length": 1, "axis": "z"}}, "body.axis: Input should be 'x1', 'x2' or 'x3'"),
         (
@@ -57,23 +60,26 @@ def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
         ({"body": {"shape": "extrusion", "thickness": 1.0, "outline": {"shape": "sphere"}}}, "body.outline: unknown shape 'sphere'"),
         ({"precuts": [{"corner": [0, 0, 0], "sides": [[1, 0, 0], [2, 0, 0]]}]}, "precuts.0: sides: they span no area"),
         ({"precuts": [{"center": [0, 0, 0], "radius": 1, "normal": [0, 0, 0]}]}, "precuts.0.normal: it is a direction"),
-        ({"precuts": [{"center": [0, 0, 0], "radius": 1}]}, "precuts.0.normal: Field required"),
-        ({"regions": {"x": {"disc": {"center": [0, 0], "radius": 1}}}}, "regions.x: disc is a region of the plane; in space give ball"),
-        ({"regions": {"x": {"half_plane": {"point": [0, 0], "normal": [1, 0]}}}}, "regions.x: half_plane is a region of the plane; in"),
-        ({"regions": {"x": {"box": [[0, 0], [1, 1]]}}}, "regions.x.box.0: needs 3 components for a body in space, not 2"),
+        ({"precuts": [{"center": [0, 0, 0], "radius": 1}]}, "precuts.0.normal: this key is missing"),
+        ({"regions": {"x": {"disc": {"center": [0, 0], "radius": 1}}}}, "regions.x: disc is a 2D region, but the body is 3D; use ball"),
+        (
+            {"regions": {"x": {"half_plane": {"point": [0, 0], "normal": [1, 0]}}}},
+            "regions.x: half_plane is a 2D region, but the body is 3D; use half_space",
+        ),
+        ({"regions": {"x": {"box": [[0, 0], [1, 1]]}}}, "regions.x.box.0: needs 3 components for a 3D body, not 2"),
         ({"regions": {"x": {"near": [0, 0, 0, 0]}}}, "regions.x.near: needs at most 3 entries, not 4"),
-        ({"regions": {"front": {"near": [0, 0, 0]}}}, "regions: front is the name of a region that every body has; take another"),
-        ({"probes": [{"name": "a", "at": [0, 0]}]}, "probes.0.at: needs 3 components for a body in space, not 2"),
-        ({"grips": [{"edge": "left", "travel": 1.0}, {"edge": "front"}]}, "grips must hold two opposite edges, left and right or bottom"),
+        ({"regions": {"front": {"near": [0, 0, 0]}}}, "regions: front is the name of a predefined region; choose another name"),
+        ({"probes": [{"name": "a", "at": [0, 0]}]}, "probes.0.at: needs 3 components for a 3D body, not 2"),
+        ({"grips": [{"edge": "left", "travel": 1.0}, {"edge": "front"}]}, "grips: must hold two opposite edges, left and right or bottom"),
         ({"loads": [{"region": "holes.0", "pressure": 1.0}], "steps": 1}, "loads.0.region: there is no region 'holes.0'; the body has no"),
-        ({"body": {"shape": "rectangle", "size": [1, 1]}}, "grips.0.edge: a body in the plane has no back, only x1, x2 and the edges"),
+        ({"body": {"shape": "rectangle", "size": [1, 1]}}, "grips.0.edge: a 2D body has no back, only x1, x2 and the edges"),
         (
             {
                 "body": {"shape": "rectangle", "size": [1, 1]},
                 "loads": [{"region": {"and": ["left", {"edge": "front"}]}, "pressure": 1.0}],
                 "steps": 1,
             },
-            "loads.0.region.and.1: a body in the plane has no front, only x1, x2 and the edges left",
+            "loads.0.region.and.1: a 2D body has no front, only x1, x2 and the edges left",
         ),
     ],
 )
@@ -217,7 +223,7 @@ def test_grips_have_the_area_of_the_face_that_they_hold():
         assert grip_areas(scene, lower, upper) == pytest.approx({"back": area, "front": area}, rel=tolerance)
     scene = scene_of({"shape": "sphere", "radius": 0.5}, support="points")
     _, lower, upper = discretize(scene)
-    with pytest.raises(SceneError, match="no straight edge with material at its back end to be held by"):
+    with pytest.raises(SceneError, match="no straight edge with material at its back end that could be held"):
         grip_areas(scene, lower, upper)
 
 
@@ -257,7 +263,7 @@ def test_precuts_separate_exactly_the_bonds_that_cross_them(kind):
 
 
 def test_precuts_that_cut_nothing_are_refused():
-    with pytest.raises(SceneError, match=r"precuts\.0: it cuts no bond"):
+    with pytest.raises(SceneError, match=r"precuts\.0: the precut crosses no bond"):
         discretize(scene_of(CUBE, precuts=[{**CUTS["disc"], "center": [0, 0, 2.0]}]))
 
 
@@ -392,7 +398,7 @@ def test_holes_whose_boundary_meets_another_have_bonds_but_no_boundary():
     scene = scene_of(CUBE, holes=[{"shape": "sphere", "radius": 0.2, "center": [0.5, 0.0, 0.0]}])
     body, lower, upper = discretize(scene)
     assert body.volumes.sum() == pytest.approx(1 - PI * 0.032 / 6, rel=1e-3)
-    with pytest.raises(ValueError, match=r"^holes\.0: .*; loads and probes take holes that lie inside the body, or"):
+    with pytest.raises(ValueError, match=r"^holes\.0: .*; with loads or probes, a hole must lie inside the body,"):
         surface_of(scene, body, lower, upper)
 
 
@@ -505,13 +511,21 @@ def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
 @pytest.mark.parametrize(
     ("cells", "dimension", "message"),
     [
-        ([("tetra", [[0, 2, 1, 4]])], 3, "bad.vtu has 1 broken cells; tetra 0, from 0 on, is inverted: its volume is negative"),
-        ([("tetra", [[0, 1, 2, 4], [0, 1, 2, 3]])], 3, "bad.vtu has 1 broken cells; tetra 1, from 0 on, is flat, or folded at a corner"),
-        ([("hexahedron", [[0, 1, 2, 3, 4, 6, 5, 7]])], 3, "bad.vtu has 1 broken cells; hexahedron 0, from 0 on, is flat, or folded at a"),
-        ([("hexahedron", [[4, 5, 6, 7, 0, 1, 2, 3]])], 3, "bad.vtu has 1 broken cells; hexahedron 0, from 0 on, is inverted"),
-        ([("wedge", [[0, 1, 2, 4, 5, 6]])], 3, "bad.vtu has cells of type wedge; tetra and hexahedron are taken"),
-        ([("quad", [[0, 1, 2, 3]])], 3, "bad.vtu has no tetrahedra or hexahedra; give dimension = 2 for a sheet"),
-        ([("tetra", [[0, 1, 2, 4]])], 2, "cells of type tetra; triangle and quad are taken; give dimension = 3 for a solid"),
+        ([("tetra", [[0, 2, 1, 4]])], 3, "bad.vtu has 1 invalid cells; tetra 0 (counted from 0) is inverted: its volume is negative"),
+        (
+            [("tetra", [[0, 1, 2, 4], [0, 1, 2, 3]])],
+            3,
+            "bad.vtu has 1 invalid cells; tetra 1 (counted from 0) is flat, or folded at a corner",
+        ),
+        (
+            [("hexahedron", [[0, 1, 2, 3, 4, 6, 5, 7]])],
+            3,
+            "bad.vtu has 1 invalid cells; hexahedron 0 (counted from 0) is flat, or folded at a",
+        ),
+        ([("hexahedron", [[4, 5, 6, 7, 0, 1, 2, 3]])], 3, "bad.vtu has 1 invalid cells; hexahedron 0 (counted from 0) is inverted"),
+        ([("wedge", [[0, 1, 2, 4, 5, 6]])], 3, "bad.vtu has wedge cells; use only tetra and hexahedron"),
+        ([("quad", [[0, 1, 2, 3]])], 3, "bad.vtu has no tetrahedra or hexahedra; set dimension = 2 for a sheet"),
+        ([("tetra", [[0, 1, 2, 4]])], 2, "has tetra cells; use only triangle and quad; set dimension = 3 for a solid"),
     ],
 )
 def test_meshes_that_make_no_body_in_space(tmp_path, cells, dimension, message):

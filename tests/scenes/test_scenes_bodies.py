@@ -143,9 +143,12 @@ def test_a_precut_through_a_row_of_points_cuts_on_one_side_of_it(spacing):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"holes": [{"shape": "circle", "radius": 3.0}]}, "its holes take all of it"),
-        ({"holes": [{"shape": "rectangle", "size": [1.5, 4], "lower": [-1.5, -2]}, {"shape": "circle", "radius": 5}]}, "holes take all"),
-        ({"holes": [{"shape": "circle", "radius": 0.4, "center": [9, 9]}]}, "holes.0: no point of the body lies in it"),
+        ({"holes": [{"shape": "circle", "radius": 3.0}]}, "the holes cover all"),
+        (
+            {"holes": [{"shape": "rectangle", "size": [1.5, 4], "lower": [-1.5, -2]}, {"shape": "circle", "radius": 5}]},
+            "the holes cover all",
+        ),
+        ({"holes": [{"shape": "circle", "radius": 0.4, "center": [9, 9]}]}, "holes.0: the hole contains no point"),
         ({"holes": [{"shape": "circle", "radius": -1}]}, "holes.0.radius: Input should be greater than 0"),
         ({"holes": [{"shape": "star"}]}, "unknown shape 'star'; there are rectangle, circle, ellipse, polygon"),
         ({"holes": [{"shape": "elipse"}]}, "holes.0: unknown shape 'elipse'; did you mean ellipse?"),
@@ -153,18 +156,21 @@ def test_a_precut_through_a_row_of_points_cuts_on_one_side_of_it(spacing):
         ({"holes": [{"shape": "circle", "radius": 0.4, "color": "red"}]}, "holes.0.color: unknown key"),
         ({"holes": [{"shape": "polygon", "vertices": [[0, 0], [1, 1], [2, 2]]}]}, "the polygon has no area"),
         ({"holes": 3}, "holes: "),
-        ({"precuts": [{"start": [7, 7], "end": [8, 8]}]}, "precuts.0: it cuts no bond; it lies outside the body"),
-        ({"precuts": [{"start": [-0.1, 0], "end": [0.1, 0]}]}, "precuts.0: it cuts no bond; it lies outside the body, in a hole"),
-        ({"spacing": 0.3, "body": {"shape": "circle", "radius": 0.5}, "holes": []}, "no cells within 10% of it do; 0.25 or 0.333333 would"),
+        ({"precuts": [{"start": [7, 7], "end": [8, 8]}]}, "precuts.0: the precut crosses no bond; it is outside the body"),
+        ({"precuts": [{"start": [-0.1, 0], "end": [0.1, 0]}]}, "precuts.0: the precut crosses no bond; it is outside the body, in a hole"),
+        ({"spacing": 0.3, "body": {"shape": "circle", "radius": 0.5}, "holes": []}, "along x1; use 0.25 or 0.333333"),
         ({"precuts": [{"start": [0, 1], "end": [0, 1]}]}, "precuts.0: a precut needs two different ends"),
-        ({"precuts": [{"start": [0, 1]}]}, "precuts.0.end: Field required"),
-        ({"body": {"shape": "mesh", "file": "missing.vtu"}}, "there is no file missing.vtu"),
+        ({"precuts": [{"start": [0, 1]}]}, "precuts.0.end: this key is missing"),
+        ({"body": {"shape": "mesh", "file": "missing.vtu"}}, "the file missing.vtu does not exist"),
         ({"fracture": {"critical_stretch": 0.9}}, "fracture.critical_stretch: Input should be greater than 1"),
         ({"fracture": {}}, "fracture: fracture needs either a critical_stretch or an energy"),
-        ({"fracture": {"critical_stretch": 2.0}}, "fracture needs dynamics"),
-        ({"dynamics": {"stretch": 1.1, "stretch_rate": 1, "density": 1}}, "dynamics.stretch must be greater than the last of stretches"),
+        ({"fracture": {"critical_stretch": 2.0}}, "fracture: needs dynamics"),
+        (
+            {"dynamics": {"stretch": 1.1, "stretch_rate": 1, "density": 1}},
+            "dynamics.stretch: must be greater than the last entry of stretches",
+        ),
         ({"dynamics": {"stretch": 2, "stretch_rate": -1, "density": 1}}, "dynamics.stretch_rate: Input should be greater than 0"),
-        ({"stretches": []}, "the program is empty"),
+        ({"stretches": []}, "grips: need stretches or dynamics"),
     ],
 )
 def test_bodies_and_programs_that_make_no_sense(changes, message):
@@ -259,7 +265,7 @@ CORNERS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [3, 0, 0], [2, 1, 0]]
         (
             CORNERS,
             [("quad", [[0, 1, 2, 3]]), ("triangle6", [[1, 4, 5, 2, 0, 3]])],
-            "has cells of type triangle6; triangle",
+            "has triangle6 cells; use only triangle",
         ),
         # The area of sides that cross is that of one lobe less the other.
         (CORNERS, [("quad", [[0, 1, 2, 3], [1, 4, 2, 5]])], "the sides of a quadrilateral cross each other"),
@@ -388,16 +394,16 @@ def test_scenes_composed_in_python():
             "uniaxial",
             1e-9,
             1e12,
-            "makes 3e+18 points; they take at least 4.53e+12 GB of memory, and there are 1e+03: take a spacing above 0.00039",
+            "makes 3e+18 points; they need at least 4.53e+12 GB of memory, and 1e+03 GB are available; use a spacing above 0.00039",
         ),
         (
             "uniaxial",
             3e-4,
             1e10,
-            "makes 3.33e+07 points; they take at least 50.3 GB of memory, and there are 10: take a spacing above 0.00067",
+            "makes 3.33e+07 points; they need at least 50.3 GB of memory, and 10 GB are available; use a spacing above 0.00067",
         ),
-        ("uniaxial", 3e-4, math.inf, "makes 3.33e+07 points; at most 2e+07 are taken: take a spacing above 0.00039"),
-        ("inflation", 1e-3, 1e12, " points; at most 2e+07 are taken: take a spacing above "),
+        ("uniaxial", 3e-4, math.inf, "makes 3.33e+07 points; the limit is 2e+07; use a spacing above 0.00039"),
+        ("inflation", 1e-3, 1e12, " points; the limit is 2e+07; use a spacing above "),
     ],
 )
 def test_bodies_that_memory_does_not_hold_are_refused_before_they_are_made(scene, spacing, memory, told):

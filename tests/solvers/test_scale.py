@@ -223,7 +223,7 @@ def test_nothing_drives_a_body_at_rest_or_moved_as_a_whole():
 def test_a_level_out_of_balance_is_not_converged(monkeypatch):
     """Were the forces left not held against the load, the clamp would carry two thirds of it, and the run say so."""
     monkeypatch.setattr(equilibrium, "UNBALANCED", np.inf)
-    with pytest.raises(pds.SimulationFailed, match="sum of all loads and reactions") as caught:
+    with pytest.raises(pds.SimulationFailed, match="loads and reactions are not in balance") as caught:
         simulate(cantilever(1e-6), "bond-energy")
     assert not caught.value.result.summary["converged"]
 
@@ -231,7 +231,7 @@ def test_a_level_out_of_balance_is_not_converged(monkeypatch):
 @pytest.mark.parametrize("modulus", [1e-300, 1e300])
 def test_moduli_beyond_what_is_computed_with_are_refused(modulus):
     """SuperLU ended in a traceback."""
-    with pytest.raises(pds.SceneError, match=r"shear_modulus is 1e.300: .* take other units of stress"):
+    with pytest.raises(pds.SceneError, match=r"shear_modulus is 1e.300, .* use another unit of stress"):
         pds.load_scene("uniaxial", {"material.shear_modulus": modulus, "material.bulk_modulus": modulus})
 
 

@@ -200,12 +200,12 @@ def test_the_exact_energy_is_the_default_of_several_materials():
 @pytest.mark.parametrize(
     ("changes", "force", "message"),
     [
-        ({"material": RIGID}, None, "the rest of a body is of a law"),
+        ({"material": RIGID}, None, "material: cannot be rigid"),
         ({"materials": [{"region": "inclusion", "material": {"law": "rigid", "shear_modulus": 1}}]}, None, "rigid has no parameter"),
-        ({"materials": [{"region": "inclusion", "material": RIGID, "force": "nosb"}]}, None, "takes no force"),
+        ({"materials": [{"region": "inclusion", "material": RIGID, "force": "nosb"}]}, None, "force does not apply to a rigid region"),
         ({"steps": [{"to": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}]}, None, "in equilibrium only"),
-        ({}, "nosb", "takes a force that has an energy"),
-        ({"regions": {"inclusion": {"box": [[0.7, 0.7], [0.8, 1.3]]}}}, None, "needs 2; take a smaller spacing"),
+        ({}, "nosb", "needs a force that defines an energy, such as bond-energy"),
+        ({"regions": {"inclusion": {"box": [[0.7, 0.7], [0.8, 1.3]]}}}, None, "needs two; use a smaller spacing"),
         (
             {
                 "prescribed": [
@@ -214,7 +214,7 @@ def test_the_exact_energy_is_the_default_of_several_materials():
                 ]
             },
             None,
-            "moves its points apart",
+            "is rigid, but is prescribed to deform",
         ),
     ],
 )
@@ -225,7 +225,7 @@ def test_what_a_rigid_region_cannot_do_is_refused(changes, force, message):
 
 def test_parts_too_thin_for_their_bonds_are_told_of():
     """With 2 cells at a horizon of 3.15 the stiff halves are bonded through the layer."""
-    with pytest.warns(UserWarning, match="2 cells thick"):
+    with pytest.warns(UserWarning, match=r"2 cells \(0\.2\) thick"):
         pds.simulate(layer(10.0, 2), "bond-energy")
 
 

@@ -129,8 +129,8 @@ def test_command(tmp_path, monkeypatch):
     assert "sheets under plane stress" in done.output
     for arguments, message in (
         (["--force", "wizardry"], "unknown force"),
-        (["--out", "/dev/null/x"], "a folder is needed, and this is a file"),
-        (["--force", "ogden-isochoric", "--plane", "stress"], "takes plane=strain and space"),
+        (["--out", "/dev/null/x"], "this is a file, but a folder is needed"),
+        (["--force", "ogden-isochoric", "--plane", "stress"], "supports plane=strain and space"),
         (["--force", "analytic", "--plane", "space"], "solids"),
         (["--plane", "strain"], "Invalid value for '--plane'"),
     ):

@@ -78,8 +78,8 @@ def test_random_samples_follow_their_distribution():
         ({"fit": {}}, "needs either a scene or a [fit]"),
         ({"parameters": {}}, "parameters: there are none"),
         ({"parameters": {"spcing": [1]}}, "run 1 of 1 (spcing=1): scene uniaxial: spcing: unknown key; did you mean spacing?"),
-        ({"parameters": {"material.shear_modulus": []}}, "parameters.material.shear_modulus: is an empty list"),
-        ({"parameters": {"material": {"shear_modulus": 1}}}, "parameters.material.shear_modulus: must be a list of values, as [1]"),
+        ({"parameters": {"material.shear_modulus": []}}, "parameters.material.shear_modulus: must contain at least one value"),
+        ({"parameters": {"material": {"shear_modulus": 1}}}, "parameters.material.shear_modulus: must be a list of values, such as [1]"),
         ({"parameters": {"material.stiffness": [1]}}, "neo-hookean has no parameter 'stiffness'"),
         (
             {"parameters": {"material.shear_modulus": [1, -2]}},
@@ -89,7 +89,7 @@ def test_random_samples_follow_their_distribution():
         ({"parameters": {"spacing": [0.2]}}, "set.spacing: is also a parameter"),
         ({"parameters": {"force": ["nosb"]}}, "force: is also a parameter"),
         ({"force": None, "parameters": {"force": ["nosb", "wizardry"]}}, "run 2 of 2 (force=wizardry): unknown force 'wizardry'"),
-        ({"force": "bond-energy", "parameters": {"rotation": ["convected"]}}, "does not take rotation=convected"),
+        ({"force": "bond-energy", "parameters": {"rotation": ["convected"]}}, "does not support rotation=convected"),
         ({"force": "neo-hookean", "parameters": {"material": ["gent"]}}, "run 1 of 1 (material=gent)"),
         ({"design": "lattice"}, "design: Input should be 'grid'"),
         ({"design": "random"}, "samples: design=random needs"),
@@ -101,7 +101,7 @@ def test_random_samples_follow_their_distribution():
         ({"parameters": {"a": {"distribution": "lognorm"}}}, "parameters.a: lognorm needs s"),
         ({"parameters": {"a": {"distribution": "norm", "scale": -1}}}, "parameters.a: norm is undefined for scale=-1"),
         ({"parameters": {"a": {"distribution": "norm", "scale": "x"}}}, "parameters.a: scale: Input should be a valid number"),
-        ({"parameters": {"a": list(range(400)), "b": list(range(400))}}, "the grid has 160000 runs, the limit is 100000"),
+        ({"parameters": {"a": list(range(400)), "b": list(range(400))}}, "the grid has 160000 runs, more than the limit 100000"),
         ({"quantities": []}, "quantities: needs at least 1 entries"),
         ({"quantities": ["converged", "nominal_stres"]}, "quantities: no run has 'nominal_stres'; did you mean nominal_stress?"),
         ({"quantities": ["crack.broken_bond"]}, "quantities: no run has 'crack.broken_bond'; did you mean broken_bonds?"),
@@ -117,8 +117,8 @@ def test_random_samples_follow_their_distribution():
             {"scene": None, "force": None, "set": {}, "fit": {}, "parameters": {"degre": [3]}},
             "fit: degre: unknown key; did you mean degree?",
         ),
-        ({"scene": None, "force": None, "set": {}, "fit": {"units": 4}, "parameters": {"degree": [3]}}, "fit: degree is of a polynomial"),
-        ({"scene": None, "force": None, "fit": {}}, "set: belongs to a scene"),
+        ({"scene": None, "force": None, "set": {}, "fit": {"units": 4}, "parameters": {"degree": [3]}}, "fit: degree sets a polynomial"),
+        ({"scene": None, "force": None, "fit": {}}, "set: applies to scenes only"),
     ],
 )
 def test_bad_input_is_told_before_anything_is_run(changes, message, tmp_path):
@@ -337,7 +337,7 @@ def test_ctrl_c_keeps_what_was_reached(tmp_path):
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all processes of the study
     told = process.communicate(timeout=120)[0]
     assert process.returncode == 130, told
-    assert "the same call does them" in told
+    assert "repeat the command to run them" in told
     assert "Traceback" not in told
     reached = outcomes_in(folder)
     table = list(csv.DictReader((folder / "study.csv").read_text().splitlines()))
@@ -384,14 +384,14 @@ def test_the_table_of_another_study_is_not_replaced_unasked(tmp_path):
     pds.study({**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0]}}, tmp_path, jobs=1)
     before = (tmp_path / "study.csv").read_text()
     other = {**TINY, "parameters": {"material.shear_modulus": [1.0, 3.0]}}
-    told = r"a study with 1 runs that this one has not: parameters.material.shear_modulus is \[1.0, 2.0\] there and \[1.0, 3.0\] here; give"
+    told = r"1 runs that are not in this study: parameters.material.shear_modulus is \[1.0, 2.0\] there and \[1.0, 3.0\] here; use"
     with pytest.raises(FolderTaken, match=told):
         pds.study(other, tmp_path, jobs=1)
     assert (tmp_path / "study.csv").read_text() == before
     assert len(pds.study(other, tmp_path, jobs=1, overwrite=True).rows) == 2
     assert len(list(tmp_path.glob("runs/*"))) == 3
     (tmp_path / "study.json").write_text("{}")
-    with pytest.raises(FolderTaken, match="does not tell what it answers"):
+    with pytest.raises(FolderTaken, match="is not a report with known settings"):
         pds.study(other, tmp_path, jobs=1)
 
 
