@@ -2,6 +2,9 @@
 
 import os
 
+# The many processes that tests start shall not compile the package from its source, each anew, where the environment asks for that.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # Threads beyond the free cores spin; two are enough to test that their number changes nothing.
 os.environ.setdefault("NUMBA_NUM_THREADS", "2")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

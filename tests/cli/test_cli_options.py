@@ -19,6 +19,7 @@ from pdsurrogate.cli.command import warnings_as_lines
 from pdsurrogate.engine.threads import most_threads, thread_count, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.materials import LAWS
+from pdsurrogate.results import drawings
 from pdsurrogate.run.run import Oversubscribed
 
 
@@ -154,7 +155,8 @@ def test_json_is_all_that_is_printed_for_programs(tmp_path):
     assert "uniaxial" in invoke("scenes").stdout
 
 
-def test_how_much_is_said(tmp_path):
+def test_how_much_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(drawings, "save_drawings", lambda result, folder: None)  # pictures take most of the time of these runs
     command = ["run", "uniaxial", *FAST, "--out", tmp_path / "out"]
     assert f"Results in {tmp_path / 'out'}" in invoke(*command).stderr.replace("\n", "")
     quiet = invoke(*command, "-q")

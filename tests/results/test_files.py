@@ -279,8 +279,8 @@ def test_ctrl_c_on_the_command_line(tmp_path):
     assert "--resume" in error
     assert "Traceback" not in error + output
     assert json.loads((tmp_path / "summary.json").read_text())["failure"].endswith("interrupted")
-    other = subprocess.run([*command, "--resume"], capture_output=True, text=True, check=False)
-    assert other.returncode == 2
+    other = CliRunner().invoke(app, [*command[3:], "--resume"])
+    assert other.exit_code == 2
     assert "belongs to another run" in other.stderr
 
 

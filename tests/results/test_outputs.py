@@ -156,7 +156,7 @@ def folders(tmp_path_factory):
             "plated": (_plate(), "bond-energy"),
         }
         for name, (scene, force) in runs.items():
-            pds.simulate(scene, force).save(place / name)
+            pds.simulate(scene, force, folder=place / name)
     return {name: place / name for name in runs}
 
 

@@ -189,8 +189,7 @@ def test_one_stretch_has_a_marker_and_the_rest_before_it(stretched):
 def test_an_integral_over_the_file_is_the_energy_of_the_history(name, spacing, force, tmp_path):
     """As ParaView's Integrate Variables; energies are written in single precision."""
     changes = {"steps": [0.25]} if name == "inflation" else {}
-    result = pds.simulate(pds.load_scene(name, {"spacing": spacing, **changes}), force)
-    result.save(tmp_path)
+    result = pds.simulate(pds.load_scene(name, {"spacing": spacing, **changes}), force, folder=tmp_path)
     for number, row in enumerate(result.history):
         integral = pyvista.read(tmp_path / f"{name}-{number:03d}.vtu").integrate_data()
         assert integral["energy_density"][0] == pytest.approx(row["strain_energy"], rel=1e-6)

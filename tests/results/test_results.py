@@ -5,6 +5,7 @@ import errno
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 
@@ -214,15 +215,23 @@ def test_files_that_no_run_wrote_are_not_replaced(saved, tmp_path, name, content
     assert (tmp_path / name).read_text() == content
 
 
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """A folder with all that a run writes, its pictures too."""
+    folder = tmp_path_factory.mktemp("drawn")
+    simulate(uniaxial(1.1), "analytic", folder=folder).save(folder)
+    return folder
+
+
 @pytest.mark.parametrize(
     "name", ["uniaxial-007.vtu", "uniaxial.gif", "uniaxial.png", "uniaxial-loading.png", "uniaxial.pvd", "history.csv"]
 )
 @pytest.mark.parametrize("there", ["nothing", "a run", "an interrupted run"])
-def test_files_that_have_names_of_a_runs_own_are_left_and_refused(tmp_path, name, there):
+def test_files_that_have_names_of_a_runs_own_are_left_and_refused(drawn, tmp_path, name, there):
     """They were deleted, without a word and without --overwrite; a table of somebody's that begins with t is none of a run's either."""
     scene = uniaxial(1.1)
     if there != "nothing":
-        simulate(scene, "analytic", folder=tmp_path).save(tmp_path)
+        shutil.copytree(drawn, tmp_path, dirs_exist_ok=True)
     if there == "an interrupted run":
         summary = json.loads((tmp_path / "summary.json").read_text())
         (tmp_path / "summary.json").write_text(json.dumps({**summary, "status": "running"}))

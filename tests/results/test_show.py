@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.cli.show import MARK
+from pdsurrogate.results import figures
 from pdsurrogate.results.drawings import html_page
 from pdsurrogate.results.files import HEAD
 
@@ -80,13 +81,15 @@ def test_what_cannot_be_drawn_is_told_in_one_line(folder, tmp_path, monkeypatch,
 
 
 @pytest.mark.parametrize("name", ["ring-pressure", "tear", "bimaterial", "torsion", "zero-energy"])
-def test_a_scene_is_drawn_before_it_is_run(name, tmp_path):
+def test_a_scene_is_drawn_before_it_is_run(name, tmp_path, monkeypatch):
+    drawn, save = [], figures.save
+    monkeypatch.setattr(figures, "save", lambda figure, path: drawn.append(figure) or save(figure, path))
     spacing = {"torsion": 0.25, "tear": 0.1}.get(name, 0.1)
     done = invoke("scenes", name, "--plot", "--set", f"spacing={spacing}", "--out", tmp_path)
     assert done.exit_code == 0, done.output
     picture = picture_of(tmp_path / f"{name}-scene.png")
     scene = pds.load_scene(name, spacing=spacing)
-    figure = pds.preview(scene)
+    [figure] = drawn
     said = [text.get_text().split(":")[0] for text in figure.legends[0].get_texts()]
     for grip in scene.grips:
         assert grip.edge in said
@@ -96,12 +99,15 @@ def test_a_scene_is_drawn_before_it_is_run(name, tmp_path):
     # Every region has its color in the picture: that of the legend, on the body as well.
     colors = {tuple(np.round(np.array(patch.get_facecolor()[:3]), 2)) for patch in figure.legends[0].get_patches()}
     assert len(colors) == len(figure.legends[0].get_patches())
-    assert len(np.unique((picture * 50).round().reshape(-1, 3), axis=0)) > len(colors)
+    assert len(np.unique((picture * 50).round() @ [1, 100, 10_000])) > len(colors)
 
 
-def test_the_page_holds_everything_and_fetches_nothing(folder):
-    result = pds.load_result(folder)
-    page = html_page(result, ["displacement", "stress_11"])
+@pytest.fixture(scope="module")
+def page(folder):
+    return html_page(pds.load_result(folder), ["displacement", "stress_11"])
+
+
+def test_the_page_holds_everything_and_fetches_nothing(page):
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
     assert MARK in page.encode()[:HEAD]  # by which it may be replaced
     assert list(data["pictures"]) == ["displacement", "stress_11"]
@@ -133,8 +139,7 @@ def dom(page, tmp_path):
 
 
 @pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
-def test_the_slider_of_the_page_shows_the_outputs_in_a_browser(folder, tmp_path):
-    page = html_page(pds.load_result(folder), ["displacement", "stress_11"])
+def test_the_slider_of_the_page_shows_the_outputs_in_a_browser(page, tmp_path):
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
 
     def shown(document):
@@ -150,9 +155,8 @@ def test_the_slider_of_the_page_shows_the_outputs_in_a_browser(folder, tmp_path)
 
 
 @pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
-def test_the_page_fits_a_phone_and_follows_its_colors(folder, tmp_path):
+def test_the_page_fits_a_phone_and_follows_its_colors(page, tmp_path):
     """At 400 pixels nothing is wider than the window but tables, which scroll within their frames."""
-    page = html_page(pds.load_result(folder), ["displacement"])
     assert "prefers-color-scheme: dark" in page
     assert 'content="width=device-width, initial-scale=1"' in page
     inner = page.replace("&", "&amp;").replace('"', "&quot;")

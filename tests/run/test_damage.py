@@ -1,8 +1,5 @@
 """Bonds that break: what leaves with them, what stays exact, and what the critical stretch should be."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from bodies import sheet
@@ -198,15 +195,3 @@ def test_impossible_critical_stretches(stretch):
 def test_models_without_damage_say_so():
     with pytest.raises(ValueError, match=r"ba-nosb does not support bonds that break \(fracture\)"):
         FORCES["ba-nosb"]().bind(sheet(0.1), LAW, ForceSettings(breakable=True))
-
-
-def test_a_scene_without_damage_has_nothing_of_it():
-    """Neither the arrays nor the kernels are there."""
-    code = """
-import pdsurrogate as pds
-result = pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2]), "analytic")
-assert "crack" not in result.summary and "damage" not in result.states[0][1]
-from pdsurrogate.kernels.damage import find_overstretched
-assert not find_overstretched
-"""
-    subprocess.run([sys.executable, "-c", code], check=True)

@@ -521,8 +521,8 @@ def test_what_is_no_force_says_what_is_taken():
             pds.simulate(scene, force)
 
 
-def test_a_simulation_needs_neither_scikit_learn_nor_torch():
-    """Model only what a scene needs: the imports of a run with a learned force."""
+def test_a_simulation_has_what_its_scene_needs():
+    """The imports of a run with a learned force, without scikit-learn and torch; neither arrays nor kernels of damage."""
     code = """
 import sys
 import pdsurrogate as pds
@@ -530,6 +530,9 @@ result = pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2]), 
 assert result.summary["converged"]
 loaded = [name for name in ("sklearn", "torch", "skorch", "matplotlib", "meshio") if name in sys.modules]
 assert not loaded, loaded
+assert "crack" not in result.summary and "damage" not in result.states[0][1]
+from pdsurrogate.kernels.damage import find_overstretched
+assert not find_overstretched
 """
     subprocess.run([sys.executable, "-c", code, str(SHIPPED / "neo-hookean")], check=True)
 
