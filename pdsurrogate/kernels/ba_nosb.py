@@ -102,7 +102,7 @@ def ba_nosb_forces(chunk, positions, table, bonds, volume_ratios, response, para
     rows = block_rows(scratch[chunk.thread])
     count = 0
     for tile in share_of((n + TILE - 1) // TILE, chunk):
-        held = 0
+        held = np.int64(0)  # numba would compile `_block_forces` once more for a literal 0
         at = bond_pointers[tile * TILE]
         for i in range(tile * TILE, min(n, (tile + 1) * TILE)):
             if bond_pointers[i + 1] > bond_pointers[i]:
@@ -113,7 +113,7 @@ def ba_nosb_forces(chunk, positions, table, bonds, volume_ratios, response, para
                 if held == BLOCK:
                     count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
                     at += np.uint64(BLOCK)
-                    held = 0
+                    held = np.int64(0)
         if held > 0:
             count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
     return count
