@@ -226,7 +226,7 @@ def _solids(moved: Moved, values: list[np.ndarray], titles: list[str], limits: L
             cut.add_collection(LineCollection(lines[:, :, across], **style))
         low, high = box[:, across] + 0.02 * np.ptp(box) * np.array([[-1], [1]])
         cut.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel=places[across[0]], ylabel=places[across[1]])
-        cut.set_title(f"deformed section, {PLACES[axis]} = {middle:.3g}")
+        cut.set_title(f"deformed section, {PLACES[axis]} = {middle:z.3g}")
     return figure, drawn, figure.axes
 
 
