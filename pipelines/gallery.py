@@ -102,7 +102,7 @@ def page(entries: dict[str, dict]) -> str:
         "`python pipelines/gallery.py` makes all of it.",
     ]
     for name, entry in entries.items():
-        size = f"{entry['points']:,} points, `{entry['force']}`, {entry['seconds']:g} s"
+        size = f"{entry['points']:,} points, force model `{entry['force']}`, computed in {entry['seconds']:g} s"
         picture = f"![{entry['title']}](figures/gallery/{name}.png)"
         lines += ["", f"## {name}", "", f"{entry['title']}. {SHOWN[name]}", "", picture, "", f"`{entry['command']}`: {size}."]
     return "\n".join(lines) + "\n"

@@ -17,7 +17,7 @@ for one screen."""
 
 
 def study(
-    description: Annotated[Path, Argument(metavar="STUDY", help="Path of a study file (.toml): a scene or a fit, and parameters.")],
+    description: Annotated[Path, Argument(metavar="STUDY", help="Study file (.toml): a scene or a fit, and the parameters to vary.")],
     folder: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the results (default: named after STUDY).")] = None,
     jobs: Annotated[int | None, Option(help="Number of parallel runs (default: number of cores).", min=1)] = None,
     threads: Annotated[int | None, Option(help="Number of threads of each run (default: cores divided by jobs).", min=1)] = None,
