@@ -27,7 +27,7 @@ from pdsurrogate.scenes import Scene, SceneError, load_scene, scene_names
 from pdsurrogate.scenes.reading import _place_of
 
 SLOWEST = 2.0
-"""Seconds that any one file may take: reading a good one takes milliseconds."""
+"""Processor seconds that any one file may take: reading a good one takes milliseconds."""
 
 GOOD = {name: {path.name: path.read_bytes() for path in sorted((SHIPPED / name / "1").iterdir())} for name in ("neo-hookean", "gent")}
 
@@ -205,14 +205,14 @@ def check_artifacts(folder, each: int) -> dict[str, int]:
             place.mkdir()
             for name, data in files.items():
                 (place / name).write_bytes(data)
-            began = time.perf_counter()
+            began = time.process_time()
             model = None
             try:
                 card = load_card(place)
                 model = load_surrogate(place)
             except ArtifactError:
                 refused[damage.__name__] += 1
-            assert time.perf_counter() - began < SLOWEST, f"{damage.__name__} {number}"
+            assert time.process_time() - began < SLOWEST, f"{damage.__name__} {number}"
             if model is not None:
                 # Whatever was accepted is whole: digests that match, and numbers where numbers belong.
                 data = (place / "surrogate.npz").read_bytes()
@@ -300,13 +300,13 @@ def test_300_corrupted_checkpoints(checkpointed, tmp_path):
         else:
             data = rewritten(good, random)
         (tmp_path / "checkpoint.npz").write_bytes(data)
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             found = Checkpoint.read(tmp_path, run.checkpoints.identity, shapes)
             assert all(np.isfinite(array).all() for array in found.arrays.values())
         except CheckpointError:
             refused += 1
-        assert time.perf_counter() - began < SLOWEST
+        assert time.process_time() - began < SLOWEST
     assert refused > 210
 
 
@@ -393,7 +393,7 @@ def check_scenes(folder, number: int) -> int:
     path = folder / "scene.toml"
     for k in range(number):
         path.write_bytes(damaged_scene(texts[k % len(texts)], random))
-        began = time.perf_counter()
+        began = time.process_time()
         try:
             scene = load_scene(path)
             assert isinstance(scene, Scene)
@@ -406,7 +406,7 @@ def check_scenes(folder, number: int) -> int:
                 build_body(scene)
         except SceneError:
             refused += 1
-        assert time.perf_counter() - began < SLOWEST, path.read_text("utf-8", "replace")
+        assert time.process_time() - began < SLOWEST, path.read_text("utf-8", "replace")
     return refused
 
 
@@ -430,10 +430,10 @@ def test_500_corrupted_scene_files(tmp_path):
 def test_scenes_that_would_fill_memory_or_write_elsewhere_are_refused(change, message, tmp_path, monkeypatch):
     """A grid of 3e18 points, all pairs of a body, a step count past memory, names that are paths or markup: status 2 at once."""
     monkeypatch.chdir(tmp_path)
-    began = time.perf_counter()
+    began = time.process_time()
     done = CliRunner().invoke(app, ["run", "uniaxial", "--set", change, "--out", str(tmp_path / "out")])
     assert done.exit_code == 2, done.output
     assert message in done.stderr
     assert "Traceback" not in done.output
-    assert time.perf_counter() - began < 10
+    assert time.process_time() - began < 10
     assert not [path for path in tmp_path.iterdir() if path.name != "out"]
