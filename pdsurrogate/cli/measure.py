@@ -54,7 +54,7 @@ def compare(
 def stress_test(
     force: Forces = None,
     plane: Annotated[Literal["stress", "space"] | None, Option(help="Sheets in plane stress, or solids (default: both).")] = None,
-    quick: Annotated[bool, Option("--quick", help="Take a fiftieth of the explicit time steps.")] = False,
+    quick: Annotated[bool, Option("--quick", help="Run dynamic cases for a fiftieth of their time steps.")] = False,
     folder: ReportFolder = None,
     overwrite: Overwrite = False,
     threads: Threads = None,
