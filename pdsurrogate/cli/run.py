@@ -102,7 +102,7 @@ def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
         pushed = "The grips compress the body" if scene.stretched else "Parts of the body are compressed"
         why = f"{model.name} defines no energy; use a force that does, such as bond-energy"
         if model.family == "bond energy":
-            why = "the loads have no potential (for example a pressure on only a part of a closed surface)"
+            why = "a pressure has no potential on a part of a closed boundary, and none in plane stress unless its thickness is undeformed"
         warn(f"{pushed}, but whether it buckles was not checked: {why}.")
     outside = result.summary["fraction_outside_domain"]
     if outside and scene.outside != "raise":

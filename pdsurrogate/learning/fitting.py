@@ -353,7 +353,7 @@ def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is store
         against = "".join([law.name, *(f", {key} = {value:g}" for key, value in law.shape.items())])
         fault = f"{100 * rms:.2g} % relative to {against}, the law that it was compared with and {role}"
         warnings.warn(f"{what} has an RMS error of {fault}: it was fitted too coarsely, or to samples of another law", stacklevel=4)
-    elif worst["rms"] > MOST_STORED:
+    if worst["rms"] > MOST_STORED:
         # Enormous forces at the ends of the range make all errors relatively small.
         low, high = worst["strain"]
         fault = f"{100 * worst['rms']:.2g} % at strains from {low:g} to {high:g}, though it is small relative to the greatest forces"

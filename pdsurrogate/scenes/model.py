@@ -232,7 +232,7 @@ class Fracture(StrictModel):
 
     def model_post_init(self, _) -> None:
         if (self.critical_stretch is None) == (self.energy is None):
-            raise ValueError("fracture needs either a critical_stretch or an energy")
+            raise ValueError("fracture needs exactly one of critical_stretch and energy")
 
 
 class Dynamics(DynamicsSettings):
