@@ -5,9 +5,10 @@ import os
 # The many processes that tests start shall not compile the package from its source, each anew, where the environment asks for that.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# Threads beyond the free cores spin; two are enough to test that their number changes nothing.
+# Threads beyond the free cores spin; two are enough to test that their number changes nothing. Torch and scikit-learn read OMP_NUM_THREADS.
 os.environ.setdefault("NUMBA_NUM_THREADS", "2")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import importlib.util
 import json
@@ -20,6 +21,7 @@ from hypothesis import settings
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts.card import checked_card
+from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Polyconvex, Yeoh
 
 # A shell starts commands in the background with Ctrl-C ignored, and processes of tests would inherit that.
@@ -61,6 +63,13 @@ def sealed(card: dict) -> str:
 
 
 PUBLIC_NAMES = [*pds.__all__, *(f"{room}.{name}" for room, names in vars(pds)["_IN_ROOMS"].items() for name in names.split())]
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Bind forces on one thread unless a test asks for more: two threads of each worker wait for each other on busy cores."""
+    with thread_count(1):
+        yield
 
 
 @pytest.fixture
