@@ -3,8 +3,9 @@
 python pipelines/guide_pictures.py    writes docs/figures/guide/*.png, in a minute
 """
 
-import matplotlib.pyplot as plt
+import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 from pages import FIGURES
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.linear_model import Ridge
@@ -15,28 +16,28 @@ import pdsurrogate as pds
 from pdsurrogate.discretization import discretize
 from pdsurrogate.materials import LAWS, homogeneous
 from pdsurrogate.ranks import bisected, bond_counts
+from pdsurrogate.results import figures
 
 FOLDER = FIGURES / "guide"
 
 
-def laws() -> plt.Figure:
+def laws() -> Figure:
     """Nominal stress of every law in uniaxial tension, with default parameters."""
-    figure, axes = plt.subplots(figsize=(5.6, 3.4), layout="constrained")
+    stretches = np.linspace(1, 6, 51)
+    figure = Figure(figsize=(4.8, 3.2), layout="constrained")
+    axes = figure.subplots()
+    axes.set_prop_cycle(color=matplotlib.colormaps["tab10"].colors)  # the style has six colors only
     for name, kind in LAWS.items():
-        law, stretches, stresses = kind(), [], []
-        for stretch in np.linspace(1, 6, 51):
-            try:
-                stresses.append(homogeneous.uniaxial(law, stretch).nominal_stress / law.shear_modulus)
-            except ValueError:  # beyond the limiting extension of the law
-                break
-            stretches.append(stretch)
+        law = kind()
+        stresses = [homogeneous.uniaxial(law, stretch).nominal_stress / law.shear_modulus for stretch in stretches]
+        # With its default parameters this law is Neo-Hookean.
         axes.plot(stretches, stresses, "--" if name == "polyconvex" else "-", label=name)
-    axes.set(xlabel="stretch", ylabel="nominal stress / shear modulus", ylim=(0, 8))
-    axes.legend(frameon=False, fontsize=8)
+    axes.set(xlabel="stretch", ylabel="nominal stress / shear modulus")
+    axes.legend(fontsize=8)
     return figure
 
 
-def regressors() -> plt.Figure:
+def regressors() -> Figure:
     """Error of the bond force by strain for three regressors that learned the same samples of Ogden's law."""
     law = pds.materials.Ogden()
     samples = pds.training_samples(law, 2000, (0.6, 2.5), random_state=0)
@@ -45,31 +46,34 @@ def regressors() -> plt.Figure:
         "PolynomialFeatures(6), Ridge(1e-4)": make_pipeline(PolynomialFeatures(6), Ridge(1e-4)),
         "ChebyshevRegressor(8)": pds.learning.ChebyshevRegressor(8),
     }
-    figure, axes = plt.subplots(figsize=(5.6, 3.2), layout="constrained")
+    figure = Figure(figsize=(4.8, 3.2), layout="constrained")
+    axes = figure.subplots()
     for name, regressor in brought.items():
         model = pds.surrogate_pipeline(regressor, features="isochoric").fit(samples.X, samples.y)
         bins = pds.evaluate(model, law, (0.6, 2.5), 4000)["by_strain"]
         axes.loglog([np.sqrt(np.prod(row["strain"])) for row in bins], [row["rms"] for row in bins], "o-", label=name)
     axes.set(xlabel="greatest principal strain", ylabel="RMS error of the force / RMS force")
-    axes.legend(frameon=False, fontsize=8)
+    axes.legend()
     return figure
 
 
-def ranks(size: int = 4) -> plt.Figure:
+def ranks(size: int = 4) -> Figure:
     """Points of the scene `hole` in the color of the rank that computes them."""
     body = discretize(pds.load_scene("hole", spacing=0.08))[0]
     weights = bond_counts(body.points, body.horizon, slice(0, len(body)))
     owners = bisected(body.points, weights, size)
-    figure, axes = plt.subplots(figsize=(3.6, 3.8), layout="constrained")
+    figure = Figure(figsize=(3.6, 3.8), layout="constrained")
+    axes = figure.subplots()
     for rank in range(size):
         axes.plot(*body.points[owners == rank].T, "s", markersize=2.8, label=f"rank {rank}")
     axes.set(aspect="equal", xlabel="x₁ (cm)", ylabel="x₂ (cm)")
-    figure.legend(loc="outside lower center", ncols=size, frameon=False, fontsize=8, markerscale=2)
+    figure.legend(loc="outside lower center", ncols=size, markerscale=2)
     return figure
 
 
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
-    for name, draw in {"laws": laws, "regressors": regressors, "ranks": ranks}.items():
-        draw().savefig(FOLDER / f"{name}.png", dpi=110)
-        print(FOLDER / f"{name}.png")
+    with matplotlib.rc_context(figures.STYLE):
+        for draw in (laws, regressors, ranks):
+            figures.save(draw(), FOLDER / f"{draw.__name__}.png")
+            print(FOLDER / f"{draw.__name__}.png")

@@ -299,11 +299,9 @@ def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
         calls[where]()
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-@pytest.mark.parametrize("how", ["Python", "C"])
-def test_ctrl_c_ends_what_does_not_hear_it(tmp_path, how):
-    """While a preconditioner was set up, or a kernel compiled, an interrupt was noted and nothing happened for minutes."""
-    process = begun(HELD_UP, how, "run", "uniaxial", *SHEET, "--set", "stretches=1.5", "--out", tmp_path)
+def interrupted_where_held_up(code, where, folder):
+    """Interrupt a run that a program holds up, check that it ends with status 130 and without a traceback, and return what it printed."""
+    process = begun(code, where, "run", "uniaxial", *SHEET, "--set", "stretches=1.5", "--out", folder)
     while process.stdout.readline().strip() != "held up":
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
@@ -311,6 +309,14 @@ def test_ctrl_c_ends_what_does_not_hear_it(tmp_path, how):
     assert process.returncode == 130, told
     assert "interrupted" in told
     assert "Traceback" not in told
+    return told
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("how", ["Python", "C"])
+def test_ctrl_c_ends_what_does_not_hear_it(tmp_path, how):
+    """While a preconditioner was set up, or a kernel compiled, an interrupt was noted and nothing happened for minutes."""
+    interrupted_where_held_up(HELD_UP, how, tmp_path)
     assert pds.load_result(tmp_path).status in ("interrupted", "running")
 
 
@@ -318,14 +324,8 @@ def test_ctrl_c_ends_what_does_not_hear_it(tmp_path, how):
 @pytest.mark.parametrize("what", ["checkpoint", "picture"])
 def test_ctrl_c_while_a_file_is_written_ends_with_one_line(tmp_path, what):
     """An archive left open made the command end with status 2 and "Can't close the ZIP file", or print "Exception ignored"."""
-    process = begun(HELD_UP_WRITING, what, "run", "uniaxial", *SHEET, "--set", "stretches=1.5", "--out", tmp_path)
-    while process.stdout.readline().strip() != "held up":
-        assert process.poll() is None
-    process.send_signal(signal.SIGINT)
-    told = process.communicate(timeout=60)[0]
-    assert process.returncode == 130, told
-    assert "interrupted" in told
-    for words in ("Traceback", "Exception ignored", "ZIP file"):
+    told = interrupted_where_held_up(HELD_UP_WRITING, what, tmp_path)
+    for words in ("Exception ignored", "ZIP file"):
         assert words not in told
     assert pds.load_result(tmp_path).status in ("done", "interrupted", "running")
     assert not list(tmp_path.glob(f"{TEMPORARY}*"))
