@@ -2,7 +2,7 @@
 
 python pipelines/compare_commits.py OLD NEW --figures     sections 6.2 to 6.7, tears at a coarser spacing
 python pipelines/compare_commits.py OLD NEW --conformance every property and hard case of every force model, with few explicit steps
-python pipelines/compare_commits.py OLD NEW --speed       every force model on one thread and on two, in turns
+python pipelines/compare_commits.py OLD NEW --speed       every force model in sheets and in a solid, on one thread and on two, in turns
 python pipelines/compare_commits.py OLD NEW --materials   bodies of two materials, in a sheet and in a solid, in turns
 python pipelines/compare_commits.py OLD NEW --runs        whole runs of sections 6.2 and 6.5, in turns
 python pipelines/compare_commits.py OLD NEW --compile     first evaluation and first run with an empty cache
@@ -26,7 +26,7 @@ from statistics import median
 
 ROOT = Path(__file__).resolve().parents[1]
 
-MODELS = (
+SHEETS = (
     "neo-hookean",
     "neo-hookean-paper",
     "neo-hookean-energy",
@@ -38,6 +38,9 @@ MODELS = (
     "ogden",
     "full-network",
 )
+SOLIDS = ("bond-energy", "nosb", "neo-hookean-isochoric", "ogden-isochoric", "full-network-isochoric", "arruda-boyce-isochoric")
+WIDTHS = (10, 50, 163)
+"""Points along the shorter side of the sheets of 3 by 1 in which costs are compared: 300, 7,500 and 79,707 points."""
 
 STARTS = 3
 """How often the processes are started in which costs are compared."""
@@ -89,19 +92,31 @@ from pathlib import Path
 import numba, numpy as np
 import pdsurrogate as pds
 from pdsurrogate.reports.speed import bench_positions
-MOST = numba.config.NUMBA_NUM_THREADS
-bound = {}
+bound, bodies = {}, {}
+def sheet(width):
+    return pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
+def solid():
+    middles = (np.arange(20) + 0.5) / 20
+    points = np.stack(np.meshgrid(middles, middles, middles, indexing="ij"), axis=-1).reshape(-1, 3)
+    return pds.Body(points, np.full(len(points), 20.0**-3), 2.2 / 20)
 for line in sys.stdin:
     name, width, threads = json.loads(line)
     numba.set_num_threads(threads)
     if (name, width, threads) not in bound:
-        body = pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
+        if width not in bodies:
+            bodies[width] = sheet(width) if width else solid()
+        body = bodies[width]
         model = pds.load_surrogate(name)
         card = Path("artifacts") / name / "1" / "card.json"
         material = json.loads(card.read_text())["material"]["trained_with"] if card.exists() else {"law": "neo-hookean"}
         law = pds.materials.LAWS[material.pop("law")](**{key: tuple(v) if isinstance(v, list) else v for key, v in material.items()})
-        force = model.bind(body, law, pds.ForceSettings())
-        bound[name, width, threads] = force, bench_positions(body, law), np.empty_like(body.points), body.bonds.n_directed
+        if width:
+            settings, positions = pds.ForceSettings(), bench_positions(body, law)
+        else:
+            settings = pds.ForceSettings(plane="space")
+            positions = body.points * [1.3, 0.9, 0.87] + 0.02 * np.sin(9 * body.points[:, [1, 2, 0]])
+        force = model.bind(body, law, settings)
+        bound[name, width, threads] = force, positions, np.empty_like(body.points), body.bonds.n_directed
         for _ in range(3):
             force(*bound[name, width, threads][1:3])
     force, positions, out, bonds = bound[name, width, threads]
@@ -227,7 +242,8 @@ def compare_speed(paths: list[Path], turns: int) -> None:
 
     Both processes are started anew a few times, since where memory lies counts, and each goes first in every other turn.
     """
-    cases = [(name, width, threads) for name in MODELS for width in (10, 50) for threads in (1, 2)]
+    cases = [(name, width, threads) for width in WIDTHS for name in SHEETS for threads in (1, 2)]
+    cases += [(name, 0, threads) for name in SOLIDS for threads in (1, 2)]
     pairs = {case: [] for case in cases}
     for _ in range(STARTS):
         both = [start(path, SPEED) for path in paths]
@@ -239,11 +255,12 @@ def compare_speed(paths: list[Path], turns: int) -> None:
         for process in both:
             process.kill()
             process.wait()
-    print(f"{'model':20} {'points':>7} {'threads':>7} {'old':>8} {'new':>8} {'new/old':>8}   ns per directed bond")
+    print(f"{'model':24} {'points':>7} {'threads':>7} {'old':>8} {'new':>8} {'new/old':>8}   ns per directed bond")
     for (name, width, threads), found in pairs.items():
         ratio = median(new / old for old, new in found)
         old, new = (median(values) for values in zip(*found, strict=True))
-        print(f"{name:20} {3 * width * width:7} {threads:7} {old:8.2f} {new:8.2f} {ratio:8.3f}", flush=True)
+        points = 3 * width * width if width else 8000
+        print(f"{name:24} {points:7} {threads:7} {old:8.2f} {new:8.2f} {ratio:8.3f}", flush=True)
 
 
 def compare_materials(paths: list[Path], turns: int) -> None:

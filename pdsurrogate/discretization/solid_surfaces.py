@@ -17,7 +17,7 @@ from ..body import Surface, encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
 from ..scenes.shapes import Outline
 from ..scenes.solids import Prism, Solid, Straight
-from .chains import BESIDE, ROUNDING, between_material_and_none, pieces, same_places
+from .chains import ROUNDING, boundary_of, same_places
 
 AWAY = 0.6
 """Distance, in cells, from the boundary of a section within which a cap has no nodes other than those on the boundary. Chosen: the nodes
@@ -240,9 +240,8 @@ def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, ho
         sides, chain = np.stack([np.arange(len(nodes)), np.roll(np.arange(len(nodes)), -1)], axis=1), np.zeros(len(nodes), dtype=int)
         cap = _tiles(nodes)
     else:
-        nodes, sides, curves = pieces([shape.boundary(beside * (1 + isinstance(shape, Circle | Ellipse))) for shape in shapes], tolerance)
-        sides, chain = between_material_and_none(nodes, sides, curves, BESIDE / ROUNDING * tolerance)
-        nodes, sides, chain, cap = _triangulated(nodes, sides, chain, beside)
+        chains = [shape.boundary(beside * (1 + isinstance(shape, Circle | Ellipse))) for shape in shapes]
+        nodes, sides, chain, cap = _triangulated(*boundary_of(chains, tolerance), beside)
 
     def placed(places: np.ndarray, level: np.ndarray | float) -> np.ndarray:
         found = np.empty((*places.shape[:-1], 3))

@@ -13,7 +13,7 @@ from ..ranks.share import connected
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
-from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
+from .chains import ROUNDING, boundary_of
 from .meshes import mesh_of
 from .solid_surfaces import boundary_of_solids, quarters
 
@@ -50,9 +50,8 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     elif scene.dimension == 3:
         nodes, facets, parts = boundary_of_solids(scene, body.cell, lower, upper)
     else:
-        nodes, facets, curves = pieces([shape.boundary(body.cell) for shape in (scene.body, *scene.holes)], ROUNDING * extent)
-        facets, curves = between_material_and_none(nodes, facets, curves, BESIDE * extent)
-        parts = np.where(curves == 0, "outline", np.char.add("holes.", (curves - 1).astype(str)))
+        nodes, facets, chain = boundary_of([shape.boundary(body.cell) for shape in (scene.body, *scene.holes)], ROUNDING * extent)
+        parts = np.where(chain == 0, "outline", np.char.add("holes.", (chain - 1).astype(str)))
     used, facets = np.unique(facets, return_inverse=True)
     nodes, facets = nodes[used], facets.reshape(-1, scene.dimension)
     for edge in edge_names(scene.dimension):

@@ -136,11 +136,11 @@ class MaterialPoints:
             have_states([self], Steps(self._kinematics.body.share, *self.steps)())
 
     def note(self, counts: list[int]) -> bool:
-        """Remove the counts of this material's state passes from the front of `counts`; return whether all its points have a state.
+        """Take the `counts` of this material's state passes; return whether all its points have a state.
 
         If a point has none, the next evaluation starts from volume ratios of 1.
         """
-        found = not sum(counts.pop(0) for _ in self.steps)
+        found = not any(counts)
         self._found_at = self._kinematics.changes if found else -1
         if not found:
             self.kept_ratios[:] = 1.0  # a later evaluation then starts from the initial values
@@ -186,7 +186,12 @@ def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]
     InvalidState
         If a point has no state; the message names it.
     """
-    unsolved = [points for points in materials if not points.note(counts)]
-    if unsolved:
-        raise InvalidState(unsolved[0].diagnose())
-    return counts
+    unsolved, begun = None, 0
+    for points in materials:
+        end = begun + len(points.steps)
+        if not points.note(counts[begun:end]):
+            unsolved = unsolved or points
+        begun = end
+    if unsolved is not None:
+        raise InvalidState(unsolved.diagnose())
+    return counts[begun:]

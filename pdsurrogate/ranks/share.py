@@ -48,13 +48,16 @@ class Halo:
 
     def clear(self, field: np.ndarray) -> None:
         """Set the rows of a field's halo to zero, in place."""
-        field[self.rows] = 0
+        if len(self.rows):
+            field[self.rows] = 0
 
     def _exchanged(self, field: np.ndarray, send: dict[int, np.ndarray], receive: dict[int, np.ndarray]) -> list[tuple]:
         """Send the rows `send` of a field, by receiving rank, and receive values for the rows `receive`, by sending rank.
 
         The result is a list of pairs of row numbers and received values, in the order of the sending ranks.
         """
+        if not (send or receive):
+            return []
         incoming = {rank: np.empty((len(rows), *field.shape[1:]), dtype=field.dtype) for rank, rows in sorted(receive.items())}
         self._ranks.exchange({rank: field[rows] for rank, rows in send.items()}, incoming)
         return [(receive[rank], values) for rank, values in incoming.items()]

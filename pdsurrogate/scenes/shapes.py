@@ -5,7 +5,9 @@ from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+import shapely
 from pydantic import BeforeValidator, Field
+from scipy.spatial import cKDTree
 
 from ..body import encloses
 from .strict_model import Point, Positive, StrictModel
@@ -244,56 +246,28 @@ def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
 def _crossing(corners: np.ndarray) -> str | None:
     """Return, in words, where the outline of a polygon with given corners crosses itself or runs around twice; None if it is valid.
 
-    Sides may touch, and may run back along each other, as the two sides do that connect an inner opening with the outer outline. The sides
-    are divided into pieces where they meet. The outline is valid if its winding numbers just beside every piece, on both sides, are 0 or 1
-    (0 or -1 for a clockwise outline).
+    Sides may touch, and may run back along each other, as the two sides do that connect an inner opening with the outer outline. The
+    outline divides the plane into faces. It is valid if it winds around every face 0 or 1 times (0 or -1 times if it is clockwise).
     """
     extent = float(np.ptp(corners, axis=0).max())
-    starts = corners[np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1) > 1e-9 * extent]
-    if len(starts) < 3:
+    windings = {}
+    for face in shapely.polygonize([shapely.node(shapely.linearrings(corners))]).geoms:
+        if face.area > 1e-9 * extent * face.length:  # not a sliver between sides that run along each other
+            around = (corners - shapely.get_coordinates(face.representative_point())) @ [1, 1j]
+            windings[face] = round(np.angle(np.roll(around, -1) / around).sum() / (2 * np.pi))
+    sense = max(windings.values(), key=abs, default=0)
+    wrong = [face for face, turns in windings.items() if turns not in (0, np.sign(sense))]
+    if not wrong:
         return None
-    along = np.roll(starts, -1, axis=0) - starts
-    lengths = np.linalg.norm(along, axis=1)
-    crossings, middles, normals = [], [], []
-    for number, (start, side, length) in enumerate(zip(starts, along, lengths, strict=True)):
-        offsets = starts - start
-        turn, across, ahead = _cross(side, along), _cross(side, offsets), _cross(offsets, along)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share, of_other = ahead / turn, -across / turn
-        margin = 1e-9 * extent / length
-        crossed = (margin < share) & (share < 1 - margin) & (of_other > 0) & (of_other < 1)
-        crossings += [(start + share[other] * side, number, int(other)) for other in np.flatnonzero(crossed)]
-        shares = np.concatenate([[0.0, 1.0], share[crossed], ((offsets @ side) / length**2)[np.abs(across) < 1e-9 * extent * length]])
-        shares = np.sort(shares[(shares >= 0) & (shares <= 1)])
-        shares = shares[np.concatenate([[True], np.diff(shares) > margin])]
-        middles.append(start + ((shares[1:] + shares[:-1]) / 2)[:, None] * side)
-        normals.append(np.tile([-side[1], side[0]] / length, (len(shares) - 1, 1)))
-    places, beside = np.concatenate(middles), 1e-7 * extent * np.concatenate(normals)
-    windings = np.stack([_windings(places + sign * beside, starts, along) for sign in (1, -1)], axis=1)
-    sense = 1 if _cross(starts, np.roll(starts, -1, axis=0)).sum() > 0 else -1
-    wrong = np.flatnonzero(((windings != 0) & (windings != sense)).any(axis=1))
-    if not len(wrong):
-        return None
-    if crossings:
-        place, one, other = crossings[0]
-        return f"crosses itself at ({place[0]:.4g}, {place[1]:.4g}), where the sides that begin at corners {one} and {other} meet"
-    place = places[wrong[0]]
-    return f"runs around itself more than once, or crosses itself at a corner: it does so near ({place[0]:.4g}, {place[1]:.4g})"
+    places = shapely.get_coordinates(wrong[0])
+    crossings = places[cKDTree(corners).query(places)[0] > 1e-9 * extent]
+    if len(crossings):
+        return f"crosses itself at ({crossings[0, 0]:.4g}, {crossings[0, 1]:.4g})"
+    return f"runs around itself more than once, or crosses itself at a corner, near ({places[0, 0]:.4g}, {places[0, 1]:.4g})"
 
 
 def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-
-
-def _windings(places: np.ndarray, starts: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Return how often a closed polygon, given by the `starts` and vectors `along` of its sides, winds counterclockwise around a place."""
-    windings = np.zeros(len(places), dtype=int)
-    for start, side in zip(starts, along, strict=True):
-        offsets = places - start
-        left = _cross(side, offsets) > 0
-        windings += (offsets[:, 1] >= 0) & (offsets[:, 1] < side[1]) & left
-        windings -= (offsets[:, 1] < 0) & (offsets[:, 1] >= side[1]) & ~left
-    return windings
 
 
 def _around(center: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:

@@ -40,6 +40,8 @@ BODIES = {
     "hole across an edge": (SQUARE, [circle(0.5, 1.3, 0.0)], 4 - SEGMENT, 2e-3),
     "slot across an edge": (SQUARE, [box((0.4, -0.15), (1.2, 0.15))], 4 - 0.18, 1e-12),
     "slot along an edge": (SQUARE, [box((0.7, -0.15), (1.0, 0.15))], 4 - 0.09, 1e-12),
+    "slot along an edge but for rounding": (SQUARE, [box((0.7, -0.15), (1.0 - 1e-10, 0.15))], 4 - 0.09, 1e-9),
+    "holes that share a side but for rounding": (SQUARE, [box((-0.5, -0.5), (-1e-10, 0.1)), box((0.0, -0.5), (0.5, 0.3))], 4 - 0.7, 1e-9),
     "holes that overlap": (SQUARE, [box((-0.5, -0.5), (0.1, 0.1)), box((-0.1, -0.1), (0.5, 0.5))], 4 - 0.72 + 0.04, 1e-12),
     "holes that share a side": (SQUARE, [box((-0.5, -0.5), (0.0, 0.1)), box((0.0, -0.5), (0.5, 0.3))], 4 - 0.3 - 0.4, 1e-12),
     "holes that share an edge on one side": (SQUARE, [box((-0.5, -0.5), (0.0, 0.5)), box((-0.5, -0.5), (0.5, 0.0))], 4 - 0.75, 1e-12),
