@@ -143,8 +143,6 @@ PICTURES = {
 }
 """Number of pictures on a page that it draws itself."""
 
-QUICK = ("tutorial/own-scene.md",)
-
 
 def size_of(picture: Path) -> tuple[int, int]:
     """Return width and height of a PNG file in pixels, which differ a little with the fonts and the version of matplotlib."""
@@ -159,8 +157,8 @@ def _marked(name: str, *others):
     return pytest.param(name, marks=marks, id=Path(name).stem)
 
 
-# Pictures and pages, fits, processes, cracks.
-@pytest.mark.parametrize("name", [_marked(name, *([] if name in QUICK else [pytest.mark.slow])) for name in PAGES])
+@pytest.mark.slow  # pictures, fits, processes, cracks
+@pytest.mark.parametrize("name", [_marked(name) for name in PAGES])
 def test_pages_do_what_they_say(name, tmp_path):
     page = DOCS / name
     printed = type_in(page, tmp_path, **SLEEPING)

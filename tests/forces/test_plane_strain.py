@@ -44,7 +44,13 @@ def fourth_order(function, step):
     return (8 * (function(step) - function(-step)) - (function(2 * step) - function(-2 * step))) / (12 * step)
 
 
-@pytest.mark.parametrize("law", [cls() for cls in LAWS.values()], ids=lambda law: law.name)
+SLOW_LAWS = {"yeoh", "mooney-rivlin", "arruda-boyce", "full-network"}
+"""Laws that the quick suite leaves out: each compiles its own response, and the others have every kind, of invariants and of stretches."""
+
+
+@pytest.mark.parametrize(
+    "law", [pytest.param(cls(), id=name, marks=[pytest.mark.slow] * (name in SLOW_LAWS)) for name, cls in LAWS.items()]
+)
 def test_homogeneous_states_are_those_of_a_solid(law):
     """Stress and energy of every law under every exact model against space with F33 = 1, edges included; the stress across too.
 

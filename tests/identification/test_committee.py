@@ -20,7 +20,11 @@ def measured():
 
 
 @pytest.mark.parametrize(
-    "law", [pds.materials.Gent(0.4, 400.0, 60.0), pds.materials.ArrudaBoyce(0.4, 400.0, 20.0)], ids=["gent", "arruda-boyce"]
+    "law",
+    [
+        pytest.param(pds.materials.Gent(0.4, 400.0, 60.0), id="gent"),
+        pytest.param(pds.materials.ArrudaBoyce(0.4, 400.0, 20.0), id="arruda-boyce", marks=pytest.mark.slow),  # the same by another law
+    ],
 )
 def test_stresses_are_within_twice_the_spread(law, measured):
     """Of states between the tests, by twelve sets of data with 2 % of noise, each weighted by its variance.

@@ -124,10 +124,10 @@ def test_forces_of_two_materials_have_the_same_bits(ranks, number):
 EQUILIBRIA = [
     ("hole", "analytic", {"spacing": 0.1}, 2),
     ("bonded-block", None, {"spacing": 1 / 6, "stretches": 1.2}, 2),
-    ("bimaterial", None, {"spacing": 0.1, "stretches": 1.2}, 2),
 ]
 
 LARGER = [
+    ("bimaterial", None, {"spacing": 0.1, "stretches": 1.2}, 2),
     ("ring-pressure", "analytic", {}, 3),
     ("bimaterial", None, {"spacing": 0.05}, 3),
     ("bonded-block", None, {"spacing": 0.125, "material.bulk_modulus": 1000}, 2),
@@ -226,7 +226,9 @@ CASES = {
 
 
 @several
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [case if status != 1 else pytest.param(case, marks=pytest.mark.slow) for case, (_, status) in CASES.items()]
+)
 def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
     """Line by line on either stream but for times and counts of evaluations, with one exit status, and with the same files left behind."""
     settings, expected = CASES[case]

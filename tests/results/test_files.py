@@ -61,7 +61,7 @@ def killed(program: str, delay: float, *arguments) -> None:
     process.stdout.close()
 
 
-@pytest.mark.parametrize("delay", [0.011, 0.05, 0.123])
+@pytest.mark.parametrize("delay", [0.05, *(pytest.param(delay, marks=pytest.mark.slow) for delay in (0.011, 0.123))])
 def test_a_kill_leaves_the_old_file_or_the_new_one(tmp_path, delay):
     (tmp_path / "summary.json").write_text(json.dumps({"number": 0, "data": [0] * 50_000}))
     killed(ENDLESS_JSON, delay, tmp_path)

@@ -102,6 +102,7 @@ def test_cuts_of_scenes_in_space():
         load_scene("trousers", {"precuts": [{"start": [0.0, 8.0], "end": [16.0, 8.0]}]})
 
 
+@pytest.mark.slow  # 14,000 points
 def test_opening_of_a_disc_crack():
     """By what it takes off the force, against linear elasticity: 1.0350 of Sneddon's volume in this cylinder, by the finite elements of
     `pipelines/disc_crack.py`; bonds are cut as if the disc were wider by 0.3 to 0.45 of a spacing."""

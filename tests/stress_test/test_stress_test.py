@@ -68,6 +68,7 @@ QUICK_IN_SPACE = ("single_point", "checkerboard", "least_eigenvalue", "rigid_mot
 """Cases of a few seconds."""
 
 
+@pytest.mark.slow  # the quick suite has these models among the properties of `test_conformance.py`
 def test_in_space_a_learned_energy_passes_and_nosb_shows_its_modes(monkeypatch):
     keys = (*QUICK_IN_SPACE, "beyond_the_domain", "sudden_load", "time_step")
     monkeypatch.setattr(report_module, "CASES", tuple(case for case in CASES if case.key in keys))
