@@ -50,8 +50,7 @@ def test_mypy_checks_the_modules_that_define_public_names():
 OPTIONS = {"mypy": ["--config-file=", "--follow-imports=silent", "--ignore-missing-imports"], "pyright": ["--pythonpath", sys.executable]}
 
 
-# mypy reads the whole package in half a minute; pyright checks the same scripts among the quick tests.
-@pytest.fixture(scope="module", params=["pyright", pytest.param("mypy", marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=["pyright", "mypy"])
 def lines_with_errors(request):
     """Return, by name of script, the lines in which a type checker finds errors; it checks both scripts in one run."""
     checker = request.param
@@ -67,10 +66,12 @@ def lines_with_errors(request):
     return found
 
 
+@pytest.mark.slow  # a type checker reads the whole package
 def test_right_calls_pass(lines_with_errors):
     assert lines_with_errors["right.py"] == set()
 
 
+@pytest.mark.slow
 def test_each_wrong_call_is_an_error(lines_with_errors):
     lines = (SCRIPTS / "wrong.py").read_text(encoding="utf-8").splitlines()
     assert lines_with_errors["wrong.py"] == {number for number, line in enumerate(lines, 1) if line.startswith("pds.")}
