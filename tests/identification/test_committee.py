@@ -19,12 +19,9 @@ def measured():
     return X, nominal_stress(LAW, X) * (1 + 0.02 * np.random.default_rng(1).standard_normal(len(X)))
 
 
+@pytest.mark.slow  # a dozen committees
 @pytest.mark.parametrize(
-    "law",
-    [
-        pytest.param(pds.materials.Gent(0.4, 400.0, 60.0), id="gent"),
-        pytest.param(pds.materials.ArrudaBoyce(0.4, 400.0, 20.0), id="arruda-boyce", marks=pytest.mark.slow),  # the same by another law
-    ],
+    "law", [pds.materials.Gent(0.4, 400.0, 60.0), pds.materials.ArrudaBoyce(0.4, 400.0, 20.0)], ids=["gent", "arruda-boyce"]
 )
 def test_stresses_are_within_twice_the_spread(law, measured):
     """Of states between the tests, by twelve sets of data with 2 % of noise, each weighted by its variance.

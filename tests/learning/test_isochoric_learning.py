@@ -302,6 +302,7 @@ def test_energy_stays_in_undamped_motion(ogden, plane):
     assert (mass * velocity**2).sum() / 2 > 0.01 * start
 
 
+@pytest.mark.slow  # kernels in single precision are compiled for it
 def test_single_precision_finds_the_same_equilibrium_of_a_bonded_cube():
     """At K = 1000 mu too: volumes are double, so that rounding is that of stresses of mu, 1e-7, and not K/mu times it."""
     changes = {"spacing": 0.2, "material.bulk_modulus": 1000.0, "stretches": 1.2}

@@ -297,6 +297,7 @@ TEAR += ["--set", "fracture.critical_stretch=1.5", "--set", "dynamics.outputs=4"
 
 
 @several
+@pytest.mark.slow
 def test_a_run_checkpointed_on_two_ranks_goes_on_on_three_and_on_one(ranks, tmp_path):
     done = ranks(2, "disturbed", "interrupted", 49, *TEAR, "--out", tmp_path / "a")[0]
     assert "interrupted; to resume from the checkpoint in" in done["err"], done
@@ -411,6 +412,7 @@ def test_a_full_disk_ends_all_with_its_message(tmp_path):
 
 
 @several
+@pytest.mark.slow
 def test_a_rank_that_is_killed_ends_all_and_leaves_a_checkpoint(tmp_path):
     ends(on_ranks(2, HERE / "ranks" / "cases.py", "killed", 60, *MOVING, "--out", tmp_path / "out"), 9, tmp_path / "out.happened")
     check_kept(tmp_path / "out")
