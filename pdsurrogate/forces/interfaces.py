@@ -69,11 +69,11 @@ WORST_CONDITION = 1e6
 """Greatest accepted condition number of a fit of the motion at an interface, with lengths in units of the fit's radius. A layer of two rows
 of points leads to 1e3."""
 
-LEAST_RADIUS = 2.0
+LEAST_RADIUS = 1.5
 """Least radius, in spacings, of a circle or sphere on which depths and normals follow from its center and not from the points."""
 
 MOST_CURVED = 0.5
-"""Greatest product of depth and curvature with which an image takes account of a curved interface. Chosen: theory (64) is derived for small
+"""Greatest product of depth and curvature with which an image takes account of a curved interface. Chosen: theory (62a) is derived for small
 products; a disc of 5 cells' radius has products up to 0.6 and the same error with all limits from 0.5 on."""
 
 Near: TypeAlias = tuple[float, np.ndarray, int, float, Round | None]
@@ -82,14 +82,14 @@ points lie on the other material's side of it, and the circle or sphere that it 
 
 
 class Interfaces:
-    """Interfaces between the materials of a body, where they are straight within a horizon, and the jumps of F across them.
+    """Interfaces between the materials of a body, straight within a horizon, circles or spheres, and the jumps of F across them.
 
     Across the interface of two bonded materials F jumps by c (x) N, with its normal N: the displacement is continuous, its slope along N
     is not. For every point near an interface, c follows from a least-squares fit of the positions by a continuous function that is linear
     or quadratic on either side, theory (54), and is linear in the positions. With c the motion of one material is continued beyond the
     interface: points of the other material are placed where they would be if they moved with this one.
 
-    A point with more than two materials in its horizon, or without a straight interface, has c = 0, and all materials use its actual
+    A point with more than two materials in its horizon, or without such an interface, has c = 0, and all materials use its actual
     position.
 
     Parameters
@@ -162,7 +162,7 @@ class Interfaces:
                 sizes = depth / reach, body.spacing / reach
                 jump, at_image = _mirrored((x, V, beyond), normal, sizes, around == i, volumes_held)
                 if jump is not None:
-                    # Toward the center of a circle or sphere the jump of the slope grows, theory (64).
+                    # Toward the center of a circle or sphere the jump of the slope grows, theory (62a).
                     curved = shape is not None and shape.divides(body.horizon)
                     bent = outwards * min((body.dimension - 1) * depth / shape.radius, MOST_CURVED) if curved else 0.0
                     jump, growth[i] = (1 + bent) * jump, 1 + bent
