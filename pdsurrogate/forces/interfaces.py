@@ -73,8 +73,8 @@ LEAST_RADIUS = 1.5
 """Least radius, in spacings, of a circle or sphere on which depths and normals follow from its center and not from the points."""
 
 MOST_CURVED = 0.5
-"""Greatest product of depth and curvature with which an image takes account of a curved interface. Chosen: theory (62a) is derived for small
-products; a disc of 5 cells' radius has products up to 0.6 and the same error with all limits from 0.5 on."""
+"""Greatest product of depth and curvature with which an image takes account of a curved interface. Chosen: theory (62a) holds for small
+products; a disc of 5 cells' radius, whose products are up to 0.6, has the same error with all limits from 0.5 on."""
 
 Near: TypeAlias = tuple[float, np.ndarray, int, float, Round | None]
 """Interface near a point: distance and unit normal from the point to it, number of the material beyond, share of the horizon's volume whose
