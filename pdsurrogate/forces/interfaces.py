@@ -162,9 +162,9 @@ class Interfaces:
                 sizes = depth / reach, body.spacing / reach
                 jump, at_image = _mirrored((x, V, beyond), normal, sizes, around == i, volumes_held)
                 if jump is not None:
-                    # Toward the center of a circle or sphere the jump of the slope grows, theory (62a).
-                    curved = shape is not None and shape.divides(body.horizon)
-                    bent = outwards * min((body.dimension - 1) * depth / shape.radius, MOST_CURVED) if curved else 0.0
+                    # Toward the center of a circle or sphere of stiff material the jump of the slope grows, theory (62a).
+                    convex = shape is not None and outwards > 0 and shape.divides(body.horizon)
+                    bent = min((body.dimension - 1) * depth / shape.radius, MOST_CURVED) if convex else 0.0
                     jump, growth[i] = (1 + bent) * jump, 1 + bent
                     mirrored[i, around[beyond]], mirrored[i, i] = (1 + 2 * bent) * at_image, -1 - 2 * bent
             else:
