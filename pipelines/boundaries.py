@@ -105,6 +105,26 @@ def bushing(spacing: float) -> Errors:
     yield "force", percent(level["forces"]["holes"][0], 21.79), count
 
 
+@row("the same bushing of a body of radius 2.4, between rigid regions", (0.1, 0.05, 0.025), torque="", force="")
+def rigid_bushing(spacing: float) -> Errors:
+    """References as of `bushing`."""
+    keys = {
+        "plane": "strain",
+        "spacing": spacing,
+        "body": {"shape": "circle", "radius": 2.4},
+        "regions": {
+            "core": {"disc": {"center": (0.0, 0.0), "radius": 1.0}},
+            "shell": {"not": {"disc": {"center": (0.0, 0.0), "radius": 2.0}}},
+        },
+        "materials": [{"region": name, "material": "rigid"} for name in ("core", "shell")],
+    }
+    turned = {"region": "core", "rotation": 20.0, "about": (0.0, 0.0)}
+    _, level, count = ran(prescribed=[turned, {"region": "shell", **HELD}], **keys)
+    yield "torque", percent(level["moments"]["core"], 4 * np.pi * np.deg2rad(20.0) / 0.75), count
+    _, level, count = ran(prescribed=[{**turned, "x1": 0.2}, {"region": "shell", **HELD}], **keys)
+    yield "force", percent(-level["rigid"]["core"]["force"][0], 21.79), count
+
+
 @row("simple shear of 2 x 1 by 0.5, plane stress", (0.04, 0.02, 0.0125), shear_force="0.15 at 0.02", normal_force="2 at 0.02")
 def simple_shear(spacing: float) -> Errors:
     """FE: 0.8600 and 0.1146."""

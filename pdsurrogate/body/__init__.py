@@ -1,6 +1,6 @@
 """Bodies in the reference state: points with volumes, their horizons, the bonds between them, and ghosts beyond reflection planes."""
 
-from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, WeightFunction, grid
+from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, Round, WeightFunction, grid
 from .cell_mesh import CellMesh
 from .division import HALO, divided, rows_of
 from .ghosts import Ghosts, ReflectionPlane

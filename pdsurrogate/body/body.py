@@ -35,6 +35,28 @@ class WeightFunction:
     moments: tuple[float, float]
 
 
+@dataclass(frozen=True)
+class Round:
+    """Circle or sphere on which the material of a body changes.
+
+    Attributes
+    ----------
+    center : tuple of float
+    radius : float
+    """
+
+    center: tuple[float, ...]
+    radius: float
+
+    def distances(self, places: np.ndarray) -> np.ndarray:
+        """Return the distances of places, shape (k, d), from the circle or sphere, negative within it."""
+        return np.linalg.norm(places - np.array(self.center), axis=1) - self.radius
+
+    def divides(self, horizon: float) -> bool:
+        """Return whether the circle or sphere is large enough, a horizon in radius, to divide cells and to count with its curvature."""
+        return self.radius > horizon
+
+
 MOST_POINTS, MOST_BONDS = 20_000_000, 500_000_000
 """Greatest numbers of points and bonds: at some 2 kB a point and 80 bytes a bond, more would exceed the memory of a workstation."""
 
@@ -85,6 +107,8 @@ class Body:
         For each group that covers a whole edge or face of the bounding box, the name of that edge or face.
     inside : callable, optional
         ``inside(places)`` flags the places, shape (k, d), that lie in the body; cells in pictures and files then end at its boundary.
+    rounds : sequence of Round, optional
+        Circles or spheres on which the material changes; elsewhere interfaces between materials follow from the points.
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
         the whole body.
@@ -118,6 +142,7 @@ class Body:
     mesh_cells: CellMesh | None = None
     faces: Mapping[str, str] = field(default_factory=dict)
     inside: Callable | None = None
+    rounds: Sequence[Round] = ()
     share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
 

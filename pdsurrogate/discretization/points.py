@@ -14,6 +14,7 @@ from ..scenes import Box, Circle, Ellipse, Mesh, Rectangle, Scene, SceneError, S
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from ..scenes.solids import Prism
+from .interfaces import divided_volumes, round_interfaces
 from .meshes import Sides, mesh_of
 from .planes import reflected_edges, reflection_planes
 
@@ -91,8 +92,12 @@ def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
         horizon = scene.horizon_ratio * (spacing if isinstance(scene.body, Mesh) else min(cell))
         cuts = _cuts(scene, horizon, cell, lower, upper)
         whole = isinstance(scene.body, Mesh) or np.ptp(volumes) == 0
-        inside = None if whole else partial(_inside, scene)
-        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups, mesh_cells, faces, inside=inside)
+        inside, rounds = None if whole else partial(_inside, scene), round_interfaces(scene)
+        dividing = [] if isinstance(scene.body, Mesh) else [each for each in rounds if each.divides(horizon)]
+        if dividing:
+            volumes = divided_volumes(points, volumes, np.array(cell), _places_in_a_cell(scene.dimension)[1], dividing)
+        of_mesh = groups, mesh_cells, faces
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, *of_mesh, inside=inside, rounds=rounds)
         if part_of is not None:
             body = part_of(body)
         _check_precuts(scene, body)

@@ -4,7 +4,7 @@ import hashlib
 
 import numpy as np
 
-from pdsurrogate.body import Body, ReflectionPlane, divided
+from pdsurrogate.body import Body, ReflectionPlane, Round, divided
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.forces.interfaces import SIGHT
 from pdsurrogate.materials import NeoHookean
@@ -12,6 +12,7 @@ from pdsurrogate.ranks import communicator
 from pdsurrogate.stress_test.conformance import Deformation
 
 CASES = ("analytic", "stress"), ("bond-energy", "stress"), ("bond-energy", "strain"), ("bond-energy", "space")
+DISC = Round((1.3, 0.3), 0.25)
 
 
 def strip(d):
@@ -20,11 +21,11 @@ def strip(d):
     points = (np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, d) + 0.5) * 0.1
     points += np.random.default_rng(1).uniform(-0.01, 0.01, points.shape)
     planes = (ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),)
-    return Body(points, np.full(len(points), 0.1**d), horizon * 0.1, 0.1, planes=planes)
+    return Body(points, np.full(len(points), 0.1**d), horizon * 0.1, 0.1, planes=planes, rounds=(DISC,) if d == 2 else ())
 
 
-def digests(name, plane, ranks):
-    """Of forces and volume ratios in a strip whose right part is five times as stiff."""
+def digests(name, plane, ranks, disc=False):
+    """Of forces and volume ratios in a strip whose right part, or a disc, is five times as stiff."""
     d = 3 if plane == "space" else 2
     body = strip(d)
     middle = (body.points.min(axis=0) + body.points.max(axis=0)) / 2
@@ -33,6 +34,8 @@ def digests(name, plane, ranks):
         assert len(body) < body.share.size
     # A slanted interface, which cuts are not along.
     stiff = (body.points - middle) @ np.array([0.8, 0.6, 0.2])[:d] > 0.1 * body.spacing
+    if disc:
+        stiff = DISC.distances(body.points) < 0
     model = FORCES[name]()
     portions = [Portion(NeoHookean(mu, 100 * mu), model, np.flatnonzero(where)) for mu, where in ((1.0, ~stiff), (5.0, stiff))]
     force = bind_portions(body, portions, ForceSettings(plane=plane))
@@ -43,7 +46,7 @@ def digests(name, plane, ranks):
     bonds, within = body.bonds, body.bonds.second < len(body)
     across = within & (stiff[bonds.first] != stiff[np.where(within, bonds.second, bonds.first)])
     jumps = int(body.share.total(int((across * body.share.own[bonds.first]).sum())))
-    found = {"case": f"{name}, {plane}", "energy": energy, "beside": jumps}
+    found = {"case": f"{name}, {plane}, {disc}", "energy": energy, "beside": jumps}
     for what, values in (("forces", forces), ("ratios", force.volume_ratios())):
         whole = body.share.gather(np.ascontiguousarray(values))
         found[what] = None if whole is None else hashlib.sha256(whole.tobytes()).hexdigest()
@@ -51,4 +54,4 @@ def digests(name, plane, ranks):
 
 
 def digests_of_cases():
-    return [digests(*case, communicator()) for case in CASES]
+    return [*(digests(*case, communicator()) for case in CASES), digests("bond-energy", "stress", communicator(), disc=True)]
