@@ -135,9 +135,9 @@ def simple_shear(spacing: float) -> Errors:
 
 
 @row("torsion of a bonded cube by 60 degrees, K = 1000", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16", axial_force="3 at 1/16")
-def torsion(spacing: float) -> Errors:
+def torsion(spacing: float, **more) -> Errors:
     """FE: 0.15851 and -0.05502."""
-    changes = {"spacing": spacing, "material.bulk_modulus": 1000.0, "solver.tolerance": 1e-5}
+    changes = {"spacing": spacing, "material.bulk_modulus": 1000.0, "solver.tolerance": 1e-5, **more}
     result = pds.simulate(pds.load_scene("torsion", changes), ENERGY)
     level, count = result.levels[-1], result.summary["n_force_evaluations"]
     yield "torque", percent(level["moments"]["right"][0], 0.15851), count
@@ -145,20 +145,20 @@ def torsion(spacing: float) -> Errors:
 
 
 @row("cylinder of radius 0.5 and length 1.5 between bonded plates, twisted by 60 degrees", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16")
-def cylinder(spacing: float) -> Errors:
+def cylinder(spacing: float, **more) -> Errors:
     """Rivlin's torque, pi/2 mu times the twist per length times the fourth power of the radius (incompressible)."""
     radius, length = 0.5, 1.5
     body = {"shape": "cylinder", "axis": "x1", "radius": radius, "length": length}
     turned = {"region": "right", "rotation": 60.0, "about": (length, 0.0, 0.0), "axis": (1.0, 0.0, 0.0)}
     held = [{"region": "left", **HELD, "x3": 0.0}, turned]
-    _, level, count = ran(spacing=spacing, body=body, prescribed=held, steps=(0.5, 1.0), solver={"tolerance": 1e-5})
+    _, level, count = ran(spacing=spacing, body=body, prescribed=held, steps=(0.5, 1.0), solver={"tolerance": 1e-5}, **more)
     yield "torque", percent(level["moments"]["right"][0], np.pi / 2 * np.deg2rad(60.0) / length * radius**4), count
 
 
 @row("thick sphere of radii 0.5 and 1 under inner pressure 0.25", (1 / 8, 1 / 16, 1 / 24), inner_displacement="0.8 at 1/16")
-def thick_sphere(spacing: float) -> Errors:
+def thick_sphere(spacing: float, **more) -> Errors:
     """The radial equation of equilibrium; means of the displacement within 0.1 of a surface."""
-    changes = {"spacing": spacing, "steps": [0.25], "solver.tolerance": 1e-5}
+    changes = {"spacing": spacing, "steps": [0.25], "solver.tolerance": 1e-5, **more}
     result = pds.simulate(pds.load_scene("inflation", changes), ENERGY)
     places, volumes = result.body.points, result.body.volumes
     radius = np.linalg.norm(places, axis=1)
@@ -180,16 +180,45 @@ dimensions the clamp also keeps the section from changing its width, which makes
     sheet="5 at 4 points",
     **{"sheet, bond forces": "5 at 4 points"},
 )
-def bent_bar(spacing: float) -> Errors:
+def bent_bar(
+    spacing: float, kinds=(("in space", 3, ENERGY), ("sheet", 2, ENERGY), ("sheet, bond forces", 2, "analytic")), **more
+) -> Errors:
     """A traction under which Timoshenko's beam moves by 0.04 at its end."""
     young, thickness, length = 900 / 301, 0.2, 2.0
     traction = 0.04 / (length**3 / (3 * young * thickness**3 / 12) + length / (5 / 6 * thickness)) / thickness
-    for name, d, force in (("in space", 3, ENERGY), ("sheet", 2, ENERGY), ("sheet, bond forces", 2, "analytic")):
+    for name, d, force in kinds:
         body = {"shape": "box" if d == 3 else "rectangle", "size": (length, thickness, thickness)[:d]}
         held, load = {"region": "left", **HELD, **({"x3": 0.0} if d == 3 else {})}, (0.0, traction, 0.0)[:d]
         probe, loads = {"name": "tip", "at": (length, *[thickness / 2] * (d - 1))}, [{"region": "right", "traction": load}]
-        _, level, count = ran(force, spacing=spacing, body=body, prescribed=[held], loads=loads, probes=[probe])
+        _, level, count = ran(force, spacing=spacing, body=body, prescribed=[held], loads=loads, probes=[probe], **more)
         yield name, percent(level["probes"]["tip"]["displacement"][1], BAR[d]), count
+
+
+CORRECTED = {"correction": "quadratic"}
+
+
+@row("torsion of the bonded cube with correction = quadratic", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16", axial_force="3 at 1/16")
+def torsion_corrected(spacing: float) -> Errors:
+    """As `torsion`."""
+    yield from torsion(spacing, **CORRECTED)
+
+
+@row("twisted cylinder with correction = quadratic", (1 / 8, 1 / 16, 1 / 24), torque="1 at 1/16")
+def cylinder_corrected(spacing: float) -> Errors:
+    """As `cylinder`."""
+    yield from cylinder(spacing, **CORRECTED)
+
+
+@row("thick sphere with correction = quadratic", (1 / 8, 1 / 16, 1 / 24), inner_displacement="0.8 at 1/16")
+def thick_sphere_corrected(spacing: float) -> Errors:
+    """As `thick_sphere`."""
+    yield from thick_sphere(spacing, **CORRECTED)
+
+
+@row("bent bar with correction = quadratic: 4, 6 and 8 points across", (0.05, 0.2 / 6, 0.025), in_space="5 at 4 points")
+def bent_bar_corrected(spacing: float) -> Errors:
+    """As `bent_bar`."""
+    yield from bent_bar(spacing, (("in space", 3, ENERGY),), **CORRECTED)
 
 
 ECCENTRIC = {"body": {"shape": "circle", "radius": 2.0}, "holes": [{"shape": "circle", "radius": 1.0, "center": (0.3, 0.0)}]}

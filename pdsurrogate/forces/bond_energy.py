@@ -15,7 +15,7 @@ from ..materials import PLANES, Law, plane_stress
 from .pair_energy import PairEnergy
 from .pair_passes import EnergyDerivatives
 from .protocol import CompiledBondForce, Domain, ForceModel, by_blocks
-from .settings import OUTSIDE_POLICIES, PRECISIONS
+from .settings import OUTSIDE_POLICIES, PRECISIONS, QUADRATIC
 from .term import Term
 
 
@@ -91,6 +91,9 @@ class EnergyModel(ForceModel):
         # The energy is exact on incomplete horizons, and its invariants do not depend on rotations.
         honors = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": self.several_materials}
         return honors | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
+
+    def honored(self, plane: str) -> Mapping[str, tuple]:
+        return {**self.honors, "correction": ("none", QUADRATIC)} if plane == "space" else self.honors
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:
         return (PairEnergy,)
@@ -188,7 +191,8 @@ class BondEnergyForce(EnergySurrogate):
 
     def honored(self, plane: str) -> Mapping[str, tuple]:
         # In a selective energy, single precision of the pairs' forces and moments would save only 4 percent of the time.
-        return self.honors if plane == "stress" else {**self.honors, "precision": ("float64",)}
+        honors = super().honored(plane)
+        return honors if plane == "stress" else {**honors, "precision": ("float64",)}
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
         """Return the exact isochoric energy of the bonds.

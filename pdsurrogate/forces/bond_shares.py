@@ -165,6 +165,7 @@ class BondShares:
         own, others = (
             add_node_forces[d].bind(moments, *bonds, unit, first, self._node_parts, forces, chunks=chunks) for bonds, first in of_both
         )
+        before = *before, *kinematics.moment_steps(moments)
         if not len(ghosts):
             return [moments, *before, weigh, own]
         fold = fold_matrices.bind(moments, *kinematics.gradient_ghosts.of_gradients, chunks=chunks)

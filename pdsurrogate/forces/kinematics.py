@@ -4,6 +4,7 @@ import math
 from functools import cached_property
 
 import numpy as np
+from scipy import sparse
 
 from ..body import Body
 from ..body.body import pointers_to
@@ -13,7 +14,8 @@ from ..engine.threads import chunks_of
 from ..kernels.ghosts import fill_matrices, place_points
 from ..kernels.node_state import deformation_gradients
 from ..kernels.reference_state import shape_rows
-from .steps import Step, Steps
+from .quadratic import quadratic_correction
+from .steps import Step, Steps, sparse_product
 
 SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
 """Share of the gradient along a clamped plane that ghosts (mirror images) beyond the plane copy from the points they mirror.
@@ -35,6 +37,8 @@ class Kinematics:
     precision : {"float32", "float64"}
         Precision of the weighted bonds; positions, gradients and sums are double.
     plane : {"stress", "strain", "space"}
+    quadratic : bool
+        Whether gradients at incomplete horizons are corrected to be exact for quadratic motions.
 
     Attributes
     ----------
@@ -52,13 +56,15 @@ class Kinematics:
         Ghosts with the continuation that is used for deformation gradients and derivatives by these.
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
+    corrected : ndarray of bool, shape (n,), or None
+        Points with corrected gradients; None if no gradients are corrected.
     changes : int
         Number of changes of positions and bonds, by which dependent states detect that they are out of date.
     formed : bool
         Whether `gradients` belong to `positions`.
     """
 
-    def __init__(self, body: Body, precision: str, plane: str = "stress") -> None:
+    def __init__(self, body: Body, precision: str, plane: str = "stress", quadratic: bool = False) -> None:
         self.body, self.plane = body, plane
         bonds, points, d = body.bonds, body.all_points, body.dimension
         total = len(points)
@@ -72,6 +78,13 @@ class Kinematics:
         self.supported = np.zeros(total, dtype=np.uint8)
         find_shapes(body, np.arange(len(body), dtype=np.uint32), self.weighted_bonds, self.inverse_shape, self.supported)
 
+        self._correction, self.corrected = None, None
+        if quadratic:
+            weights = self.gradient_weights(self.weighted_bonds, self.inverse_shape)
+            self._correction = quadratic_correction(body, weights, self.supported[: len(body)])
+            self.corrected = np.diff(self._correction.indptr)[::d] > 0
+            body.share.fill(self.corrected)
+
         self.positions, self.gradients = points.copy(), aligned_rows((total, d * d))
         self.changes, self.formed = 0, False
         self.interfaces = None
@@ -84,7 +97,7 @@ class Kinematics:
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
         self._gradient_shifts = np.zeros((len(ghosts), d * d))
         of_ghosts = *self.gradient_ghosts.of_gradients, 1.0, self._gradient_shifts
-        self._place_alone, self._form = Chain(self._place), self.gradient_pass(self.positions, self.gradients, 1.0)
+        self._place_alone, self._form = Chain(self._place), self.gradient_steps(self.positions, self.gradients, 1.0)
         self._form_on_ghosts = [fill_matrices.bind(self.gradients, *of_ghosts, chunks=self.chunks)] if len(ghosts) else []
 
     @cached_property
@@ -142,14 +155,35 @@ class Kinematics:
         """
         return np.einsum("bij,bj->bi", symmetric(inverse_shape)[self.body.bond_owners], weighted_bonds)
 
-    def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
-        """Return the compiled pass that computes deformation gradients from positions, or changes of gradients from displacements.
+    def gradient_steps(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> list[Step]:
+        """Return the steps that compute deformation gradients from positions, or changes of gradients from displacements.
 
-        `unsupported` is the value that the pass writes on the diagonal at points without `supported`: 1 for gradients, 0 for changes.
+        `unsupported` is the value that they write on the diagonal at points without `supported`: 1 for gradients, 0 for changes.
         """
         bonds = self.body.bonds
         arrays = bonds.pointers, bonds.neighbors, self.weighted_bonds, self.inverse_shape
-        return deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
+        form = deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
+        return [form] if self._correction is None else [form, gradients, *self._added(self._correction, gradients)]
+
+    def moment_steps(self, moments: np.ndarray) -> list[Step]:
+        """Return the steps that turn derivatives of the energy by corrected gradients into those by the gradients before correction.
+
+        `moments`, shape (n + m, d d), holds both, by columns, and must have the rows of halo points. No steps without a correction.
+        """
+        if self._correction is None:
+            return []
+        d, matrix = self.body.dimension, sparse.csr_array(self._correction.shape)
+        for row, column in np.ndindex(d, d):
+            block = self.body.share.with_rows_of_others(self._correction[row::d, column::d].tocsr())
+            matrix += sparse.kron(block, sparse.coo_array(([1.0], ([row], [column])), shape=(d, d)), format="csr")
+        return [*self._added(matrix.T, moments), moments]
+
+    def _added(self, matrix, gradients: np.ndarray) -> list[BoundPass]:
+        """Return the passes that add to gradients at the points a matrix (n d, n d) times their columns."""
+        columns = gradients[: len(self.body)].reshape(-1, self.body.dimension)
+        changes = np.zeros_like(columns)
+        changed = sparse.diags_array((np.diff(sparse.csr_array(matrix).indptr) > 0).astype(float))
+        return [*sparse_product(self.chunks, matrix, columns, changes), *sparse_product(self.chunks, changed, changes, columns, add=True)]
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
         """Displace a reflection plane by u(X) = displacement + turn X; its images follow when positions are next set.
@@ -170,7 +204,7 @@ class Kinematics:
         A term that runs these steps before its own, in one call of compiled code, then sets `formed`.
         """
         before, after = ([], []) if self.interfaces is None else (self.interfaces.corrections, self.interfaces.continuation)
-        return [self._place, self._form, *before, self.gradients, *self._form_on_ghosts, *after]
+        return [self._place, *self._form, *before, self.gradients, *self._form_on_ghosts, *after]
 
     @cached_property
     def _place_and_form(self) -> Steps:

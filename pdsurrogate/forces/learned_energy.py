@@ -237,7 +237,8 @@ class IsochoricNetwork(LearnedEnergy):
 
     def honored(self, plane: str) -> Mapping[str, tuple]:
         # In plane strain the stress across the plane is formed in double precision.
-        return self.honors if plane == "space" else {**self.honors, "precision": ("float64",)}
+        honors = super().honored(plane)
+        return honors if plane == "space" else {**honors, "precision": ("float64",)}
 
     def isochoric_derivatives(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return W and its derivatives by I1bar and by I2bar, evaluated in NumPy.

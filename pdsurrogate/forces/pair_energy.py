@@ -42,6 +42,7 @@ class PairEnergy(Term):
     def __init__(self, binding: Binding) -> None:
         super().__init__(binding)
         body, bonds, d, whole = self.body, self.body.bonds, self.body.dimension, binding.whole
+        self.correction = binding.settings.correction or self.correction
         if self.selective is None:
             self.selective = binding.settings.plane != "stress"
         self.shares = BondShares(self.kinematics, binding.precision)

@@ -18,9 +18,12 @@ ROTATIONS = {"polar": None, "convected": convected_rotations}
 """Definitions of the rotation of a horizon (the material around a point) by name, each with the compiled pass that overwrites the rotation
 from the polar decomposition; None for the polar decomposition itself."""
 
+QUADRATIC = "quadratic"
+"""Correction of deformation gradients at incomplete horizons (`pdsurrogate.forces.quadratic`)."""
+
 SETTINGS = {
     "precision": PRECISIONS,
-    "correction": tuple(CORRECTIONS),
+    "correction": (*CORRECTIONS, QUADRATIC),
     "rotation": tuple(ROTATIONS),
     "outside": tuple(OUTSIDE_POLICIES),
     "breakable": (True,),
@@ -50,8 +53,9 @@ class ForceSettings:
     ----------
     precision : {"float32", "float64"}, optional
         Precision of the compiled pass over the bonds; positions, sums and the states of the points are always in double precision.
-    correction : {"tensor", "scalar", "none"}, optional
+    correction : {"tensor", "scalar", "none", "quadratic"}, optional
         Correction of incomplete horizons: theory (21), the paper's (24)-(25), or nothing. By default "tensor" if the model allows it.
+        "quadratic" makes the gradients of bond energies of solids exact for quadratic motions (theory (64)); bonds then cannot break.
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: from the polar decomposition, which is the default, or by the paper's (22)-(23).
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional
@@ -85,6 +89,8 @@ class ForceSettings:
             key, value = field.name, getattr(self, field.name)
             if value not in (field.default, *SETTINGS[key]):
                 raise ValueError(f"{key} must be one of {', '.join(map(str, SETTINGS[key]))}, not {value!r}")
+        if self.correction == QUADRATIC and self.breakable:
+            raise ValueError("correction=quadratic: bonds cannot break with it; use correction=none, or leave out fracture")
 
     def check(self, name: str, honors: Mapping[str, tuple]) -> None:
         """Check that a model can honor all settings that are given.

@@ -147,7 +147,7 @@ class LinearizedDilatation:
         self._find_changes = Steps(
             body.share,
             self._place,
-            kinematics.gradient_pass(displacements, gradients, 0.0),
+            *kinematics.gradient_steps(displacements, gradients, 0.0),
             gradients[:n],
             dilatation.displacement_records.bind(displacements, gradients, *of_ghosts, records, chunks=chunks),
             dilatation.volume_changes[d].bind(derivatives, records, bonds.pair_pointers, second, by_pair, chunks=chunks),

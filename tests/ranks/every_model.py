@@ -19,13 +19,13 @@ def cut(starts, ends):
     return sides & (np.maximum(starts[:, 0], ends[:, 0]) < 0.4)
 
 
-def measured(row, steps, ranks):
+def measured(row, steps, ranks, **settings):
     """Forces, energy and positions, on the first rank of the whole body."""
     subject, d = Subject(row.reference, plane=row.plane), 3 if row.plane == "space" else 2
     whole = notched(d, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),), separates=cut)
     body = divided(whole, ranks) if ranks.size > 1 else whole
     share = body.share
-    force = subject.model.bind(body, subject.law, ForceSettings(plane=row.plane))
+    force = subject.model.bind(body, subject.law, ForceSettings(plane=row.plane, **settings))
     positions = DEFORMED(body.points)
     forces = np.empty_like(positions)
     force(positions, forces)
@@ -34,8 +34,8 @@ def measured(row, steps, ranks):
     free = np.ones_like(positions)
     body.share.clear(free)
     still = lambda positions, ahead: None  # noqa: E731
-    settings = {"damping": 0.5, "viscosity": 0.0, "safety": 0.3}
-    integrator = ExplicitDynamics(force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), **settings)
+    damped = {"damping": 0.5, "viscosity": 0.0, "safety": 0.3}
+    integrator = ExplicitDynamics(force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), **damped)
     integrator.begin()
     for _ in range(steps):
         integrator.move()
@@ -44,10 +44,15 @@ def measured(row, steps, ranks):
     return found
 
 
-def arrays(steps, names=()):
+def arrays(steps, names=(), **settings):
     """What is measured of models given by their names, or of all, by the model's name and what it is."""
     ranks, found = communicator(), {}
     for row in TABLE:
         if not names or row.name in names:
-            found |= {f"{row.name}: {key}": values for key, values in measured(row, steps, ranks).items()}
+            found |= {f"{row.name}: {key}": values for key, values in measured(row, steps, ranks, **settings).items()}
     return found
+
+
+def corrected(steps, name):
+    """What is measured of a solid's model with corrected gradients."""
+    return arrays(steps, (name,), correction="quadratic")

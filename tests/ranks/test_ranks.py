@@ -85,6 +85,16 @@ def test_forces_and_steps_have_the_same_bits(ranks):
 
 
 @several
+@pytest.mark.parametrize("number", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_corrected_gradients_have_the_same_bits(ranks, number):
+    model = "bond-energy of solids"
+    alone = ranks.loaded(1, "corrected", 30, model, module="every_model")[0]["value"]
+    plain = ranks.loaded(1, "arrays", 30, (model,), module="every_model")[0]["value"]
+    assert np.abs(alone[f"{model}: forces"] - plain[f"{model}: forces"]).max() > 1e-6
+    check_bits(alone, ranks(number, "corrected", 30, model, module="every_model")[0]["value"], (model,))
+
+
+@several
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [2, 3, 4])
 def test_forces_and_steps_of_every_model_have_the_same_bits(number):
