@@ -3,6 +3,6 @@
 from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, Round, WeightFunction, grid
 from .cell_mesh import CellMesh
 from .division import HALO, divided, rows_of
-from .ghosts import Ghosts, ReflectionPlane
+from .ghosts import Ghosts, HeldBoundary, Mirror, ReflectionPlane
 from .local_fit import fields_at, interpolation
 from .surface import Following, Surface, encloses

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,7 +14,7 @@ from scipy.spatial import cKDTree
 from ..ranks import Halo, Share
 from .cell_mesh import CellMesh
 from .cut_cells import cut_cells
-from .ghosts import WITH_ROUNDING, Ghosts, ReflectionPlane
+from .ghosts import WITH_ROUNDING, Ghosts, HeldBoundary, Mirror, ReflectionPlane
 
 
 @dataclass(frozen=True)
@@ -92,8 +93,8 @@ class Body:
         Mean distance of neighboring points; by default the side of a square or cube of the mean volume.
     weight : str, optional
         Name of the weight function, one of `WEIGHT_FUNCTIONS`.
-    planes : sequence of ReflectionPlane, optional
-        Planes beyond which ghosts continue the body.
+    planes : sequence of ReflectionPlane or HeldBoundary, optional
+        Planes, and before them boundaries of other shapes, beyond which ghosts continue the body.
     separates : callable, optional
         ``separates(start, end)`` takes the undeformed ends of bonds, arrays of shape (k, d), and returns flags, shape (k,), of the bonds
         that a cut or hole of the undeformed body separates; these are left out.
@@ -135,7 +136,7 @@ class Body:
     horizon: float
     spacing: float = 0.0
     weight: str = "inverse"
-    planes: tuple[ReflectionPlane, ...] = ()
+    planes: tuple[Mirror, ...] = ()
     separates: Callable | None = None
     cell: Sequence[float] | np.ndarray | None = None
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -256,7 +257,7 @@ class Body:
         >>> float(pds.Body.rectangle(1.0, 1.0, 0.25, 0.75).all_volumes.sum())
         1.0
         """
-        return np.concatenate([self.volumes, self.volumes[self.ghosts.source]])
+        return np.concatenate([self.volumes, self.volumes[self.ghosts.source] * self.ghosts.volume_ratio])
 
     @cached_property
     def cells(self) -> CellMesh:
@@ -535,9 +536,11 @@ class Bonds:
         keys.sort()
         first, second = (ends.astype(np.uint32) for ends in np.divmod(keys, len(points)))
         del keys
+        first, second = _with_partners(body, first, second)
         cut = np.empty((0, 2), dtype=np.uint32)
         if body.separates is not None and len(first):
-            separated = body.separates(points[first], points[second])
+            # Empty space beyond a held boundary does not separate images there: the bond to the source decides.
+            separated = body.separates(points[first], np.concatenate([body.points, body.ghosts.unfolded])[second])
             cut = np.stack([first[separated], second[separated]], axis=1)
             first, second = first[~separated], second[~separated]
         if len(first) == 0:
@@ -570,6 +573,25 @@ def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
 
 
+def _with_partners(body: Body, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs without those across a held boundary whose ends' sources, or whose mirrored pair, are farther apart than a horizon.
+
+    For a pair of i and an image of k, the mirrored pair is that of k and the same boundary's image of i. Beyond planes it has the same
+    length; beyond a round boundary it need not, and forces of ghosts on their sources are reported as forces of mirrored pairs.
+    """
+    n, ghosts = len(body), body.ghosts
+    outer = np.flatnonzero(second >= n)
+    outer = outer[(ghosts.points != ghosts.unfolded).any(axis=1)[second[outer] - n]]
+    if not len(outer):
+        return first, second
+    one, ghost = first[outer].astype(np.int64), second[outer].astype(np.int64) - n
+    mirrored, source, reach = ghosts.mirrored(one, ghost), ghosts.source[ghost], body.horizon * WITH_ROUNDING
+    apart = np.linalg.norm(body.points[one] - ghosts.unfolded[ghost], axis=1) > reach
+    apart |= (mirrored < 0) | (np.linalg.norm(body.points[source] - ghosts.points[mirrored], axis=1) > reach)
+    kept = np.delete(np.arange(len(first)), outer[apart])
+    return first[kept], second[kept]
+
+
 def _check_apart(points: cKDTree, least: float) -> None:
     """Raise ValueError if two points are nearer to each other than `least`."""
     distances, numbers = points.query(points.data, k=2, distance_upper_bound=least)
@@ -580,9 +602,15 @@ def _check_apart(points: cKDTree, least: float) -> None:
 
 
 def _check_distance_of_planes(body: Body) -> None:
-    """Raise ValueError if parallel reflection planes are so near that a horizon reaches images of images, which are not created."""
-    for number, plane in enumerate(body.planes):
-        for other in body.planes[:number]:
+    """Raise ValueError if parallel planes or held boundaries are so near that a horizon reaches images of images, which are not created."""
+    for one, two in combinations([plane for plane in body.planes if isinstance(plane, HeldBoundary)], 2):
+        wall = float((one.mirrored(body.points)[1] + two.mirrored(body.points)[1]).min())
+        if wall <= body.horizon:
+            walls, size = f"{one.name} and {two.name}", f"a spacing of {wall * body.spacing / body.horizon:.3g} or less"
+            raise ValueError(f"the wall between {walls}, all held, is thinner than the horizon; use {size}, or support=points")
+    planes = [plane for plane in body.planes if isinstance(plane, ReflectionPlane)]
+    for number, plane in enumerate(planes):
+        for other in planes[:number]:
             distance = abs(plane.position - other.position)
             # Reflected in one plane and then in the other, a point has moved by twice their distance.
             nearest = 2 * distance - np.ptp(body.points[:, plane.axis])

@@ -6,7 +6,9 @@ own them, since an image may mirror a halo point.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +18,12 @@ from ..ranks import Share
 WITH_ROUNDING = 1 + 1e-9
 """Factor on a horizon wherever points within it are found: points at exactly the horizon, whose computed distance may exceed it by
 rounding, are then included everywhere, so that bonds, images and halo agree."""
+
+APART = 1.05
+"""Factor on the depths of a place and of its image up to which a held boundary must have no point nearer to them than their foot.
+
+Otherwise the place has no image: images from several sides would meet. Chosen: a small margin, since volumes of images are infinite or 0
+where they meet, at a center of curvature."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,64 @@ class ReflectionPlane:
     side: int
     parity: tuple[int, ...]
 
+    def mirrored(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points of the plane nearest to `places` (k, d), and the depths (k,) of the places inside it, negative outside."""
+        feet = places.copy()
+        feet[:, self.axis] = self.position
+        return feet, -self.side * (places[:, self.axis] - self.position)
+
+
+class Curve(Protocol):
+    """Closed curve in the plane, or closed surface in three dimensions."""
+
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points nearest to places (k, d), and the curvatures there (k, d - 1), positive where it is convex."""
+
+    def contains(self, points: np.ndarray) -> np.ndarray:
+        """Return whether points (k, d) lie inside."""
+
+
+@dataclass(frozen=True)
+class HeldBoundary:
+    """Closed boundary of any shape, all of it held, beyond which ghosts continue the body by point reflections in it (theory, section 21).
+
+    The image of a place X is 2 X_b - X, where X_b is the nearest point of the boundary, and moves so that X_b has the boundary's motion.
+
+    Attributes
+    ----------
+    name : str
+        Name of this part of the boundary: "outline" or "holes.0", ...
+    curve : Curve
+    hole : bool
+        Whether the body lies outside the curve.
+    parity : tuple of int
+        Reflection of each displacement component, all odd.
+    """
+
+    name: str
+    curve: Curve
+    hole: bool
+    parity: tuple[int, ...] = (-1, -1)
+    axis: None = None  # unlike a plane, it has no single normal
+
+    def mirrored(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points of the boundary nearest to `places` (k, d), and the depths (k,) of the places inside it, negative outside."""
+        feet, _ = self.curve.nearest(places)
+        return feet, np.linalg.norm(places - feet, axis=1) * np.where(self.curve.contains(places) != self.hole, 1.0, -1.0)
+
+    def ratios(self, places: np.ndarray) -> np.ndarray:
+        """Return the volumes of small cells' images divided by those of the cells, at places (k, d); 0 where there are none (`APART`)."""
+        feet, curvature = self.curve.nearest(places)
+        arms = places - feet
+        depths = np.linalg.norm(arms, axis=1, keepdims=True)
+        bent = depths * (-curvature if self.hole else curvature)
+        alone = [np.linalg.norm(self.curve.nearest(feet + way * arms)[0] - feet, axis=1) < 1e-6 * depths[:, 0] for way in (APART, -APART)]
+        with np.errstate(divide="ignore"):
+            return np.where(alone[0] & alone[1], ((1 + bent) / (1 - bent)).prod(axis=1), 0.0)
+
+
+Mirror = ReflectionPlane | HeldBoundary
+
 
 @dataclass(frozen=True)
 class Ghosts:
@@ -59,18 +125,27 @@ class Ghosts:
         +1 or -1 for each displacement component.
     reflection : ndarray, shape (m, d)
         +1 or -1 for each direction of the neighborhood.
+    volume_ratio : ndarray, shape (m,)
+        Volume of each ghost divided by that of its source; 1 beyond planes.
+    unfolded : ndarray, shape (m, d)
+        Reference positions of the ghosts if held boundaries did not reflect: of the source, or of its image in planes alone.
+    normal : ndarray, shape (m, d)
+        Unit normal of the held boundary in which each ghost is reflected, at its foot; 0 beyond planes alone.
     plane : ndarray of int64, shape (m,)
         Number in `planes` of the plane beyond which the ghost lies; for an image of an image, of the plane of the last reflection.
     image : ndarray of int64, shape (m,)
         Bit mask of the planes in which the ghost is reflected.
     lever : ndarray, shape (m, planes, d)
         Factor by which the displacement of each plane displaces each ghost, component by component.
+    feet : ndarray, shape (m, planes, d)
+        Points of the planes about which each ghost was mirrored; meaningful only for the planes in the ghost's mask `image`.
     gradient_parity, gradient_reflection : ndarray, shape (m, d)
         Parity and reflection for deformation gradients; they differ where gradients are not continued as displacements are, see
         `held_by_clamps`.
     parent : ndarray of int64, shape (m,)
         Number of the point or ghost that the ghost mirrors in `plane`: its source, or for an image of an image another ghost.
-    planes : tuple of ReflectionPlane
+    planes : tuple of ReflectionPlane or HeldBoundary
+        Boundaries first.
     share : Share
         Points that this rank works on, of which these are the images.
     share_along : float or None
@@ -81,18 +156,22 @@ class Ghosts:
     points: np.ndarray
     parity: np.ndarray
     reflection: np.ndarray
+    volume_ratio: np.ndarray
+    unfolded: np.ndarray
+    normal: np.ndarray
     plane: np.ndarray
     image: np.ndarray
     lever: np.ndarray
+    feet: np.ndarray
+    parent: np.ndarray
     gradient_parity: np.ndarray
     gradient_reflection: np.ndarray
-    parent: np.ndarray
-    planes: tuple[ReflectionPlane, ...]
+    planes: tuple[Mirror, ...]
     share: Share
     share_along: float | None = None
 
     @classmethod
-    def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float, share: Share) -> Ghosts:
+    def reflected(cls, points: np.ndarray, planes: tuple[Mirror, ...], horizon: float, share: Share) -> Ghosts:
         """Return the ghosts of the points of a share: their images within a horizon beyond planes, and images of images where planes meet.
 
         Raise ValueError if points lie beyond a plane, or if the parity of a plane is of another dimension than the points.
@@ -100,26 +179,41 @@ class Ghosts:
         n, dimension = points.shape
         source, places, number, image, parent = np.arange(n), points, np.full(n, -1), np.zeros(n, dtype=np.int64), np.arange(n)
         parity, reflection, lever = np.ones((n, dimension)), np.ones((n, dimension)), np.zeros((n, len(planes), dimension))
+        ratio, unfolded, normal, feet = np.ones(n), points, np.zeros((n, dimension)), np.zeros((n, len(planes), dimension))
         axes = np.array([*(plane.axis for plane in planes), -1])  # of the plane of each image; -1 for the points
         for added, plane in enumerate(planes):
             if len(plane.parity) != dimension:
                 raise ValueError(f"the parity of a plane must have {dimension} components, not {plane.parity}")
-            inward = -plane.side * (places[:, plane.axis] - plane.position)
-            if inward[:n].min() < 0:
+            flat = isinstance(plane, ReflectionPlane)
+            nearest, inward = plane.mirrored(places)
+            if flat and inward[:n].min() < 0:
                 raise ValueError(f"points lie beyond the reflection plane x{plane.axis + 1} = {plane.position:g}")
             # Images of images in two parallel planes are farther away than a horizon, as the body is at least that long.
-            near = np.flatnonzero((inward <= horizon * WITH_ROUNDING) & (axes[number] != plane.axis))
-            images, own = places[near].copy(), np.asarray(plane.parity, float)
-            images[:, plane.axis] = 2 * plane.position - images[:, plane.axis]
-            flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
-            carried = own * lever[near]
+            # The centroid of a cell at a reentrant corner may lie outside a boundary.
+            able = axes[number] != plane.axis if flat else (number < 0) & (inward > 0)
+            near = np.flatnonzero((inward <= horizon * WITH_ROUNDING) & able)
+            ratios = np.ones(len(near)) if flat else plane.ratios(places[near])
+            near, ratios = near[ratios > 0], ratios[ratios > 0]
+            own, flip = np.asarray(plane.parity, float), np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
+            carried, passed, behind = own * lever[near], feet[near], unfolded[near]
             carried[:, added] += 1 - own
-            held = source, places, number, image, parent, parity, reflection, lever
-            joined = source[near], images, np.full(len(near), added), image[near] + 2**added, near  # an image's number sums its planes
-            joined += own * parity[near], flip * reflection[near], carried
-            source, places, number, image, parent, parity, reflection, lever = map(np.concatenate, zip(held, joined, strict=True))
-        made = (source.astype(np.uint32), places, parity, reflection, number, image, lever, parity, reflection, parent)
-        return cls(*(np.ascontiguousarray(each[n:]) for each in made), planes, share)
+            passed[:, added] = nearest[near]
+            arms = np.zeros((len(near), dimension)) + normal[near]
+            if flat:
+                behind = behind * flip
+                behind[:, plane.axis] += 2 * plane.position
+            else:
+                arms = places[near] - nearest[near]
+                arms /= np.linalg.norm(arms, axis=1, keepdims=True)
+            held = source, places, number, image, parent, parity, reflection, lever, ratio, unfolded, normal, feet
+            joined = source[near], 2 * nearest[near] - places[near], np.full(len(near), added), image[near] + 2**added, near
+            joined += own * parity[near], flip * reflection[near], carried, ratio[near] * ratios, behind, arms, passed
+            source, places, number, image, parent, parity, reflection, lever, ratio, unfolded, normal, feet = map(
+                np.concatenate, zip(held, joined, strict=True)
+            )
+        made = source.astype(np.uint32), places, parity, reflection, ratio, unfolded, normal, number, image, lever, feet, parent
+        found = (np.ascontiguousarray(each[n:]) for each in (*made, parity, reflection))
+        return cls(*found, planes, share).continued(None)
 
     def __len__(self) -> int:
         return len(self.source)
@@ -131,15 +225,42 @@ class Ghosts:
         plane, the strain along the plane has opposite signs in source and image, and the strain across the plane the same sign: the image
         of a source that keeps its volume changes its own, and bonded edges are too stiff. The ghosts returned here have other gradients
         beyond clamped planes: the column of F for the normal direction is that of the source, and the columns for the directions along the
-        plane are `share` times those of the source plus 1 - `share` times those of the plane's known motion (theory (53)).
+        plane are `share` times those of the source plus 1 - `share` times those of the plane's known motion (theory (53)). Beyond held
+        boundaries of other shapes all of the gradient along the boundary is that of its motion.
         """
-        parity, reflection = np.ones((2, *self.parity.shape))
+        return self.continued(share)
+
+    def continued(self, share: float | None) -> Ghosts:
+        """Return these ghosts with gradients continued as displacements are or, with a `share`, as in `held_by_clamps`."""
+        dimension = self.points.shape[1]
+        parity, reflection = np.ones(self.parity.shape), np.tile(np.eye(dimension), (len(self), 1, 1))
         for number, plane in enumerate(self.planes):
             images = (self.image >> number) & 1 == 1
-            of_rows, of_columns, _ = _continuation(plane, share)
+            of_rows, of_columns, _, _ = self._continuation(plane, share, images)
             parity[images] *= of_rows
-            reflection[images] *= of_columns
+            reflection[images] = reflection[images] @ of_columns
         return replace(self, gradient_parity=parity, gradient_reflection=reflection, share_along=share)
+
+    def _continuation(self, plane: Mirror, share: float | None, chosen: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return how F - I continues beyond a plane to k `chosen` ghosts: as P (F - I) S + w (Q - I) T, with the turn Q of the plane.
+
+        P (a diagonal) and w (weights of rows) have shape (d,), S and the projections T onto the plane (k, d, d). `share` is the argument
+        of `continued`.
+        """
+        parity, normals = np.array(plane.parity, dtype=float), self.normal[chosen]
+        if isinstance(plane, ReflectionPlane):
+            normals = np.tile(np.eye(len(parity))[plane.axis], (len(normals), 1))
+        across, share = normals[:, :, None] * normals[:, None], _share_of(plane, share)
+        along = np.eye(len(parity)) - across
+        if share is None or (parity > 0).any():
+            return parity, along - across, 1 - parity, along
+        return np.ones_like(parity), across + share * along, np.full_like(parity, 1 - share), along
+
+    def mirrored(self, points: np.ndarray, ghosts: np.ndarray) -> np.ndarray:
+        """Return, for pairs of points i and ghosts of points k, the numbers of the ghosts of i in the same planes; -1 if there are none."""
+        number = np.full((int(self.image.max(initial=0)) + 1, len(self.share.numbers)), -1)
+        number[self.image, self.source] = np.arange(len(self))
+        return number[self.image[ghosts], points]
 
     def shifts(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         """Return the shifts of the ghosts, shape (m, d), if every plane is displaced by u(X) = displacement + turn X.
@@ -149,28 +270,14 @@ class Ghosts:
         turn Q - I.
         """
         at_rest = self.points - self.parity * points[self.source]
-        return at_rest + self.moved_by_planes(points, displacements, turns)
+        return at_rest + self.moved_by_planes(displacements, turns)
 
-    def moved_by_planes(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
+    def moved_by_planes(self, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         """Return the displacements (m, d) of the ghosts due to the planes alone, while the body's points do not move; see `shifts`."""
         moved = np.einsum("mpd,pd->md", self.lever, displacements)
         if turns is not None:
-            moved += np.einsum("mpr,prc,mpc->mr", self.lever, turns, self._feet(points))
+            moved += np.einsum("mpr,prc,mpc->mr", self.lever, turns, self.feet)
         return moved
-
-    def _feet(self, points: np.ndarray) -> np.ndarray:
-        """Return the points of all planes about which each ghost was mirrored, shape (m, planes, d), from reference positions `points`.
-
-        Entries are meaningful only for the planes in the ghost's mask `image`.
-        """
-        feet = np.repeat(self.points[:, None], len(self.planes), axis=1)
-        for number, plane in enumerate(self.planes):
-            # A ghost that a later plane reflects again had, before that, its source's place along the later plane's axis.
-            for later, other in enumerate(self.planes[number + 1 :], number + 1):
-                again = (self.image >> later) & 1 == 1
-                feet[again, number, other.axis] = points[self.source[again], other.axis]
-            feet[:, number, plane.axis] = plane.position
-        return feet
 
     def gradient_shifts(self, turns: np.ndarray) -> np.ndarray:
         """Return the changes of the ghosts' gradients by turns Q - I (planes, d, d) of the planes; shape (m, d d), column after column.
@@ -182,9 +289,8 @@ class Ghosts:
         # The planes are processed in order, since images of images copy the values of the images that they mirror.
         for number, plane in enumerate(self.planes):
             images = (self.image >> number) & 1 == 1
-            of_rows, of_columns, of_plane = _continuation(plane, self.share_along)
-            along = np.arange(len(of_rows)) != plane.axis
-            shifts[images] = of_rows[:, None] * shifts[images] * of_columns + of_plane[:, None] * turns[number] * along
+            of_rows, of_columns, of_plane, along = self._continuation(plane, self.share_along, images)
+            shifts[images] = of_rows[:, None] * (shifts[images] @ of_columns) + of_plane[:, None] * (turns[number] @ along)
         return shifts.transpose(0, 2, 1).reshape(len(self), turns.shape[1] ** 2)  # a rank may have no images
 
     def levers_on_planes(self, positions: np.ndarray, gradients: np.ndarray, forces: np.ndarray, moments: np.ndarray) -> np.ndarray:
@@ -203,18 +309,18 @@ class Ghosts:
         for number in reversed(range(len(self.planes))):
             plane, own = self.planes[number], np.flatnonzero(self.plane == number)
             above, parity = self.parent[own], np.array(plane.parity, dtype=float)
-            flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
             places = (positions[above] + positions[n + own]) / 2
             levers[number] -= np.einsum("gr,gc->rc", (1 - parity) * forces[own], places)
-            of_gradients, of_directions, of_plane = _continuation(plane, self.share_along)
-            if self.share_along is not None and (parity < 0).all():
-                of_plane, turned = np.ones(dimension), gradients[n + own] - self.share_along * gradients[above]
+            of_gradients, of_directions, of_plane, along = self._continuation(plane, self.share_along, own)
+            share = _share_of(plane, self.share_along)
+            if share is not None and (parity < 0).all():
+                of_plane, turned = np.ones(dimension), gradients[n + own] - share * gradients[above]
             else:
                 turned = (gradients[above] + gradients[n + own]) / 2
-            levers[number] += np.einsum("r,gra,a,gca->rc", of_plane, moments[own], (1 + flip) / 2, turned)
+            levers[number] += np.einsum("r,gra,gab,gcb->rc", of_plane, moments[own], along, turned)
             again = above >= n
             np.add.at(forces, above[again] - n, parity * forces[own[again]])
-            np.add.at(moments, above[again] - n, of_gradients[:, None] * moments[own[again]] * of_directions)
+            np.add.at(moments, above[again] - n, of_gradients[:, None] * (moments[own[again]] @ of_directions[again]))
         return levers
 
     @property
@@ -236,7 +342,15 @@ class Ghosts:
         """Write the shape tensors of the ghosts (or their inverses), S K_source S with the reflection S, into `shapes`."""
         one, other = np.triu_indices(self.reflection.shape[1])
         self.fill(shapes)
-        shapes[len(shapes) - len(self) :] *= self.reflection[:, one] * self.reflection[:, other]
+        found = shapes[len(shapes) - len(self) :]
+        flips = np.eye(self.normal.shape[1]) - 2 * self.normal[:, :, None] * self.normal[:, None]
+        found[:] = (flips @ symmetric(found) @ flips)[:, one, other] * self.reflection[:, one] * self.reflection[:, other]
+
+    def reflected_vectors(self, vectors: np.ndarray) -> np.ndarray:
+        """Return vectors (n, d) at the points, such as normals of an interface, as the ghosts' neighborhoods have them, shape (m, d)."""
+        of_sources = vectors[self.source]
+        across = np.einsum("gi,gi->g", of_sources, self.normal)
+        return self.reflection * (of_sources - 2 * across[:, None] * self.normal)
 
     def fill(self, values: np.ndarray) -> None:
         """Copy values from the sources to the ghosts, in place."""
@@ -244,13 +358,14 @@ class Ghosts:
         values[len(values) - len(self) :] = values[self.source]
 
 
-def _continuation(plane: ReflectionPlane, share: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return three vectors (d,) that continue F - I beyond a plane: factors of its rows, of its columns, and weights of the plane's turn.
+def symmetric(triangles: np.ndarray) -> np.ndarray:
+    """Return symmetric matrices, shape (k, d, d), from their upper triangles row by row, shape (k, d (d + 1)/2)."""
+    d = math.isqrt(2 * triangles.shape[1])
+    place = np.zeros((d, d), dtype=np.int64)
+    place[np.triu_indices(d)] = np.arange(triangles.shape[1])
+    return triangles[:, np.maximum(place, place.T)]
 
-    The weights multiply the rows of the plane's turn Q - I. `share` is the argument of `Ghosts.held_by_clamps`; with None, gradients are
-    continued as displacements are.
-    """
-    across, parity = np.arange(len(plane.parity)) == plane.axis, np.array(plane.parity, dtype=float)
-    if share is None or (parity > 0).any():
-        return parity, np.where(across, -1.0, 1.0), 1 - parity
-    return np.ones_like(parity), np.where(across, 1.0, share), np.full_like(parity, 1 - share)
+
+def _share_of(plane: Mirror, share: float | None) -> float | None:
+    """Return the argument of `Ghosts.continued` for a plane, or if it is not None that of held boundaries, 0 (theory (68))."""
+    return 0.0 if share is not None and isinstance(plane, HeldBoundary) else share

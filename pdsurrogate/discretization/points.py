@@ -16,7 +16,7 @@ from ..scenes.regions import edge_names
 from ..scenes.solids import Prism
 from .interfaces import divided_volumes, round_interfaces
 from .meshes import Sides, mesh_of
-from .planes import reflected_edges, reflection_planes
+from .planes import held_boundaries, reflected_edges, reflection_planes
 
 RASTER = 16
 """Number of sampled places along each side of a cell in the plane, which determine the area of its material to some 1/1000 of a cell."""
@@ -62,7 +62,7 @@ PARTS = {(2, 3): 2, (3, 4): 6}
 """Number of cells that make up a square or cube, by dimension and number of corners of a cell."""
 
 
-def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> tuple[Body, np.ndarray, np.ndarray]:
+def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None, curves: bool = True) -> tuple[Body, np.ndarray, np.ndarray]:
     """Return the body of a scene: points outside holes, mirrored points beyond held edges, and no bonds across precuts or empty space.
 
     Parameters
@@ -70,6 +70,8 @@ def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
     scene : Scene
     part_of : callable, optional
         ``part_of(body)`` returns the wanted part of the whole body, such as that of one rank; bonds are made for this part only.
+    curves : bool
+        Whether mirrored points hold boundaries of any shape; otherwise they hold edges alone.
 
     Returns
     -------
@@ -85,7 +87,7 @@ def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
     try:
         points, volumes, spacing, cell, lower, upper, groups, mesh_cells = _points_of(scene)
         faces = faces_of_groups(scene, lower, upper)
-        planes = reflection_planes(scene, lower, upper, faces)
+        planes = *(held_boundaries(scene) if curves else ()), *reflection_planes(scene, lower, upper, faces)
         # Measured by the smaller side, a horizon takes in the same neighbors as with squares where the sides differ by little: by the
         # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
         # large again.

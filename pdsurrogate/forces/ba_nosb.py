@@ -6,14 +6,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..body.body import pointers_to
-from ..body.ghosts import WITH_ROUNDING
+from ..body.ghosts import WITH_ROUNDING, symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
 from ..kernels import ba_nosb
 from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS
 from .errors import InvalidState, at_point, why_invalid
-from .kinematics import symmetric
 from .protocol import ForceModel
 from .term import Binding, StateArray, Term
 

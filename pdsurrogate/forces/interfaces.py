@@ -239,7 +239,7 @@ class Interfaces:
         `owners` are the first points of all directed bonds, and `moduli` the shear moduli of all points and ghosts.
         """
         body, neighbors = self._body, self._body.bonds.neighbors[across]
-        normals = np.vstack([self.normals, body.ghosts.reflection * self.normals[body.ghosts.source]])[neighbors]
+        normals = np.vstack([self.normals, body.ghosts.reflected_vectors(self.normals)])[neighbors]
         arms = body.all_points[owners[across]] - body.all_points[neighbors]
         behind = (self.depths[neighbors] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 0)
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbors]) | behind]

@@ -8,6 +8,7 @@ from scipy import sparse
 
 from ..body import Body
 from ..body.body import pointers_to
+from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import BoundPass, Chain
 from ..engine.threads import chunks_of
@@ -142,9 +143,7 @@ class Kinematics:
         if not len(ghosts):
             return outer
         first, ghost, total = bonds.first[outer].astype(np.int64), bonds.second[outer].astype(np.int64) - n, n + len(ghosts)
-        number = np.full((int(ghosts.image.max()) + 1, n), -1)
-        number[ghosts.image, ghosts.source] = np.arange(len(ghosts))
-        keys, wanted = first * total + n + ghost, ghosts.source[ghost] * total + n + number[ghosts.image[ghost], first]
+        keys, wanted = first * total + n + ghost, ghosts.source[ghost] * total + n + ghosts.mirrored(first, ghost)
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 
@@ -249,14 +248,6 @@ def find_shapes(body: Body, rows: np.ndarray, weighted_bonds: np.ndarray, invers
     shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbors, body.all_points, weighted_bonds, inverse_shape, supported)
     body.ghosts.fill_shapes(inverse_shape)
     body.ghosts.fill(supported)
-
-
-def symmetric(triangles: np.ndarray) -> np.ndarray:
-    """Return symmetric matrices, shape (k, d, d), from their upper triangles row by row, shape (k, d (d + 1)/2)."""
-    d = math.isqrt(2 * triangles.shape[1])
-    place = np.zeros((d, d), dtype=np.int64)
-    place[np.triu_indices(d)] = np.arange(triangles.shape[1])
-    return triangles[:, np.maximum(place, place.T)]
 
 
 def entries_of(pointers: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -78,6 +78,7 @@ class NOSBForce(ForceModel):
     # K^-1 needs no correction of incomplete horizons, and P no rotation.
     honors: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,), "plane": tuple(PLANES)}
     several_materials = ("stress",)
+    mirrors_curves = False  # bonds to images beyond a curve are not mirrored exactly, which excites its zero-energy modes
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:
         return (PointStress,)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..body.ghosts import symmetric
 from ..engine.block_arrays import aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import bond_energy
@@ -11,7 +12,7 @@ from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .bond_shares import BondShares
 from .errors import InvalidState, at_point, why_invalid
-from .kinematics import matrices, symmetric
+from .kinematics import matrices
 from .material_points import material_sums
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
@@ -134,16 +135,19 @@ class PairEnergy(Term):
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         first, second = bonds.first[pairs], bonds.second[pairs]
-        stresses = self._stresses.copy()
-        body.ghosts.fill_changes(stresses)
-        stresses = matrices(stresses)
-        of_pairs = self._of_pairs("forces")
-        forces = of_pairs[pairs].astype(float)
-        outer, numbers = np.flatnonzero(second >= n), np.arange(len(bonds.first))[pairs]
+        stresses, of_pairs = matrices(self._stresses[:n]), self._of_pairs("forces")
+
+        def of_firsts(chosen: np.ndarray) -> np.ndarray:
+            """Return the part of the forces that does not come from the moments of the second ends."""
+            vectors = body.all_points[bonds.second[chosen]] - body.all_points[bonds.first[chosen]]
+            return of_pairs[chosen] + self.shares.strength[chosen, None] * np.einsum("bij,bj->bi", stresses[bonds.first[chosen]], vectors)
+
+        numbers = np.arange(len(bonds.first))[pairs]
+        forces, within, outer = of_firsts(numbers), np.flatnonzero(second < n), np.flatnonzero(second >= n)
         partners = self.kinematics.mirrored_pairs[np.searchsorted(self.kinematics.outer_pairs, numbers[outer])]
-        forces[outer] -= body.ghosts.parity[second[outer] - n] * of_pairs[partners]
-        vectors = body.all_points[second] - body.all_points[first]
-        forces += self.shares.strength[pairs, None] * np.einsum("bij,bj->bi", stresses[first] + stresses[second], vectors)
+        forces[outer] -= body.ghosts.parity[second[outer] - n] * of_firsts(partners)
+        vectors = body.points[second[within]] - body.points[first[within]]
+        forces[within] += self.shares.strength[numbers[within], None] * np.einsum("bij,bj->bi", stresses[second[within]], vectors)
         forces *= self._unit
         changed = self._from_one_side()
         return forces if changed is None else forces + changed[pairs]

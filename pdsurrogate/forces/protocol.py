@@ -224,6 +224,8 @@ class ForceModel(ABC):
         Planes in which models of its family describe the materials of one body together.
     default_precision : str
         Precision of the bond pass under plane stress.
+    mirrors_curves : bool
+        Whether mirrored points hold boundaries of any shape under this model; otherwise they hold edges alone.
     stated : mapping, optional
         Errors that the card (the metadata of its artifact) of a learned model states, see `pdsurrogate.forces.agreement`.
     members : tuple of Member
@@ -246,6 +248,7 @@ class ForceModel(ABC):
     family: str
     several_materials: tuple[str, ...] = ()
     default_precision: str = "float64"
+    mirrors_curves: bool = True
     stated: Mapping[str, float] | None = None
     members: tuple[Member, ...] = ()
 

@@ -78,8 +78,10 @@ def displacement_records(chunk, displacements, gradients, source, gradient_parit
         for c in range(dimension):
             for r in range(dimension):
                 at = c * dimension + r
-                value = gradient_parity[g, r] * gradients[source[g], at] * gradient_reflection[g, c]
-                records[n + g, dimension + at] = np.float32(value)
+                value = 0.0
+                for k in range(dimension):
+                    value += gradients[source[g], k * dimension + r] * gradient_reflection[g, k, c]
+                records[n + g, dimension + at] = np.float32(gradient_parity[g, r] * value)
 
 
 @ByDimension

@@ -50,8 +50,10 @@ def fill_matrices(chunk, values, source, parity, reflection, rest, shift):
             for r in range(dimension):
                 at = c * dimension + r
                 identity = rest if r == c else 0.0
-                image = identity + parity[g, r] * (values[source[g], at] - identity) * reflection[g, c]
-                values[n + g, at] = image + shift[g, at]
+                image = 0.0
+                for k in range(dimension):
+                    image += (values[source[g], k * dimension + r] - (rest if r == k else 0.0)) * reflection[g, k, c]
+                values[n + g, at] = identity + parity[g, r] * image + shift[g, at]
 
 
 @Pass
@@ -67,5 +69,9 @@ def fold_matrices(chunk, values, source, parity, reflection):
         for c in range(dimension):
             for r in range(dimension):
                 at = c * dimension + r
-                values[source[g], at] += parity[g, r] * reflection[g, c] * values[n + g, at]
-                values[n + g, at] = 0.0
+                image = 0.0
+                for k in range(dimension):
+                    image += values[n + g, k * dimension + r] * reflection[g, c, k]
+                values[source[g], at] += parity[g, r] * image
+        for at in range(dimension * dimension):
+            values[n + g, at] = 0.0

@@ -6,14 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..body import Body, ReflectionPlane
+from ..body import Body, HeldBoundary, Mirror
 from ..body.local_fit import text_of
 from ..forces import InvalidState
 from ..scenes import Load, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
 from ..scenes.regions import label_of_region
-from ..solvers.conditions import ON_A_PLANE, Loading
+from ..solvers.conditions import Loading
 from ..solvers.course import Paths, Pull
 from ..solvers.held import Held
 from ..solvers.increments import Motion
@@ -63,13 +63,12 @@ def conditions_of(
     planes, held, along_planes = [], [], []
     reached = np.unique(body.bonds.second[body.bonds.second >= len(body)]) - len(body)  # images at which bonds end
     for number, (edge, plane) in enumerate(zip(edges, body.planes, strict=True)):
-        holding = [one for one in prescriptions if regions.edge(one.region) == edge]
+        holding = [one for one in prescriptions if edge in regions.mirrors(one.region)]
         if not body.share.any(body.ghosts.lever[reached, number].any()):
             words = words_for(edge, body)
             raise ValueError(f"{holding[0].key}: no bond crosses the {words} of the body, on which there is no material; check the holes")
         points, sources = regions.points(edge), np.unique(body.ghosts.source[body.ghosts.plane == number])
-        feet = body.points[sources].copy()
-        feet[:, plane.axis] = plane.position
+        feet, _ = plane.mirrored(body.points[sources])
         rigid_points = np.intersect1d(points, rigid)  # a plane's images hold no region that nothing deforms
         by_component = {component: one for one in holding for component in one.components}
         for one in holding:
@@ -79,7 +78,7 @@ def conditions_of(
             if len(rigid_points):
                 held.append(one.held(names, rigid_points, body.points[rigid_points]))
     moving = any(stage.inertia is not None for stage in stages)
-    held += [_points_of(one, names, regions, moving) for one in prescriptions if regions.edge(one.region) not in edges]
+    held += [_points_of(one, names, regions, moving) for one in prescriptions if not _mirrored(one, regions, edges)]
     plane_names = [f"{edge} {'grip' if stretched else 'edge'}" for edge in edges]
     parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
     loading = Loading(body, parameter, rest, names, plane_names, [*held, *planes], loads)
@@ -101,6 +100,12 @@ def conditions_of(
         ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
         _check_held(loading, "prescribed", f"prescribe {ways} = 0 on a region, or run the steps in dynamics")
     return loading
+
+
+def _mirrored(one: Prescription, regions: BodyRegions, mirrors: list[str]) -> bool:
+    """Return whether mirrored points hold the whole region of a prescription; `mirrors` are the parts of the boundary that they hold."""
+    parts = regions.mirrors(one.region)
+    return bool(parts) and {*parts} <= {*mirrors}
 
 
 def _check_counted(loading: Loading, prescriptions: list[Prescription]) -> None:
@@ -269,8 +274,7 @@ def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.nda
     """Return the facets that a traction or pressure acts on; raise ValueError, naming the `key`, if one lies in a reflection plane."""
     facets, surface = regions.facets(load.region, key), regions.surface()
     for plane in body.planes:
-        distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
-        if (distance < ON_A_PLANE * body.spacing).all(axis=1).any():
+        if (surface.parts[facets] == edge_of(plane)).any():
             edge = words_for(edge_of(plane), body)
             why = f"which is held by reflection, so that a {load.kind} there acts on the support only"
             raise ValueError(f"{key}: the region contains the {edge}, {why}; leave the {edge} out, or hold points (support=points)")
@@ -289,9 +293,10 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
         sizes = np.stack([rows @ surface.areas()[facets] / len(corners) for rows in spread], axis=1)
         points = np.flatnonzero(sizes.any(axis=1))
         return points, sizes[points] * np.array(load.traction)
-    if load.kind == "force" and regions.edge(load.region) in map(edge_of, body.planes):
+    held = [edge for edge in map(edge_of, body.planes) if edge in regions.mirrors(load.region)]
+    if load.kind == "force" and held:
         # It would pull at points half a cell inside the edge, which are free.
-        edge = words_for(regions.edge(load.region), body)
+        edge = words_for(held[0], body)
         why = f"the {edge} is held by reflection, so that a force there acts on the support only"
         raise ValueError(f"{key}: {why}; give another region, or hold points instead (support=points)")
     points = regions.points(load.region, key)
@@ -302,11 +307,15 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
     return points, np.tile(part, (len(points), 1))
 
 
-def edge_of(plane: ReflectionPlane) -> str:
-    """Return the name of the edge or face of the body that lies in a reflection plane."""
+def edge_of(plane: Mirror) -> str:
+    """Return the name of the part of the boundary that lies in a reflection plane, or that mirrored points hold."""
+    if isinstance(plane, HeldBoundary):
+        return plane.name
     return next(edge for edge, place in EDGES.items() if place == (plane.axis, plane.side))
 
 
 def words_for(edge: str, body: Body) -> str:
-    """Return the words that messages use for an edge of a sheet or a face of a solid, as "left edge"."""
+    """Return the words that messages use for an edge of a sheet, a face of a solid, as "left edge", or another part of the boundary."""
+    if edge not in EDGES:
+        return f"boundary {edge}"
     return f"{edge} {'edge' if body.dimension == 2 else 'face'}"

@@ -202,7 +202,7 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     def surface() -> Surface:
         return surface_of(scene, whole[0], lower, upper).of_share(body.share)
 
-    body, lower, upper = discretize(scene, share_of)
+    body, lower, upper = discretize(scene, share_of, all(model.mirrors_curves for model in models))
     stages = stages_of(scene)
     with scene_errors(scene):
         regions = BodyRegions(scene, body, lower, upper, surface)

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from ..body import Body, Surface
 from ..body.local_fit import text_of, too_few
 from ..discretization.chains import ROUNDING
-from ..discretization.planes import whole_edge
+from ..discretization.planes import whole_boundaries, whole_edge
 from ..scenes import Region, Scene
 from ..scenes.model import EDGES
 from ..scenes.problems import suggestion
@@ -191,6 +191,11 @@ class BodyRegions:
     def edge(self, reference: str | Region) -> str | None:
         """Return the name of the edge or face of the bounding box that a region consists of; None for any other region."""
         return whole_edge(self._scene, reference, self.body.faces)
+
+    def mirrors(self, reference: str | Region) -> tuple[str, ...]:
+        """Return the name of the edge, or the names of the outline or holes, that a region consists of: mirrored points may hold them."""
+        edge = self.edge(reference)
+        return whole_boundaries(self._scene, reference) if edge is None else (edge,)
 
     def is_place(self, reference: str | Region) -> bool:
         """Return whether a region is defined as the points nearest to a place."""

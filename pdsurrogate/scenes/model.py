@@ -364,6 +364,7 @@ class Scene(StrictModel):
     support : {"reflected", "points"}
         How an edge of the bounding box with a held normal component is held: ``"reflected"`` continues the body beyond the edge by its
         mirror image, which holds the edge exactly; ``"points"`` holds the outermost points, half a cell inside the edge.
+        ``"reflected"`` also holds whole spheres, round holes and convex outlines by mirror images, if all components are prescribed.
     horizon_ratio : float
         Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the paper, and 1.75 for solids. Unit: none.
     weight : str

@@ -12,6 +12,10 @@ from scipy.spatial import cKDTree
 from ..body import encloses
 from .strict_model import Point, Positive, StrictModel
 
+FOOT_STEPS = 12
+"""Number of steps toward the nearest point of an ellipse. Each reduces the error to a small part; twelve reach rounding at semi-axes in a
+ratio of 10 (measured)."""
+
 
 class Shape(StrictModel):
     """Closed shape of a body or a hole, in the plane or in three dimensions.
@@ -88,6 +92,29 @@ class Outline(Shape):
         (8, 2)
         """
 
+    @abstractmethod
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points of the boundary that are nearest to places, and the curvature of the boundary there.
+
+        Parameters
+        ----------
+        places : ndarray, shape (k, 2)
+
+        Returns
+        -------
+        feet : ndarray, shape (k, 2)
+        curvature : ndarray, shape (k, 1)
+            Inverse radius of curvature; 0 on straight sides and at corners.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> feet, curvature = pds.shapes.Circle(radius=2.0).nearest(np.array([[1.0, 0.0]]))
+        >>> feet.tolist(), curvature.tolist()
+        ([[2.0, 0.0]], [[0.5]])
+        """
+
 
 class Rectangle(Outline):
     """Rectangle.
@@ -124,6 +151,10 @@ class Rectangle(Outline):
         (left, bottom), (right, top) = self.bounds()
         return _divided(np.array([[left, bottom], [right, bottom], [right, top], [left, top]]), cell)
 
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        (left, bottom), (right, top) = self.bounds()
+        return _nearest_on_sides(places, np.array([[left, bottom], [right, bottom], [right, top], [left, top]]))
+
 
 class Ellipse(Outline):
     """Ellipse.
@@ -157,6 +188,19 @@ class Ellipse(Outline):
 
     def boundary(self, cell: np.ndarray) -> np.ndarray:
         return _around(np.array(self.center), np.array(self.semi_axes), cell)
+
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        center, semi_axes = np.array(self.center), np.array(self.semi_axes)
+        # Within a quadrant, the center of curvature of the last foot leads to the next one.
+        offsets, along = np.abs(places - center), np.full(places.shape, math.sqrt(0.5))
+        for _ in range(FOOT_STEPS):
+            evolute = (semi_axes**2 - semi_axes[::-1] ** 2) * along**3 / semi_axes
+            arms, ways = semi_axes * along - evolute, offsets - evolute
+            ways *= (np.linalg.norm(arms, axis=1) / np.maximum(np.linalg.norm(ways, axis=1), 1e-300))[:, None]
+            along = np.clip((evolute + ways) / semi_axes, 0, 1)
+            along /= np.linalg.norm(along, axis=1)[:, None]
+        curvature = semi_axes.prod() / np.linalg.norm(semi_axes[::-1] * along, axis=1, keepdims=True) ** 3
+        return center + np.copysign(semi_axes * along, places - center), curvature
 
 
 class Circle(Outline):
@@ -192,6 +236,9 @@ class Circle(Outline):
 
     def boundary(self, cell: np.ndarray) -> np.ndarray:
         return _around(np.array(self.center), np.full(2, self.radius), cell)
+
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return nearest_on_sphere(places, np.array(self.center), self.radius)
 
 
 class Polygon(Outline):
@@ -233,6 +280,24 @@ class Polygon(Outline):
 
     def boundary(self, cell: np.ndarray) -> np.ndarray:
         return _divided(np.array(self.vertices), cell)
+
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return _nearest_on_sides(places, np.array(self.vertices))
+
+
+def nearest_on_sphere(places: np.ndarray, center: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points of a circle or sphere nearest to places, shape (k, d), and its curvatures there, shape (k, d - 1)."""
+    offsets = places - center
+    distances = np.linalg.norm(offsets, axis=1, keepdims=True)
+    ways = np.where(distances > 0, offsets / np.maximum(distances, 1e-300), np.eye(len(center))[0])
+    return center + radius * ways, np.full((len(places), len(center) - 1), 1 / radius)
+
+
+def _nearest_on_sides(places: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points of a polygon nearest to places, shape (k, 2), and the curvature of its sides, zeros of shape (k, 1)."""
+    sides = shapely.linearrings(corners)
+    feet = shapely.line_interpolate_point(sides, shapely.line_locate_point(sides, shapely.points(places)))
+    return shapely.get_coordinates(feet), np.zeros((len(places), 1))
 
 
 def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from .shapes import AnyOutline, Circle, Ellipse, Mesh, Outline, Polygon, Precut, Rectangle, Shape, with_shape
+from .shapes import AnyOutline, Circle, Ellipse, Mesh, Outline, Polygon, Precut, Rectangle, Shape, nearest_on_sphere, with_shape
 from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictModel
 
 
@@ -294,6 +294,28 @@ class Sphere(Solid):
     def contains(self, points: np.ndarray) -> np.ndarray:
         offsets = points - np.array(self.center)
         return ((offsets**2).sum(axis=1) < self.radius**2) & (offsets[:, self.halved] > 0).all(axis=1)
+
+    def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points of the whole sphere that are nearest to places, and its principal curvatures there.
+
+        Parameters
+        ----------
+        places : ndarray, shape (k, 3)
+
+        Returns
+        -------
+        feet : ndarray, shape (k, 3)
+        curvatures : ndarray, shape (k, 2)
+            The inverse radius, for both principal directions.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pdsurrogate as pds
+        >>> pds.shapes.Sphere(radius=2.0).nearest(np.array([[1.0, 0.0, 0.0]]))[0].tolist()
+        [[2.0, 0.0, 0.0]]
+        """
+        return nearest_on_sphere(places, np.array(self.center), self.radius)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         center = np.array(self.center)

@@ -197,17 +197,17 @@ class Loading:
         FoldedOver
             If that point lies next to a free side, and the plane is held along itself too, so that the side can bulge over it.
         """
-        supported, motions = force.supported, self.plane_motions(parameter)
-        for name, plane, motion, held in zip(self.planes, self.body.planes, motions, self.plane_components, strict=True):
-            normal, place = np.zeros((2, self.body.dimension))
-            normal[plane.axis], place[plane.axis] = 1.0, plane.position
-            place += displaced(motion, place)
-            beyond = np.where(supported, plane.side * ((positions - place) @ (normal + motion[:, :-1] @ normal)), 0.0)
+        supported, motions, ghosts = force.supported, self.plane_motions(parameter), self.body.ghosts
+        for number, (name, plane, motion) in enumerate(zip(self.planes, self.body.planes, motions, strict=True)):
+            # In the frame in which the plane has not moved.
+            back = np.linalg.solve(np.eye(self.body.dimension) + motion[:, :-1], (positions - motion[:, -1]).T).T
+            reflects = plane.axis is not None or np.isin(np.arange(len(back)), ghosts.source[ghosts.plane == number])
+            beyond = np.where(supported & reflects, -plane.mirrored(back)[1], 0.0)
             worst, error = int(beyond.argmax()), None
             if beyond[worst] > ON_A_PLANE * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
                 error = InvalidState(at_point(self.body, worst, what))
-                if held.sum() > 1 and self._beside_free_side(worst, plane.axis):
+                if plane.axis is not None and self.plane_components[number].sum() > 1 and self._beside_free_side(worst, plane.axis):
                     what += "; the free side next to it bulges over what it is bonded to, and would lie against it"
                     error = FoldedOver(at_point(self.body, worst, what))
             self.body.share.agree(error)
@@ -366,7 +366,8 @@ class Loading:
         found, places = np.split(sums[:, :-1] / np.maximum(sums[:, -1:], 1), 2, axis=1)
         for part in self._of_planes:
             plane, middle = self.body.planes[part.plane], places[part.holder].copy()
-            middle[plane.axis] = plane.position
+            if plane.axis is not None:
+                middle[plane.axis] = plane.position
             found[part.holder, part.components] = displaced(part.motion(parameter), middle)[list(part.components)]
         return found
 
@@ -377,7 +378,8 @@ class Loading:
         for part in self.held:
             points = part.every
             if part.plane is not None:
-                axis, position = self.body.planes[part.plane].axis, self.body.planes[part.plane].position
-                points = points[np.abs(self.body.points[points, axis] - position) < self.body.cell[axis]]
+                plane = self.body.planes[part.plane]
+                depths = plane.mirrored(self.body.points[points])[1]
+                points = points[np.abs(depths) < (self.body.cell.max() if plane.axis is None else self.body.cell[plane.axis])]
             near.append(points[self._share.own[points]])
         return self._by_holder(near)

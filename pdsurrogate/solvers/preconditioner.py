@@ -9,7 +9,7 @@ from ..forces import InternalForce
 from ..ranks import Share
 from .held import Support
 from .multigrid import Operator, conjugate_gradient_steps
-from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_of
+from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_beside_boundaries, springs_of
 from .rigid import inverse_with_regions
 
 EXTENDED, SOLVED = 3e-4, 0.05
@@ -64,12 +64,12 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
         0 in free components, and each reflection plane by u(X) = displacement + turn X, with rows of `planes` (planes, d) as
         displacements and of `turns` (planes, d, d), Q - I for a rotation Q, as turns; None for no turns.
     """
-    network = (springs_of if body.dimension == 2 else laplacian_of)(body, shear_moduli)
+    network = (springs_beside_boundaries if body.dimension == 2 else laplacian_of)(body, shear_moduli)
     solve = spring_solver_of(network, free, EXTENDED)
 
     def response(held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         held = held.copy()
-        found = solve(network.forces(held, body.ghosts.moved_by_planes(body.points, planes, turns))) + held
+        found = solve(network.forces(held, body.ghosts.moved_by_planes(planes, turns))) + held
         body.share.fill(found)
         return found
 

@@ -133,6 +133,18 @@ def test_forces_of_two_materials_have_the_same_bits(ranks, number):
         assert energies[0] is None or energies[1] == pytest.approx(energies[0], rel=1e-12)
 
 
+@several
+@pytest.mark.parametrize("number", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_forces_between_held_boundaries_have_the_same_bits(ranks, number):
+    """A ring whose outline and hole mirrored points hold; sums of bonds across them but for rounding."""
+    alone = ranks.loaded(1, "digests_of_cases", module="held_ring")[0]["value"]
+    shared = ranks(number, "digests_of_cases", module="held_ring")[0]["value"]
+    for one, other in zip(alone, shared, strict=True):
+        assert one["bonds"] > 1000
+        np.testing.assert_allclose(other.pop("reaction"), one.pop("reaction"), rtol=1e-10, atol=1e-10)
+        assert one == other
+
+
 EQUILIBRIA = [
     ("hole", "analytic", {"spacing": 0.1}, 2),
 ]
