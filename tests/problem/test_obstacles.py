@@ -35,7 +35,7 @@ def box(*obstacles, **changes):
 ROUND = {"disc": {"center": (0.6, 1.5), "radius": 0.5}, "x2": -0.1, "x1": 0.05}
 SPATIAL = (
     {"ball": {"center": (0.6, 0.5, 1.5), "radius": 1.0}, "x3": -0.06},
-    {"cylinder": {"center": (2.0, 0.0, 0.5), "axis": (0.0, 3.0, 1.0), "radius": 0.9}, "x1": -0.06},
+    {"cylinder": {"center": (2.0, 0.0, 0.5), "axis": (0.0, 3.0, 1.0), "radius": 0.9}, "x1": -0.16},
     {"half_space": {"point": (0.0, 1.05, 0.0), "normal": (0.0, 1.0, 0.1)}, "x2": -0.15},
 )
 
@@ -70,8 +70,8 @@ def test_a_plate_without_friction_leaves_the_body_in_the_homogeneous_state():
     assert -level["forces"]["plate"][1] == pytest.approx(-exact.nominal_stress, rel=0.01)
     # The contact is a layer of a twentieth of a spacing of the material, which cannot bulge in the plane.
     modulus = 4 * 31 / 34
-    assert depth == pytest.approx(-exact.nominal_stress * 0.125 / (20 * modulus), rel=0.25)
-    assert level["contact"]["plate"]["area"] == pytest.approx(exact.transverse_stretch, rel=0.01)
+    assert 1 < depth / (-exact.nominal_stress * 0.125 / (20 * modulus)) < 1.4  # the greatest, of places that differ a little
+    assert level["contact"]["plate"]["area"] == pytest.approx(exact.lateral_stretch, rel=0.01)
     assert level["displacements"]["plate"] == pytest.approx([0, -0.2])
     row = result.history[-1]
     assert row["contact_area_plate"] == level["contact"]["plate"]["area"]
