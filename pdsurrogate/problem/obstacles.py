@@ -17,7 +17,7 @@ from .regions import BodyRegions
 THIN = 20.0
 """Stiffness of the contact: pressure over penetration, times the spacing and divided by the modulus of the material against strain along
 one axis. Contact is then as stiff as a layer of the material, a twentieth of a spacing thick, that cannot bulge. Chosen: a sheet of 32
-points pressed by 20 % then has a force 0.2 % too low, and dynamics take 1.5 times the steps; with 10 it is 0.4 %, with 50 twice the steps."""
+points pressed by 20 % then has a force 0.2 % too low; with 10 it is 0.4 %, and with 50 dynamics take 1.5 times the steps."""
 
 LEAST_RADIUS = 2.0
 """Least radius of an obstacle in spacings; between the nodes of the boundary, a spacing apart, a smaller one could enter unnoticed."""

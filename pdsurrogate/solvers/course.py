@@ -12,9 +12,9 @@ from ..forces import InternalForce
 from .conditions import Loading, Reactions
 from .equilibrium import TooFar
 from .increments import Motion
-from .nearest_bonds import greatest_bond_strain, laplacian_of, spring_solver_of, springs_of
+from .nearest_bonds import greatest_bond_strain, inverse_of, laplacian_of, springs_of
 from .obstacles import ContactStiffness
-from .preconditioner import EXTENDED, extension_of
+from .preconditioner import extension_of
 from .rigid import displaced
 
 COMPRESSED = 0.05
@@ -233,7 +233,7 @@ class Paths:
     @cached_property
     def _contact(self) -> ContactStiffness:
         network = (springs_of if self.body.dimension == 2 else laplacian_of)(self.body, self._springs)
-        return ContactStiffness(spring_solver_of(network, self._loading.free, EXTENDED), self._loading.loads.obstacles)
+        return ContactStiffness(inverse_of(network, self._loading.free), self._loading.loads.obstacles)
 
     def _outside(self, guess: np.ndarray, t: float) -> np.ndarray:
         """Return a first guess (n, d) at the parameter `t`, with its boundary moved out of the obstacles as they are then."""

@@ -205,7 +205,7 @@ class ContactStiffness:
     Parameters
     ----------
     inverse : callable
-        Inverse of A: returns the displacements (n, d) under forces (n, d).
+        Inverse of A, a linear operator: returns the displacements (n, d) under forces (n, d).
     obstacles : sequence of Obstacle
     """
 

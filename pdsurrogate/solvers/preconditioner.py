@@ -10,7 +10,7 @@ from ..ranks import Share
 from .held import Support
 from .multigrid import conjugate_gradient_steps
 from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_of
-from .obstacles import ContactStiffness
+from .obstacles import ContactStiffness, Obstacle
 from .rigid import inverse_with_regions
 
 EXTENDED, SOLVED = 3e-4, 0.05
@@ -36,20 +36,22 @@ least degrees are then 4 at K = 100 mu and 8 at K = 1000 mu; an error of 0.3 nee
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner that suits a force; `free` (n, d) is 1 where a component may move, 0 where it is held."""
     body, moduli = force.body, force.stiffness_moduli
+    obstacles = force.loads.obstacles if hasattr(force, "loads") else []
     if regions := getattr(force, "rigid", ()):
-        found = _touching(force, inverse_with_regions(body, moduli, free, regions))
+        found = _touching(force, obstacles, inverse_with_regions(body, moduli, free, regions))
     elif force.nearly_incompressible:
-        laplacian = _touching(force, Preconditioner(inverse_of(laplacian_of(body, moduli), free)))
+        laplacian = _touching(force, obstacles, Preconditioner(inverse_of(laplacian_of(body, moduli), free)))
         found = incompressible_inverse(force, laplacian)
+    elif obstacles:
+        found = _touching(force, obstacles, Preconditioner(inverse_of(springs_of(body, moduli), free)))
     else:
-        found = _touching(force, Preconditioner(spring_solver_of(springs_of(body, moduli), free, SOLVED)))
+        found = Preconditioner(spring_solver_of(springs_of(body, moduli), free, SOLVED))
     supports = getattr(force, "supports", ())
     return supported(found, supports, body.share) if supports else found
 
 
-def _touching(force: InternalForce, inner: Preconditioner) -> Preconditioner:
-    """Return a preconditioner that includes the stiffness of the obstacles of a force; `inner` itself if there are none."""
-    obstacles = force.loads.obstacles if hasattr(force, "loads") else []
+def _touching(force: InternalForce, obstacles: Sequence[Obstacle], inner: Preconditioner) -> Preconditioner:
+    """Return a preconditioner that includes the stiffness of contact with obstacles; `inner`, a linear operator, if there are none."""
     if not obstacles:
         return inner
     contact = ContactStiffness(inner.solve, obstacles)
