@@ -23,6 +23,10 @@ LEAST_RADIUS = 2.0
 """Least radius of an obstacle in spacings; between the nodes of the boundary, a spacing apart, a smaller one could enter unnoticed."""
 
 
+OVERLAP = 0.02
+"""Overlap of an obstacle with the undeformed body, in spacings, up to which they only touch: nodes of a round boundary lie as far from it,
+since its polygon has the area of the circle."""
+
 SHARP = 0.95
 """Length of the mean of the unit normals of the facets that meet at a node, below which the node lies at an edge of the body: half of the
 angle between two normals is then 18 degrees, which is more than between facets of a round boundary."""
@@ -58,7 +62,7 @@ def obstacles_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[
         places = np.vstack([nodes.nodes, body.points])
         gaps, _ = one.gaps(places, one.amplitude(0.0))
         deepest, error = int(gaps.argmin()), None
-        if gaps[deepest] < -ON_A_PLANE * body.spacing:
+        if gaps[deepest] < -OVERLAP * body.spacing:
             overlap = f"at t = 0 the obstacle overlaps the body, by {-gaps[deepest]:.3g} at {text_of(places[deepest])}"
             turned = ", or turn its normal, which points into the obstacle" if radius is None else ""
             error = ValueError(f"{key}.{entry.shape}: {overlap}; begin outside, and move it toward the body with x1, x2 or x3{turned}")
@@ -107,7 +111,7 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
     places = np.vstack([nodes, gauss @ nodes, share.joined(body.points[beside], beside)[order]])
     sides = share.joined(body.volumes[beside] / body.spacing, beside)[order]
     areas = np.concatenate([areas, np.repeat(of_facets[at_edge] / d, d), sides])
-    return ContactNodes(share, Following(maps), places, areas, facets, bonded)
+    return ContactNodes(share, Following(maps), places, areas, facets, bonded, body.spacing)
 
 
 def _modulus(law: Law, plane: str) -> float:

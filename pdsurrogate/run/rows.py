@@ -42,7 +42,7 @@ def _with_loads(names: tuple[str, ...], values: np.ndarray, loads: dict[str, np.
 
 def contact_by_name(run: Run) -> dict[str, dict[str, float]]:
     """Return, by name, the area in contact with each obstacle, in the plane its length, and the greatest penetration."""
-    return {one.name: one.contact(run.positions, run.body.spacing) for one in run.loads.obstacles}
+    return {one.name: one.contact(run.positions) for one in run.loads.obstacles}
 
 
 def place_columns(run: Run, time: float | None = None) -> dict:

@@ -180,10 +180,10 @@ def test_the_preconditioner_knows_the_stiffness_of_the_contact():
     assert not stiffness.update()  # the same places touch
     step = stiffness.solve(forces * problem.loading.free) * problem.loading.free
     loads = problem.loading.loads
-    before = [one.contact(positions, 1.0)["penetration"] for one in loads.obstacles]
+    before = [one.contact(positions)["penetration"] for one in loads.obstacles]
     assert max(before) > 0.02
     positions += step
-    assert max(one.contact(positions, 1.0)["penetration"] for one in loads.obstacles) < 0.4 * max(before)
+    assert max(one.contact(positions)["penetration"] for one in loads.obstacles) < 0.4 * max(before)
     loaded(positions, after)
     assert np.abs(after * problem.loading.free).max() < 0.2 * pushed
 
