@@ -22,7 +22,7 @@ _NAMES = {
     "run.damage": "greatest_bond_stretch",
     "run.preview": "preview",
     "run.simulate": "SimulationFailed SimulationInterrupted simulate",
-    "scenes": "Load Part Prescribed Probe Region Scene SceneError Step StepDynamics load_scene scene_names",
+    "scenes": "Load Obstacle Part Prescribed Probe Region Scene SceneError Step StepDynamics load_scene scene_names",
     "studies": "Study StudyInterrupted study",
 }
 

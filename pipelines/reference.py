@@ -19,7 +19,7 @@ from pdsurrogate.forces import FORCES
 from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.materials import LAWS, PLANES
 from pdsurrogate.results.files import write_text
-from pdsurrogate.scenes import loading, model, regions, shapes, solids
+from pdsurrogate.scenes import loading, model, obstacles, regions, shapes, solids
 from pdsurrogate.studies import description
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -55,6 +55,8 @@ TABLES = {
         "holds": model.Hold,
         "prescribed": loading.Prescribed,
         "loads": loading.Load,
+        "obstacles": obstacles.Obstacle,
+        "obstacles.cylinder": obstacles.Roller,
         "steps": loading.Step,
         "steps.dynamics": loading.StepDynamics,
         "probes": loading.Probe,

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..body import Body, HeldBoundary, Mirror
 from ..body.local_fit import text_of
 from ..forces import InvalidState
+from ..materials import Law
 from ..scenes import Load, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
@@ -18,7 +20,9 @@ from ..solvers.course import Paths, Pull
 from ..solvers.held import Held
 from ..solvers.increments import Motion
 from ..solvers.loads import DeadLoad, Loads, Pressure
+from ..solvers.obstacles import Obstacle
 from ..solvers.rigid import rigid_motions
+from .obstacles import obstacles_of
 from .program import Prescription, Stage
 from .regions import BodyRegions
 
@@ -249,15 +253,15 @@ def _greatest_speed(loading: Loading, motion: Motion) -> float:
     return fastest
 
 
-def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads:
-    """Return the loads of a scene.
+def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law] = ()) -> Loads:
+    """Return the loads and obstacles of a scene with the laws of its deformable materials.
 
     Raises
     ------
     ValueError
-        For a region that is empty, or a load on an edge that is held by reflection; the message names the key.
+        For a region that is empty, a load on an edge that is held by reflection, or an unsuitable obstacle; the message names the key.
     """
-    found: list[DeadLoad | Pressure] = []
+    found: list[DeadLoad | Pressure | Obstacle] = [*obstacles_of(scene, body, regions, laws)]
     for number, load in enumerate(scene.loads):
         # Several loads may share a name, as traction and pressure on one edge do; results sum them.
         named = load.name or label_of_region(load.region, f"loads.{number}"), amplitude_of(load.amplitude), body.share

@@ -119,6 +119,9 @@ class Problem:
         for number, load in enumerate(self.scene.loads):
             size = np.array(getattr(load, load.kind)) * amplitude_of(load.amplitude)(parameter)
             found.append(f"loads.{number} to {load.kind} = {np.array2string(size, precision=4, separator=', ')}")
+        for number, one in enumerate(self.loading.loads.obstacles):
+            moved = one.amplitude(parameter) * one.travel
+            found.append(f"obstacles.{number} moved by {text_of(moved)}")
         return "; ".join(found)
 
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:
@@ -206,10 +209,10 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     stages = stages_of(scene)
     with scene_errors(scene):
         regions = BodyRegions(scene, body, lower, upper, surface)
-        loads = loads_of(scene, body, regions)
         portions, rigid = portions_of(scene, body, models, regions) if models else ([], {})
         if rigid and ranks.size > 1:
             raise ValueError("materials: rigid regions are supported on one rank only; run without mpiexec, or give the regions a law")
+        loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages)
         loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
         body.share.clear(loading.free)  # points of the halo are moved by their owners

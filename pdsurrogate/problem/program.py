@@ -268,12 +268,13 @@ def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, fl
 def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
     """Return the names under which results report the forces of the entries of `prescribed`; ValueError if two regions share a name."""
     labels, owners = [], {}
-    for kind in ("prescribed", "loads"):
+    for kind in ("prescribed", "loads", "obstacles"):
         for number, entry in enumerate(getattr(scene, kind)):
             key = f"{kind}.{number}"
-            labels.append(entry.name or label_of_region(entry.region, key))
-            other, region = owners.setdefault(labels[-1], (key, entry.region))
-            if region != entry.region:
+            own = key if kind == "obstacles" else entry.region
+            labels.append(entry.name or label_of_region(own, key))
+            other, region = owners.setdefault(labels[-1], (key, own))
+            if region != own:
                 one = f"{other} and {key} have different regions but the same name {labels[-1]!r}"
                 raise ValueError(f"{one}; give one of them another name")
     return labels[: len(scene.prescribed)]

@@ -18,7 +18,8 @@ UNITS_OF_COLUMNS = {
     r"nominal_stress": "stress",
     r"energy|work|(kinetic|damped|strain|released)_energy|moment_.*": "energy",
     r"force_.*": "force",
-    r"(.*_)?displacement_.*": "length",
+    r"(.*_)?displacement_.*|contact_penetration_.*": "length",
+    r"contact_area_.*": "area",
 }
 """Units of the columns of tables: from a regular expression of the names of columns to the name of a unit in `Units`."""
 

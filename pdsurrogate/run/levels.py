@@ -265,7 +265,7 @@ class Equilibria:
             self._keep_or_stop(increments)
             if evaluations > patience:
                 raise NotConverged(f"no equilibrium was found within {evaluations} force evaluations, after a longer increment had failed")
-            moved = run.body.share.greatest(np.abs(run.positions - guess)) if run.loads else 0.0
+            moved = run.body.share.greatest(np.abs(run.positions - guess)) if len(run.loads) > len(run.loads.obstacles) else 0.0
             if moved > self._farthest:
                 weak = note_of_modes(run.force, "so that small loads may already carry points away")
                 raise RanAway(f"the loads carry the body away: points moved by {moved:.3g} in one increment without equilibrium{weak}")

@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Circle, Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.linalg import null_space
 from scipy.spatial import cKDTree
@@ -24,6 +24,9 @@ from ..scenes import Load, Part, Prescribed, Scene
 from ..scenes.regions import label_of_region
 from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
+
+OBSTACLE = "#8b8f98"
+"""Color of obstacles."""
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
 """Color of cells in no region, and the number of cells up to which their edges are drawn: with more cells the edges would cover the
@@ -57,7 +60,7 @@ class _Mark(NamedTuple):
 def preview(scene: Scene) -> Figure:
     """Draw the undeformed body of a scene, its regions colored and named, with arrows for displacements and loads.
 
-    A body in three dimensions is shown from outside.
+    A body in three dimensions is shown from outside, and its obstacles are only named.
 
     Parameters
     ----------
@@ -98,6 +101,7 @@ def preview(scene: Scene) -> Figure:
         handles: list[Artist] = [Patch(color=mark.color, label=mark.text) for mark in marks]
         handles += [Line2D([], [], color="black", lw=2, label="cut")] if scene.precuts else []
         handles += [Line2D([], [], color="black", marker="x", ls="", label="probe")] if scene.probes else []
+        handles += [Patch(color=OBSTACLE, label=f"{one.name}: obstacle") for one in problem.loading.loads.obstacles]
         if handles:
             figure.legend(handles=handles, loc="outside right upper", frameon=False)
     return figure
@@ -153,6 +157,11 @@ def _in_the_plane(problem: Problem, marks: list[_Mark], colors: np.ndarray) -> t
         if mark.arrow is not None:
             arrow = {"arrowstyle": "-|>", "color": mark.color, "lw": 1.5, "ec": "black"}
             axes.annotate("", mark.place + ARROW * extent * mark.arrow, tuple(mark.place), arrowprops=arrow)
+    for obstacle in scene.obstacles:
+        if (flat := obstacle.half_plane) is not None:
+            axes.axline(flat.point, (flat.point[0] - flat.normal[1], flat.point[1] + flat.normal[0]), color=OBSTACLE, lw=3)
+        elif obstacle.disc is not None:
+            axes.add_patch(Circle(obstacle.disc.center, obstacle.disc.radius, color=OBSTACLE))
     for probe in scene.probes:
         axes.plot(*probe.at, "x", color="black", ms=6)
         axes.annotate(probe.name, (probe.at[0], probe.at[1]), xytext=(4, 4), textcoords="offset points")

@@ -40,6 +40,11 @@ def _with_loads(names: tuple[str, ...], values: np.ndarray, loads: dict[str, np.
     return found
 
 
+def contact_by_name(run: Run) -> dict[str, dict[str, float]]:
+    """Return, by name, the area in contact with each obstacle, in the plane its length, and the greatest penetration."""
+    return {one.name: one.contact(run.positions) for one in run.loads.obstacles}
+
+
 def place_columns(run: Run, time: float | None = None) -> dict:
     """Return the first columns of a row of the history: stage, loading parameter, number of force evaluations, and time in dynamics."""
     row = {"step": run.state.stage, run.loading.parameter: run.state.parameter, "evaluations": run.force.evaluations}
@@ -48,7 +53,10 @@ def place_columns(run: Run, time: float | None = None) -> dict:
 
 def state_columns(run: Run) -> dict[str, float]:
     """Return the last columns of a row of the history: displacements at probes, and mean displacements where supports and loads act."""
-    return component_columns("displacement", displacements_by_name(run)) | run.probes.columns(run.positions - run.body.points)
+    found = component_columns("displacement", displacements_by_name(run)) | run.probes.columns(run.positions - run.body.points)
+    for name, contact in contact_by_name(run).items():
+        found |= {f"contact_{kind}_{name}": value for kind, value in contact.items()}
+    return found
 
 
 def equilibrium_columns(run: Run, level: dict) -> dict:
@@ -106,6 +114,8 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
     if declared.nominal_stress is None:
         row["moments"] = moments_by_name(run, reactions)
     row["displacements"] = {name: displacement.tolist() for name, displacement in displacements_by_name(run).items()}
+    if run.loads.obstacles:
+        row["contact"] = contact_by_name(run)
     if run.force.has_energy:
         row["energy"] = run.strain_energy()
     if regions := getattr(run.loaded, "rigid", ()):

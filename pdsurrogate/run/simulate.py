@@ -107,8 +107,9 @@ ADVICE = {
     TooFar: "use a smaller steps.largest_increment, or more outputs",
     Unstable: "compress the body less, or continue in dynamics",
     RanAway: "the load may exceed its maximum, like the pressure in a balloon: prescribe displacements instead, or continue in dynamics",
-    FoldedOver: "contact is not modeled, and a smaller spacing folds earlier: compress the body less, make the free side concave, or let "
-    "the body slide there (do not prescribe the components along the plane)",
+    FoldedOver: "contact is modeled at obstacles alone, and a smaller spacing folds earlier: add an obstacle that continues the plane (to "
+    "prescribed and steps, not to grips), compress the body less, make the free side concave, or let the body slide there (do not "
+    "prescribe the components along the plane)",
     InvalidState: "use a smaller spacing; if that does not help, the material cannot be deformed this far",
 }
 """Advice for error messages by the type of error with which a stage in equilibrium fails."""

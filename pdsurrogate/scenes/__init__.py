@@ -2,6 +2,7 @@
 
 from .loading import Load, Prescribed, Probe, Step, StepDynamics
 from .model import Dynamics, Fracture, Grip, Hold, MaterialSpec, Part, Scene, SolverSpec, Units
+from .obstacles import Obstacle
 from .problems import SceneError
 from .reading import load_scene, scene_names
 from .regions import Ball, Disc, HalfPlane, HalfSpace, Region

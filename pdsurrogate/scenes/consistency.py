@@ -59,6 +59,10 @@ def _dimension(scene: Scene) -> None:
         if part.dimension != dimension:
             what = f"a {part.shape}" if key.startswith("holes") else "this cut"
             raise ValueError(f"{key}: {what} is {there}, but the body, a {body}, is {here}")
+    for key, obstacle in _entries(scene, "obstacles"):
+        if obstacle.shapes[obstacle.shape] != dimension:
+            shapes = " or ".join(shape for shape, meant in obstacle.shapes.items() if meant == dimension)
+            raise ValueError(f"{key}.{obstacle.shape}: this obstacle is {there}, but the body, a {body}, is {here}; use {shapes}")
     for key, entry in _entries(scene, "prescribed"):
         if dimension == 3 and entry.rotation is not None and entry.axis is None:
             raise ValueError(f"{key}.axis: a rotation of a solid needs the direction of its axis, such as axis=[1, 0, 0]")
@@ -76,8 +80,8 @@ def _dimension(scene: Scene) -> None:
 
 def _of_solids_alone(scene: Scene) -> Iterator[tuple[str, str]]:
     """Yield the name of each component, axis or face in a scene that only solids have, preceded by its dotted key."""
-    for key, entry in _entries(scene, "prescribed"):
-        yield from ((f"{key}.{name}", name) for name in ("x3", "axis") if getattr(entry, name) is not None)
+    for key, entry in _entries(scene, "prescribed", "obstacles"):
+        yield from ((f"{key}.{name}", name) for name in ("x3", "axis") if getattr(entry, name, None) is not None)
     for key, hold in _entries(scene, "holds"):
         yield from ((f"{key}.components", name) for name in hold.components or () if name == "x3")
     edges = [*((f"{key}.edge", grip) for key, grip in _entries(scene, "grips")), *_references(scene)]
@@ -85,15 +89,15 @@ def _of_solids_alone(scene: Scene) -> Iterator[tuple[str, str]]:
 
 
 def _way_of_loading(scene: Scene) -> None:
-    general = [key for key in ("prescribed", "loads", "steps") if getattr(scene, key)]
+    general = [key for key in ("prescribed", "loads", "obstacles", "steps") if getattr(scene, key)]
     short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(scene, key)]
     if general and short:
-        ways = "use grips and stretches (with holds and dynamics), or prescribed and loads with steps (with dynamics in a step)"
+        ways = "use grips and stretches (with holds and dynamics), or prescribed, loads and obstacles with steps (with dynamics in a step)"
         raise ValueError(f"{short[0]} and {general[0]} belong to two different ways to define the loading: {ways}")
     if general and not scene.steps:
         raise ValueError(f"{general[0]}: needs steps, the values of the loading parameter t to be reached, such as steps=1")
     if general == ["steps"]:
-        raise ValueError("steps: have no effect without prescribed displacements or loads")
+        raise ValueError("steps: have no effect without prescribed displacements, loads or obstacles")
     if not general and not scene.grips:
         raise ValueError("the scene has no loading: give two grips and stretches, or steps with prescribed displacements or loads")
 
@@ -149,7 +153,7 @@ def _thickness(scene: Scene) -> None:
 
 def _amplitudes(scene: Scene) -> None:
     """Raise ValueError if an amplitude of a scene has no value at the end of a step; a run checks the values within steps itself."""
-    for key, entry in _entries(scene, "prescribed", "loads"):
+    for key, entry in _entries(scene, "prescribed", "loads", "obstacles"):
         try:
             for step in scene.steps:
                 amplitude_of(entry.amplitude)(step.to)

@@ -13,6 +13,7 @@ from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from .consistency import check_consistency
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
+from .obstacles import Obstacle
 from .problems import SceneError
 from .regions import EDGES, Face, Region, RegionName, RegionReference, reserved_names
 from .shapes import Mesh
@@ -296,6 +297,11 @@ class Units(StrictModel):
         return f"{self.stress} {self.length}^2" if self.stress and self.length else None
 
     @property
+    def area(self) -> str | None:
+        """Return the unit of areas, length^2 (sheets are one unit of length thick); None if the unit of length has no name."""
+        return self.length and f"{self.length}^2"
+
+    @property
     def energy(self) -> str | None:
         """Return the unit of energies and moments, stress times length^3; None if either unit has no name."""
         return f"{self.stress} {self.length}^3" if self.stress and self.length else None
@@ -318,7 +324,7 @@ class Scene(StrictModel):
 
     All values are in one consistent system of units. Places, directions and forces have as many components as the body has dimensions. A
     scene defines its loading in one of two ways: with two `grips` and `stretches` (and `holds` and `dynamics`), or with `prescribed`
-    displacements and `loads` (at least one of the two) and `steps`.
+    displacements, `loads` and `obstacles` (at least one of these) and `steps`.
 
     Parameters
     ----------
@@ -356,6 +362,8 @@ class Scene(StrictModel):
         Prescribed displacements of regions.
     loads : list of Load
         Loads on regions.
+    obstacles : list of Obstacle
+        Rigid obstacles without friction.
     steps : float, Step or list of these
         Steps of the loading program. They move the loading parameter t, which begins at 0. A number is a step to this value in equilibrium;
         a single step means a list with one step.
@@ -428,6 +436,7 @@ class Scene(StrictModel):
     regions: Annotated[dict[RegionName, Region], Field(default_factory=dict)]
     prescribed: tuple[Prescribed, ...] = ()
     loads: tuple[Load, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
     steps: Annotated[tuple[Step, ...], _OneOrMany] = ()
     probes: tuple[Probe, ...] = ()
     support: Literal["reflected", "points"] = "reflected"

@@ -11,6 +11,7 @@ from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
 from .held import Held, Support
 from .loads import AT_REST, Loads
+from .obstacles import PASSED
 from .rigid import displaced, moment_of
 
 ONE_SIDED = 0.1
@@ -186,23 +187,31 @@ class Loading:
         return off / max(ways) if off > 0 else 0.0
 
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
-        """Check that no point has crossed a reflection plane to the side of its own image.
+        """Check that no point has crossed a reflection plane to the side of its own image, and that none lies deep in an obstacle.
 
         Points whose bonds do not determine a deformation gradient (False in `force.supported`) are not checked.
 
         Raises
         ------
         InvalidState
-            If a point has crossed; the message names the point that is farthest beyond, and the plane.
+            If a point has crossed, or an obstacle has passed the boundary; the message names the farthest point, and the plane or obstacle.
         FoldedOver
             If that point lies next to a free side, and the plane is held along itself too, so that the side can bulge over it.
         """
+        for obstacle in self.loads.obstacles:
+            depths, error = -obstacle.gaps(positions)[0] - PASSED * self.body.spacing, None
+            if (deepest := int(depths.argmax())) >= 0 and depths[deepest] > 0:
+                what = f"it lies in the obstacle {obstacle.name}, which has passed the boundary of the body; use smaller increments"
+                error = InvalidState(at_point(self.body, deepest, what))
+            self.body.share.agree(error)
         supported, motions, ghosts = force.supported, self.plane_motions(parameter), self.body.ghosts
         for number, (name, plane, motion) in enumerate(zip(self.planes, self.body.planes, motions, strict=True)):
             # In the frame in which the plane has not moved.
             back = np.linalg.solve(np.eye(self.body.dimension) + motion[:, :-1], (positions - motion[:, -1]).T).T
             reflects = plane.axis is not None or np.isin(np.arange(len(back)), ghosts.source[ghosts.plane == number])
             beyond = np.where(supported & reflects, -plane.mirrored(back)[1], 0.0)
+            for obstacle in self.loads.obstacles:  # it pushes back a point that has entered it as far as it has crossed the plane
+                beyond[beyond <= ON_A_PLANE * self.body.spacing - obstacle.gaps(positions)[0]] = 0.0
             worst, error = int(beyond.argmax()), None
             if beyond[worst] > ON_A_PLANE * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"

@@ -12,7 +12,8 @@ from ..forces import InternalForce
 from .conditions import Loading, Reactions
 from .equilibrium import TooFar
 from .increments import Motion
-from .nearest_bonds import greatest_bond_strain
+from .nearest_bonds import greatest_bond_strain, inverse_of, laplacian_of, springs_of
+from .obstacles import ContactStiffness
 from .preconditioner import extension_of
 from .rigid import displaced
 
@@ -175,7 +176,7 @@ class Paths:
         ratio = (after - before) / (before - earlier[0])
         planes = self._loading.plane_motions(before)
         planes = planes + ratio * (planes - self._loading.plane_motions(earlier[0]))
-        return [guess, self._extended(positions + ratio * (positions - earlier[1]), planes, after)]
+        return [guess, self._outside(self._extended(positions + ratio * (positions - earlier[1]), planes, after), after)]
 
     def velocities(self, positions: np.ndarray, motion: Motion) -> np.ndarray:
         """Return initial velocities of dynamics, shape (n, d), with which a body in equilibrium follows its held parts without a shock."""
@@ -229,6 +230,19 @@ class Paths:
     def _extend(self) -> Callable[..., np.ndarray]:
         return extension_of(self.body, self._springs, self._loading.free)
 
+    @cached_property
+    def _contact(self) -> ContactStiffness:
+        network = (springs_of if self.body.dimension == 2 else laplacian_of)(self.body, self._springs)
+        return ContactStiffness(inverse_of(network, self._loading.free), self._loading.loads.obstacles)
+
+    def _outside(self, guess: np.ndarray, t: float) -> np.ndarray:
+        """Return a first guess (n, d) at the parameter `t`, with its boundary moved out of the obstacles as they are then."""
+        loads = self._loading.loads
+        if not loads.obstacles:
+            return guess
+        loads.set(t)
+        return self._contact.outside(guess)
+
     def _followed(self, positions: np.ndarray, before: float, after: float) -> tuple[np.ndarray, float]:
         """Return the first guess at parameter `after`, and the greatest strain of a bond from `positions`, the state at `before`, to it.
 
@@ -238,6 +252,7 @@ class Paths:
         portions, guess = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN)), positions
         for start, end in pairwise(np.linspace(before, after, portions + 1)):
             guess = self._extended(guess, self._loading.plane_motions(start), end)
+        guess = self._outside(guess, after)
         return guess, self._share.greatest(greatest_bond_strain(self.body, positions, guess))
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:

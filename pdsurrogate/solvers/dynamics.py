@@ -132,7 +132,9 @@ class ExplicitDynamics:
 
     def _estimate(self) -> None:
         self._hold(self.positions, 0.0)
-        frequency = FREQUENCY_MARGIN * np.sqrt(self.frequency(self._loaded, self.positions))
+        # Contact may begin between two estimates.
+        contact = self._loads.greatest_frequency(self._mass) if self._loads else 0.0
+        frequency = FREQUENCY_MARGIN * np.sqrt(self.frequency(self._loaded, self.positions) + contact)
         if not 0 < frequency < np.inf:
             raise Diverging(f"there is no time step: the highest frequency of the body is {frequency:.3g}")
         # Damping ratio of the highest mode: in an explicit scheme viscosity reduces its stability.

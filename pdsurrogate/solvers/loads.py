@@ -9,6 +9,7 @@ from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
 from ..ranks import Share
 from .held import Support
+from .obstacles import Obstacle
 from .rigid import RigidRegion, moment_of
 
 AT_REST = 1e-14
@@ -185,12 +186,12 @@ def _closed(facets: np.ndarray) -> bool:
 class Loads:
     """Loads on a body, at one value of the loading parameter at a time.
 
-    Dead loads are summed once for a value of the parameter; pressures are evaluated in every state.
+    Dead loads are summed once for a value of the parameter; pressures and obstacles are evaluated in every state.
 
     Parameters
     ----------
     body : Body
-    loads : sequence of DeadLoad or Pressure
+    loads : sequence of DeadLoad, Pressure or Obstacle
 
     Attributes
     ----------
@@ -199,15 +200,17 @@ class Loads:
         the points, J3 / det F, shape (n,): the volume ratio J3 divided by the area ratio det F in the plane.
     no_potential_because : str or None
         Why the loads are not minus the derivative of a potential; None if they are.
+    obstacles : list of Obstacle
     """
 
-    def __init__(self, body: Body, loads: Sequence[DeadLoad | Pressure]) -> None:
+    def __init__(self, body: Body, loads: Sequence[DeadLoad | Pressure | Obstacle]) -> None:
         self.body, self._loads = body, loads
         self._dead = [load for load in loads if isinstance(load, DeadLoad)]
-        self._pressures = [load for load in loads if isinstance(load, Pressure)]
+        self._following: list[Pressure | Obstacle] = [load for load in loads if not isinstance(load, DeadLoad)]
+        self.obstacles = [load for load in loads if isinstance(load, Obstacle)]
         self._present = np.zeros_like(body.points) if self._dead else None
-        self.needs_thickness = any(load.deformed for load in self._pressures)
-        self.no_potential_because = next(filter(None, (load.no_potential_because for load in self._pressures)), None)
+        self.needs_thickness = any(load.deformed for load in self._following)
+        self.no_potential_because = next(filter(None, (load.no_potential_because for load in self._following)), None)
         self.set(0.0)
 
     def __len__(self) -> int:
@@ -235,8 +238,13 @@ class Loads:
                 raise InvalidState(f"loads: a force is not finite at t = {t:g}")
 
     def vanish(self, t: float) -> bool:
-        """Return True if all loads are zero at a value of the loading parameter."""
-        return all(abs(load.amplitude(t)) <= AT_REST for load in self._loads)
+        """Return True if all loads are zero, and no obstacle touches the undeformed body, at a value of the loading parameter."""
+        loads = (load for load in self._loads if load not in self.obstacles)
+        return all(abs(load.amplitude(t)) <= AT_REST for load in loads) and not any(one.enters(t) for one in self.obstacles)
+
+    def greatest_frequency(self, mass: np.ndarray) -> float:
+        """Return an upper bound of the squared frequencies of points with masses (n,) in contact with the obstacles; 0 without any."""
+        return sum(one.surface.greatest_frequency(one.stiffness, mass) for one in self.obstacles)
 
     def forces(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
         """Add the forces of the loads on the points, in two dimensions per unit undeformed thickness, to `out` (n, d).
@@ -255,7 +263,7 @@ class Loads:
         """
         if self._present is not None:
             out += self._present
-        for load in self._pressures:
+        for load in self._following:
             load.add(positions, thickness, out)
 
     def potential(self, positions: np.ndarray) -> float:
@@ -263,7 +271,7 @@ class Loads:
 
         It is valid only if `no_potential_because` is None.
         """
-        potential = sum(load.potential(positions) for load in self._pressures)
+        potential = sum(load.potential(positions) for load in self._following)
         if self._present is not None:
             potential -= float(np.einsum("nc,nc->", self._present, positions - self.body.points))
         return potential
@@ -280,12 +288,14 @@ class Loads:
         """Return the mean displacement of the points or facets that loads act on, shape (d,), by name; a name shared counts as one load.
 
         Points have the weights `DeadLoad.weights`, so that the work of a load is force times mean displacement. For a pressure the mean is
-        over the middles of its facets.
+        over the middles of its facets. For an obstacle it is the displacement of the obstacle.
         """
         displacement = positions - self.body.points
-        totals = self._summed(lambda load: load.weights[:, None] * load.at_sites(displacement))
-        weights = self._summed(lambda load: load.weights)
-        return {name: total / (weights[name] or 1.0) for name, total in totals.items()}
+        loads = [load for load in self._loads if load not in self.obstacles]
+        totals = self._summed(lambda load: load.weights[:, None] * load.at_sites(displacement), loads)
+        weights = self._summed(lambda load: load.weights, loads)
+        found = {name: total / (weights[name] or 1.0) for name, total in totals.items()}
+        return found | {one.name: one.factor * one.travel for one in self.obstacles}
 
     def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Return the moment of the loads at given positions about a place (d,), by name; loads that share a name are summed.
@@ -295,13 +305,14 @@ class Loads:
         levers = self._summed(lambda load: load.on_sites(positions, thickness)[:, :, None] * (load.at_sites(positions) - about)[:, None])
         return {name: moment_of(lever) for name, lever in levers.items()}
 
-    def _summed(self, of: Callable[[DeadLoad | Pressure], np.ndarray]) -> dict[str, np.ndarray]:
-        """Return, by load name, sums of `of(load)`, an array with a row for each point or facet that the load acts on.
+    def _summed(self, of: Callable[..., np.ndarray], loads: Sequence | None = None) -> dict[str, np.ndarray]:
+        """Return, by load name, sums of `of(load)`, an array with a row for each point, facet or node that the load acts on.
 
-        A sum is taken over all rows, all loads of that name and all ranks.
+        A sum is taken over all rows, all `loads` of that name (by default of all loads) and all ranks.
         """
-        totals = dict.fromkeys((load.name for load in self._loads), 0.0)
-        for load in self._loads:
+        loads = self._loads if loads is None else loads
+        totals = dict.fromkeys((load.name for load in loads), 0.0)
+        for load in loads:
             totals[load.name] = totals[load.name] + of(load).sum(axis=0)
         return {name: self.body.share.total(total) for name, total in totals.items()}
 

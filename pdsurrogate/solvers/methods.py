@@ -58,7 +58,8 @@ class QuasiNewton(EquilibriumSolver):
         history: deque = deque(maxlen=self.MEMORY)
         residuals = [residual]
         while not settled:
-            preconditioner.update()
+            if preconditioner.update():
+                history.clear()
             step = self._direction(preconditioner, forces, history)
             self._bound(force, step)
             try:

@@ -77,10 +77,11 @@ class Preconditioner:
     solve : callable
         Returns the displacements (n, d) under given forces (n, d).
     update : callable, optional
-        Adapts the preconditioner to the state in which the force was last evaluated; by default it does nothing.
+        Adapts the preconditioner to the state in which the force was last evaluated, and returns whether the tangent has changed abruptly,
+        so that curvature gathered before is no longer valid; by default it does nothing.
     """
 
-    def __init__(self, solve: Operator, update: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, solve: Operator, update: Callable[[], bool] = lambda: False) -> None:
         self.solve, self.update = solve, update
 
 

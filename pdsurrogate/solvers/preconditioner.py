@@ -8,8 +8,9 @@ from ..body import Body
 from ..forces import InternalForce
 from ..ranks import Share
 from .held import Support
-from .multigrid import Operator, conjugate_gradient_steps
+from .multigrid import conjugate_gradient_steps
 from .nearest_bonds import Preconditioner, inverse_of, laplacian_of, spring_solver_of, springs_beside_boundaries, springs_of
+from .obstacles import ContactStiffness, Obstacle
 from .rigid import inverse_with_regions
 
 EXTENDED, SOLVED = 3e-4, 0.05
@@ -35,14 +36,31 @@ least degrees are then 4 at K = 100 mu and 8 at K = 1000 mu; an error of 0.3 nee
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner that suits a force; `free` (n, d) is 1 where a component may move, 0 where it is held."""
     body, moduli = force.body, force.stiffness_moduli
+    obstacles = force.loads.obstacles if hasattr(force, "loads") else []
     if regions := getattr(force, "rigid", ()):
-        found = inverse_with_regions(body, moduli, free, regions)
+        found = _touching(force, obstacles, inverse_with_regions(body, moduli, free, regions))
     elif force.nearly_incompressible:
-        found = incompressible_inverse(force, inverse_of(laplacian_of(body, moduli), free))
+        laplacian = _touching(force, obstacles, Preconditioner(inverse_of(laplacian_of(body, moduli), free)))
+        found = incompressible_inverse(force, laplacian)
+    elif obstacles:
+        found = _touching(force, obstacles, Preconditioner(inverse_of(springs_of(body, moduli), free)))
     else:
         found = Preconditioner(spring_solver_of(springs_of(body, moduli), free, SOLVED))
     supports = getattr(force, "supports", ())
     return supported(found, supports, body.share) if supports else found
+
+
+def _touching(force: InternalForce, obstacles: Sequence[Obstacle], inner: Preconditioner) -> Preconditioner:
+    """Return a preconditioner that includes the stiffness of contact with obstacles; `inner`, a linear operator, if there are none."""
+    if not obstacles:
+        return inner
+    contact = ContactStiffness(inner.solve, obstacles)
+
+    def update() -> bool:
+        inner.update()
+        return contact.adapt(force.positions[: len(force.body)])
+
+    return Preconditioner(contact.solve, update)
 
 
 def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Callable[..., np.ndarray]:
@@ -76,7 +94,7 @@ def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray)
     return response
 
 
-def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Preconditioner:
+def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> Preconditioner:
     """Return the preconditioner of a nearly incompressible body: the inverse of A + D^T C D (theory (58), (59)).
 
     A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C the stiffness against
@@ -88,8 +106,8 @@ def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Precond
     ----------
     force : InternalForce
         Force with a linearized dilatation.
-    laplacian : callable
-        Exact or approximate inverse of A: a fixed operator, symmetric and positive definite.
+    laplacian : Preconditioner
+        Exact or approximate inverse of A, symmetric and positive definite; A includes the stiffness of obstacles in contact.
     """
     share, dilatation = force.body.share, force.linearized_dilatation()
     compliance, unit = force.law.shear_modulus / force.law.bulk_modulus, force.law.shear_modulus * force.body.volumes
@@ -106,11 +124,11 @@ def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Precond
         return share.dot(one[:, None], other[:, None])
 
     def solve(forces: np.ndarray) -> np.ndarray:
-        displacements = moved = laplacian(forces)
+        displacements = moved = laplacian.solve(forces)
 
         def image_of(pressures: np.ndarray) -> np.ndarray:
             nonlocal moved
-            moved = laplacian(dilatation.forces(pressures))
+            moved = laplacian.solve(dilatation.forces(pressures))
             return pressures / dilatation.stiffness + dilatation.changes(moved)
 
         settings = precondition, image_of, dot, NEARLY_SOLVED * compliance, MOST_STEPS
@@ -118,7 +136,11 @@ def incompressible_inverse(force: InternalForce, laplacian: Operator) -> Precond
             displacements -= length * moved
         return displacements
 
-    return Preconditioner(solve, dilatation.take)
+    def update() -> None:
+        dilatation.take()
+        return laplacian.update()
+
+    return Preconditioner(solve, update)
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:

@@ -72,6 +72,24 @@ def levels(scene, force, changes):
     return pds.simulate(pds.load_scene(scene, changes), force).levels
 
 
+def pressed(dynamics):
+    """A bonded block pressed by a plate and a disc that overlap the parts of several ranks: its last level, and the displacements."""
+    plate = {"half_plane": {"point": (0, 1), "normal": (0, 1)}, "x2": -0.2, "name": "plate"}
+    disc = {"disc": {"center": (1.3, 0.5), "radius": 0.25}, "x1": -0.1, "name": "disc"}
+    step = {"to": 1.0} | ({"dynamics": {"duration": 0.5, "density": 1.0}} if dynamics else {})
+    scene = pds.Scene(
+        name="pressed",
+        spacing=0.1,
+        body=pds.shapes.Rectangle(size=(1.0, 1.0)),
+        material={"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 10.0},
+        prescribed=(pds.Prescribed(region="bottom", x1=0.0, x2=0.0),),
+        obstacles=(plate, disc),
+        steps=(step,),
+    )
+    result = pds.simulate(scene, "bond-energy")
+    return result.levels[-1], result.displacement() if communicator().rank == 0 else None
+
+
 def script(path):
     runpy.run_path(path, run_name="__main__")
 

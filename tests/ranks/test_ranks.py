@@ -145,6 +145,21 @@ def test_forces_between_held_boundaries_have_the_same_bits(ranks, number):
         assert one == other
 
 
+def test_steps_against_obstacles_have_the_same_bits(ranks, number):
+    (level, alone), (_, shared) = (ranks(some, "pressed", True)[0]["value"] for some in (1, number))
+    assert all(np.linalg.norm(level["forces"][name]) > 0.01 for name in ("plate", "disc"))
+    np.testing.assert_array_equal(shared, alone)
+
+
+@several
+def test_equilibrium_with_obstacles_within_the_tolerance(ranks):
+    (alone, _), (shared, _) = (ranks(some, "pressed", False)[0]["value"] for some in (1, 2))
+    assert shared["evaluations"] <= 1.6 * alone["evaluations"]
+    for name in ("plate", "disc"):
+        np.testing.assert_allclose(shared["forces"][name], alone["forces"][name], rtol=0, atol=1e-5)
+        assert shared["contact"][name]["area"] == pytest.approx(alone["contact"][name]["area"], rel=1e-4)
+
+
 EQUILIBRIA = [
     ("hole", "analytic", {"spacing": 0.1}, 2),
 ]

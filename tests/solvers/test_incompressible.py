@@ -10,7 +10,7 @@ from pdsurrogate.materials import NeoHookean
 from pdsurrogate.solvers import stability
 from pdsurrogate.solvers.methods import Automatic
 from pdsurrogate.solvers.multigrid import Multigrid
-from pdsurrogate.solvers.nearest_bonds import inverse_of, laplacian_of
+from pdsurrogate.solvers.nearest_bonds import Preconditioner, inverse_of, laplacian_of
 from pdsurrogate.solvers.preconditioner import extension_of, incompressible_inverse
 
 PLANE = {2: "strain", 3: "space"}
@@ -61,7 +61,7 @@ def test_the_preconditioner_solves_what_it_says():
     free = np.ones_like(force.body.points)
     free[:3] = 0
     laplacian = inverse_of(laplacian_of(force.body, 2.0), free)
-    stiffness = incompressible_inverse(force, laplacian)
+    stiffness = incompressible_inverse(force, Preconditioner(laplacian))
     stiffness.update()
     dilatation = force.linearized_dilatation()
     dilatation.take()
@@ -144,7 +144,7 @@ def test_the_least_curvature_of_a_stable_body_is_soon_known(monkeypatch):
     body, free = force.body, np.ones_like(force.body.points)
     positions, counts, values = body.points.copy(), [], []
     force(positions, np.empty_like(positions))
-    stiffness = incompressible_inverse(force, inverse_of(laplacian_of(force.body, 2.0), free))
+    stiffness = incompressible_inverse(force, Preconditioner(inverse_of(laplacian_of(force.body, 2.0), free)))
     stiffness.update()
     for known in (stability.KNOWN, 0.0):
         monkeypatch.setattr(stability, "KNOWN", known)
