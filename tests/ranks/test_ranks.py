@@ -145,6 +145,8 @@ def test_forces_between_held_boundaries_have_the_same_bits(ranks, number):
         assert one == other
 
 
+@several
+@pytest.mark.parametrize("number", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_steps_against_obstacles_have_the_same_bits(ranks, number):
     (level, alone), (_, shared) = (ranks(some, "pressed", True)[0]["value"] for some in (1, number))
     assert all(np.linalg.norm(level["forces"][name]) > 0.01 for name in ("plate", "disc"))
