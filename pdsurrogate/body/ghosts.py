@@ -19,6 +19,9 @@ WITH_ROUNDING = 1 + 1e-9
 """Factor on a horizon wherever points within it are found: points at exactly the horizon, whose computed distance may exceed it by
 rounding, are then included everywhere, so that bonds, images and halo agree."""
 
+MOST_BENT = 0.5
+"""Greatest relative change of the displacement of an image by the curvature of a held boundary. Chosen as in theory (62a)."""
+
 APART = 1.05
 """Factor on the depths of a place and of its image up to which a held boundary must have no point nearer to them than their foot.
 
@@ -93,6 +96,12 @@ class HeldBoundary:
         feet, _ = self.curve.nearest(places)
         return feet, np.linalg.norm(places - feet, axis=1) * np.where(self.curve.contains(places) != self.hole, 1.0, -1.0)
 
+    def bent(self, places: np.ndarray) -> np.ndarray:
+        """Return the depths of places times the sum of the curvatures, positive around a hole, at most `MOST_BENT` (theory (67))."""
+        feet, curvature = self.curve.nearest(places)
+        bent = np.linalg.norm(places - feet, axis=1) * curvature.sum(axis=1)
+        return np.clip(bent if self.hole else -bent, -MOST_BENT, MOST_BENT)
+
     def ratios(self, places: np.ndarray) -> np.ndarray:
         """Return the volumes of small cells' images divided by those of the cells, at places (k, d); 0 where there are none (`APART`)."""
         feet, curvature = self.curve.nearest(places)
@@ -122,7 +131,7 @@ class Ghosts:
     points : ndarray, shape (m, d)
         Reference positions.
     parity : ndarray, shape (m, d)
-        +1 or -1 for each displacement component.
+        +1 or -1 for each displacement component; beyond held boundaries of other shapes a negative factor (theory (67)).
     reflection : ndarray, shape (m, d)
         +1 or -1 for each direction of the neighborhood.
     volume_ratio : ndarray, shape (m,)
@@ -195,9 +204,13 @@ class Ghosts:
             ratios = np.ones(len(near)) if flat else plane.ratios(places[near])
             near, ratios = near[ratios > 0], ratios[ratios > 0]
             own, flip = np.asarray(plane.parity, float), np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
-            carried, passed, behind = own * lever[near], feet[near], unfolded[near]
+            feet_there = nearest[near]
+            if not flat:
+                own = own * (1 + plane.bent(places[near]))[:, None]
+                feet_there = (2 * feet_there - (1 + own) * places[near]) / (1 - own)  # moves as the image does if the point rests
+            carried, passed, behind = (own if flat else own[:, None]) * lever[near], feet[near], unfolded[near]
             carried[:, added] += 1 - own
-            passed[:, added] = nearest[near]
+            passed[:, added] = feet_there
             arms = np.zeros((len(near), dimension)) + normal[near]
             if flat:
                 behind = behind * flip
@@ -309,7 +322,10 @@ class Ghosts:
         for number in reversed(range(len(self.planes))):
             plane, own = self.planes[number], np.flatnonzero(self.plane == number)
             above, parity = self.parent[own], np.array(plane.parity, dtype=float)
-            places = (positions[above] + positions[n + own]) / 2
+            if isinstance(plane, HeldBoundary):
+                parity = self.parity[own]
+            odd = np.where(parity < 0, parity, -1.0)  # rows without a lever count nothing
+            places = (positions[n + own] - odd * positions[above]) / (1 - odd)
             levers[number] -= np.einsum("gr,gc->rc", (1 - parity) * forces[own], places)
             of_gradients, of_directions, of_plane, along = self._continuation(plane, self.share_along, own)
             share = _share_of(plane, self.share_along)
@@ -319,7 +335,7 @@ class Ghosts:
                 turned = (gradients[above] + gradients[n + own]) / 2
             levers[number] += np.einsum("r,gra,gab,gcb->rc", of_plane, moments[own], along, turned)
             again = above >= n
-            np.add.at(forces, above[again] - n, parity * forces[own[again]])
+            np.add.at(forces, above[again] - n, (parity * forces[own])[again])
             np.add.at(moments, above[again] - n, of_gradients[:, None] * (moments[own[again]] @ of_directions[again]))
         return levers
 
@@ -367,5 +383,5 @@ def symmetric(triangles: np.ndarray) -> np.ndarray:
 
 
 def _share_of(plane: Mirror, share: float | None) -> float | None:
-    """Return the argument of `Ghosts.continued` for a plane, or if it is not None that of held boundaries, 0 (theory (68))."""
-    return 0.0 if share is not None and isinstance(plane, HeldBoundary) else share
+    """Return the argument of `Ghosts.continued` for a plane, and 0 for held boundaries of other shapes (theory (68))."""
+    return 0.0 if isinstance(plane, HeldBoundary) else share

@@ -13,8 +13,8 @@ from ..scenes.regions import RegionReference, edge_names
 from ..scenes.shapes import Outline, Shape
 
 LEAST_RADIUS = 2.0
-"""Least radius of curvature, in spacings, of a boundary that mirrored points hold. The torque on a hole that turns in a disc is 34 % too
-small with mirrored points at 2 spacings and 20 % at 3, and 70 and 54 % too large with points held (measured once)."""
+"""Least radius of curvature, in spacings, of a boundary that mirrored points hold. The torque on a hole that turns in a disc is 20 % too
+small with mirrored points at 2 spacings and 7 % at 3, and 70 and 54 % too large with points held (measured once)."""
 
 
 def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) -> str | None:

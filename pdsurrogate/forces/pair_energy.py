@@ -145,7 +145,7 @@ class PairEnergy(Term):
         numbers = np.arange(len(bonds.first))[pairs]
         forces, within, outer = of_firsts(numbers), np.flatnonzero(second < n), np.flatnonzero(second >= n)
         partners = self.kinematics.mirrored_pairs[np.searchsorted(self.kinematics.outer_pairs, numbers[outer])]
-        forces[outer] -= body.ghosts.parity[second[outer] - n] * of_firsts(partners)
+        forces[outer] -= body.ghosts.parity[bonds.second[partners] - n] * of_firsts(partners)
         vectors = body.points[second[within]] - body.points[first[within]]
         forces[within] += self.shares.strength[numbers[within], None] * np.einsum("bij,bj->bi", stresses[second[within]], vectors)
         forces *= self._unit

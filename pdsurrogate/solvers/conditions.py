@@ -348,7 +348,7 @@ class Loading:
         outer = outer[self._share.own[self.body.bonds.first[outer]]]
         levers = ghosts.lever[self.body.bonds.second[outer] - n]
         rows, planes = np.nonzero(levers.any(axis=2))
-        return outer[rows], planes, levers[rows, planes] / 2
+        return outer[rows], planes, np.sign(levers[rows, planes])
 
     def ends(self) -> list[np.ndarray]:
         """Return, for each holder, the points on this rank, halo included, that it holds; for a plane the points with images in it."""

@@ -53,7 +53,7 @@ def test_feet_are_the_nearest_points_and_images_lie_as_far_beyond(shape):
         assert isinstance(boundary, HeldBoundary)
         own = np.flatnonzero(ghosts.plane == number)
         assert len(own)
-        feet = ghosts.feet[own, number]
+        feet, _ = boundary.mirrored(sources[own])
         np.testing.assert_allclose((sources[own] + ghosts.points[own]) / 2, feet, atol=1e-14)
         outline = boundary.curve.boundary(np.full(2, 1e-3))
         nearest = np.linalg.norm(sources[own, None] - outline, axis=2).min(axis=1)
@@ -150,11 +150,12 @@ def test_forces_of_two_materials_are_minus_the_gradient_of_the_energy(plane):
     assert -(energy_and_forces(force, y)[1] * direction).sum() == pytest.approx(slope, rel=1e-8)
 
 
-@pytest.mark.parametrize(("spacing", "torque", "radial"), [(0.1, 0.025, 0.015), pytest.param(0.05, 0.007, 0.006, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("spacing", "torque", "radial"), [(0.1, 0.002, 0.02), pytest.param(0.05, 0.002, 0.005, marks=pytest.mark.slow)])
 def test_a_bushing_is_as_its_closed_solution(spacing, torque, radial):
     """Torque 4 pi mu angle / (1/1 - 1/4) of angular shear, and the radial force 21.79 by finite elements.
 
-    The torque is 2.3 and 0.57 % too small, the force 1.1 and 0.4 %. Points held half a cell inside make them 33 and 69 % too large at 0.1.
+    The torque is 0.07 % too large at both spacings, the force 1.4 and 0.3 %. Points held half a cell inside make them
+    33 and 69 % too large at 0.1.
     """
     exact = 4 * np.pi * np.deg2rad(20.0) / 0.75
     level = pds.simulate(scene_of(spacing=spacing), "bond-energy").levels[-1]
@@ -194,9 +195,9 @@ def test_forces_between_spheres_are_minus_the_gradient_of_the_energy():
     assert -(energy_and_forces(force, y)[1] * direction).sum() == pytest.approx(slope, rel=1e-8)
 
 
-@pytest.mark.parametrize(("count", "tolerance"), [(12, 0.1), pytest.param(16, 0.06, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("count", "tolerance"), [(12, 0.05), pytest.param(16, 0.035, marks=pytest.mark.slow)])
 def test_the_torque_on_a_ball_in_a_shell_is_as_its_closed_solution(count, tolerance):
-    """Torque 8 pi mu a^3 angle / (1 - a^3/b^3); it is 8.6 and 5.5 % too small, and with points held 59 and 43 % too large."""
+    """Torque 8 pi mu a^3 angle / (1 - a^3/b^3); it is 3.6 and 2.5 % too small, and with points held 59 and 43 % too large."""
     result = pds.simulate(pds.Scene(name="ball", spacing=1 / count, steps=1, **BALL), "bond-energy")
     exact = 8 * np.pi * 0.5**3 * np.deg2rad(5.0) / (1 - 0.5**3)
     assert result.levels[-1]["moments"]["holes"][2] == pytest.approx(exact, rel=tolerance)
