@@ -42,6 +42,7 @@ from .run.simulate import SimulationFailed as SimulationFailed
 from .run.simulate import SimulationInterrupted as SimulationInterrupted
 from .run.simulate import simulate as simulate
 from .scenes import Load as Load
+from .scenes import Obstacle as Obstacle
 from .scenes import Part as Part
 from .scenes import Prescribed as Prescribed
 from .scenes import Probe as Probe

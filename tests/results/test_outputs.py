@@ -51,7 +51,7 @@ TEAR = {
 
 
 def _program() -> pds.Scene:
-    """Two materials, a load, a probe, equilibrium and viscous dynamics."""
+    """Two materials, a load, a probe, an obstacle, equilibrium and viscous dynamics."""
     stiff = {"law": "neo-hookean", "shear_modulus": 2.0, "bulk_modulus": 200.0}
     dynamics = {"duration": 0.5, "density": 1.0, "damping": 1.0, "viscosity": 1e-3}
     return pds.Scene(
@@ -64,6 +64,7 @@ def _program() -> pds.Scene:
         prescribed=({"region": "left", "x1": 0.0, "x2": 0.0},),
         loads=({"region": "right", "traction": (0.0, -0.05)},),
         probes=({"name": "tip", "at": (0.9, 0.2)},),
+        obstacles=({"half_plane": {"point": (0.0, -0.1), "normal": (0.0, -1.0)}, "name": "floor"},),
         steps=(0.5, {"to": 1.0, "outputs": 2, "dynamics": dynamics}),
     )
 
@@ -179,7 +180,7 @@ def columns_of(folders, file: str) -> dict[str, str | None]:
         with (path / file).open(encoding="utf-8", newline="") as lines:
             for title in next(csv.reader(lines)):
                 column, _, unit = title.removesuffix("]").partition(" [")
-                of_name = r"^(force|moment|displacement)_[a-z]+(_rigid)?(_\d)?$"
+                of_name = r"^(force|moment|displacement|contact_area|contact_penetration)_[a-z]+(_rigid)?(_\d)?$"
                 column = re.sub(of_name, lambda m: f"{m[1]}_NAME{m[2] or ''}{'_I' if m[3] else ''}", column)
                 found[re.sub(r"^[a-z]+_displacement_\d$", "PROBE_displacement_I", column)] = unit or None
     return found
@@ -201,7 +202,16 @@ def test_every_column_of_the_history_is_in_its_table(folders):
     written = columns_of(folders, "history.csv")
     described = table_under("column")
     assert set(written) == set(described) - {"moment_NAME_rigid_I"}  # the rigid region is in the plane
-    names = {"cm": "length", "kPa": "stress", "s": "time", "kPa cm^2": "force", "kPa cm^3": "energy", "mm": "length", "MPa": "stress"}
+    names = {
+        "cm": "length",
+        "cm^2": "area",
+        "kPa": "stress",
+        "s": "time",
+        "kPa cm^2": "force",
+        "kPa cm^3": "energy",
+        "mm": "length",
+        "MPa": "stress",
+    }
     assert {column: unit and names[unit] for column, unit in written.items()} == {
         column: unit or None for column, (unit, _) in described.items() if column in written
     }

@@ -30,6 +30,7 @@ cuts = [
 left = pds.Region(edge="left")
 held = pds.Prescribed(region=left, displacement=(0.0, None))
 load = pds.Load(region="right", traction=(0.1, 0.0))
+plate = pds.Obstacle(half_plane={"point": (0.0, 1.0), "normal": (0.0, 1.0)}, x2=-0.1)
 step = pds.Step(to=1.0, dynamics=pds.StepDynamics(duration=1.0, density=1.0))
 part = pds.Part(region=left, law="gent")
 probe = pds.Probe(name="middle", at=(0.5, 0.5))
