@@ -90,7 +90,7 @@ def test_forces_are_the_gradient_of_the_energy(planes):
         for sign in (1, -1):
             forces(force, positions + sign * step * direction)
             ends.append(force.energy())
-        assert (ends[1] - ends[0]) / (2 * step) == pytest.approx((found * direction).sum(), abs=1e-7 * np.abs(found * direction).sum())
+        assert (ends[1] - ends[0]) / (2 * step) == pytest.approx((found * direction).sum(), abs=1e-8 * np.abs(found * direction).sum())
 
 
 def test_homogeneous_states_are_exact():

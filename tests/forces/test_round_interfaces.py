@@ -111,7 +111,7 @@ def bound(plane, ratio, inside_is_stiff=True):
 @pytest.mark.parametrize("ratio", [3.0, 10.0])
 @pytest.mark.parametrize("plane", ["stress", "strain", "space"])
 def test_forces_are_the_gradient_of_an_energy_that_turning_does_not_change(plane, ratio, inside_is_stiff, random):
-    """Fourth-order differences to 1e-7; momentum and its moment to rounding."""
+    """Fourth-order differences to 1e-8; momentum and its moment to rounding."""
     body, _, force = bound(plane, ratio, inside_is_stiff)
     y = body.points + (0.003 * random.standard_normal(body.points.shape) if plane == "space" else 0.05 * (wavy(body.points) - body.points))
     out = np.empty_like(y)
@@ -128,7 +128,7 @@ def test_forces_are_the_gradient_of_an_energy_that_turning_does_not_change(plane
     for direction in random.standard_normal((2, *y.shape)):
         values = [energy(times * step, direction) for times in (1, -1, 2, -2)]
         expected = -(8 * (values[0] - values[1]) - (values[2] - values[3])) / (12 * step)
-        assert abs((out * direction).sum() - expected) < 1e-7 * scale * np.linalg.norm(direction)
+        assert abs((out * direction).sum() - expected) < 1e-8 * scale * np.linalg.norm(direction)
 
 
 @pytest.mark.parametrize("ratio", [3.0, 10.0])
