@@ -606,8 +606,10 @@ def _check_distance_of_planes(body: Body) -> None:
     for one, two in combinations([plane for plane in body.planes if isinstance(plane, HeldBoundary)], 2):
         wall = float((one.mirrored(body.points)[1] + two.mirrored(body.points)[1]).min())
         if wall <= body.horizon:
-            walls, size = f"{one.name} and {two.name}", f"a spacing of {wall * body.spacing / body.horizon:.3g} or less"
-            raise ValueError(f"the wall between {walls}, all held, is thinner than the horizon; use {size}, or support=points")
+            walls, size = f"{one.name} and {two.name}", f"a spacing of {0.99 * wall * body.spacing / body.horizon:.3g} or less"
+            raise ValueError(
+                f"the wall between {walls}, all held, is thinner than the horizon; use {size}, or support=points, which is less accurate"
+            )
     planes = [plane for plane in body.planes if isinstance(plane, ReflectionPlane)]
     for number, plane in enumerate(planes):
         for other in planes[:number]:

@@ -180,6 +180,7 @@ class Equilibria:
         are too small for the precision.
         """
         run, state, target = self.run, self.run.state, increments.target
+        before = run.positions.copy()
         guess = self._best(self._course.guesses(run.positions, state.parameter, target, run.earlier), target)
         tolerance = run.problem.scene.solver.tolerance
         if not increments.ends:
@@ -188,6 +189,7 @@ class Equilibria:
         run.loading.apply(target, run.loaded, start)
         run.positions[:] = start
         equilibrium = self._solve(target, tolerance, guess, patience, increments)
+        run.loads.check_path(state.parameter, target, before, run.positions)
         check_branch(run.loading, run.loaded, self.solver, state.parameter, target, guess, run.positions)
         if increments.ends:
             _check_resolved(run, target)
@@ -243,7 +245,10 @@ class Equilibria:
         target, run.target = run.target, run.state.parameter
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
-            self._record(self._solve(run.target, run.problem.scene.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
+            before = run.positions.copy()
+            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, LEAST_PATIENCE)
+            run.loads.check_path(run.target, run.target, before, run.positions)
+            self._record(equilibrium)
         run.target = target
 
     def _solve(

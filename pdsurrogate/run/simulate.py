@@ -28,6 +28,7 @@ from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
 from ..solvers.conditions import FoldedOver
 from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
+from ..solvers.obstacles import Obstructed
 from .interruption import Interrupted, Interruption
 from .run import Progress, Run, Silent
 from .stages import SinglePrecisionLeft, go
@@ -110,6 +111,7 @@ ADVICE = {
     FoldedOver: "contact is modeled at obstacles alone, and a smaller spacing folds earlier: add an obstacle that continues the plane (to "
     "prescribed and steps, not to grips), compress the body less, make the free side concave, or let the body slide there (do not "
     "prescribe the components along the plane)",
+    Obstructed: "let obstacles move less, or in smaller increments (steps.largest_increment), and not into held parts of the boundary",
     InvalidState: "use a smaller spacing; if that does not help, the material cannot be deformed this far",
 }
 """Advice for error messages by the type of error with which a stage in equilibrium fails."""

@@ -372,7 +372,8 @@ class Scene(StrictModel):
     support : {"reflected", "points"}
         How an edge of the bounding box with a held normal component is held: ``"reflected"`` continues the body beyond the edge by its
         mirror image, which holds the edge exactly; ``"points"`` holds the outermost points, half a cell inside the edge.
-        ``"reflected"`` also holds whole spheres, round holes and convex outlines by mirror images, if all components are prescribed.
+        ``"reflected"`` also holds whole spheres, circular and elliptic holes and convex outlines by mirror images, if all components are
+        prescribed and the radius of curvature is at least two spacings; other boundaries are held at their points.
     horizon_ratio : float
         Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the paper, and 1.75 for solids. Unit: none.
     weight : str

@@ -5,13 +5,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ..body import Body
+from ..body import Body, Mirror
 from ..body.body import sums_at_points
 from ..forces import InternalForce, InvalidState
 from ..forces.errors import at_point
 from .held import Held, Support
 from .loads import AT_REST, Loads
-from .obstacles import PASSED
+from .obstacles import PASSED, TOUCHING, Obstructed
 from .rigid import displaced, moment_of
 
 ONE_SIDED = 0.1
@@ -201,8 +201,8 @@ class Loading:
         for obstacle in self.loads.obstacles:
             depths, error = -obstacle.gaps(positions)[0] - PASSED * self.body.spacing, None
             if (deepest := int(depths.argmax())) >= 0 and depths[deepest] > 0:
-                what = f"it lies in the obstacle {obstacle.name}, which has passed the boundary of the body; use smaller increments"
-                error = InvalidState(at_point(self.body, deepest, what))
+                what = f"it lies in the obstacle {obstacle.name}, which has passed the boundary of the body"
+                error = Obstructed(at_point(self.body, deepest, what))
             self.body.share.agree(error)
         supported, motions, ghosts = force.supported, self.plane_motions(parameter), self.body.ghosts
         for number, (name, plane, motion) in enumerate(zip(self.planes, self.body.planes, motions, strict=True)):
@@ -212,6 +212,7 @@ class Loading:
             beyond = np.where(supported & reflects, -plane.mirrored(back)[1], 0.0)
             for obstacle in self.loads.obstacles:  # it pushes back a point that has entered it as far as it has crossed the plane
                 beyond[beyond <= ON_A_PLANE * self.body.spacing - obstacle.gaps(positions)[0]] = 0.0
+            self._check_held(name, plane, motion)
             worst, error = int(beyond.argmax()), None
             if beyond[worst] > ON_A_PLANE * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {name}, on the side of its own image"
@@ -220,6 +221,16 @@ class Loading:
                     what += "; the free side next to it bulges over what it is bonded to, and would lie against it"
                     error = FoldedOver(at_point(self.body, worst, what))
             self.body.share.agree(error)
+
+    def _check_held(self, name: str, plane: Mirror, motion: np.ndarray) -> None:
+        """Raise Obstructed if an obstacle has entered the part of the boundary that a bonded plane or held boundary prescribes."""
+        feet, depths = plane.mirrored(self.body.points)
+        feet = feet[depths < self.body.cell.max()]
+        for obstacle in self.loads.obstacles if max(plane.parity) < 0 else ():
+            gaps, _ = obstacle.gaps(feet + displaced(motion, feet))
+            deepest = self.body.share.greatest(np.maximum(-gaps, 0.0))
+            if deepest > TOUCHING * self.body.spacing:
+                raise Obstructed(f"the obstacle {obstacle.name} lies {deepest:.3g} inside the {name}, whose motion is prescribed")
 
     def _beside_free_side(self, point: int, axis: int) -> bool:
         """Return whether a point lies next to a side of the body parallel to `axis`.

@@ -9,7 +9,7 @@ from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
 from ..ranks import Share
 from .held import Support
-from .obstacles import Obstacle
+from .obstacles import Obstacle, Obstructed
 from .rigid import RigidRegion, moment_of
 
 AT_REST = 1e-14
@@ -241,6 +241,12 @@ class Loads:
         """Return True if all loads are zero, and no obstacle touches the undeformed body, at a value of the loading parameter."""
         loads = (load for load in self._loads if load not in self.obstacles)
         return all(abs(load.amplitude(t)) <= AT_REST for load in loads) and not any(one.enters(t) for one in self.obstacles)
+
+    def check_path(self, before: float, after: float, start: np.ndarray, end: np.ndarray) -> None:
+        """Raise Obstructed if an obstacle passes through the body between two equilibria, see `Obstacle.passes`."""
+        for obstacle in self.obstacles:
+            if obstacle.passes(before, after, start, end):
+                raise Obstructed(f"the obstacle {obstacle.name} passes through the body between t = {before:.4g} and {after:.4g}")
 
     def greatest_frequency(self, mass: np.ndarray) -> float:
         """Return an upper bound of the squared frequencies of points with masses (n,) in contact with the obstacles; 0 without any."""

@@ -7,6 +7,7 @@ from scipy import sparse
 from scipy.linalg import lu_factor, lu_solve
 
 from ..body import Following
+from ..forces import InvalidState
 from ..ranks import Share
 from .multigrid import Operator
 
@@ -25,9 +26,16 @@ CLOSE = 1e-5
 """Gap in spacings below which a place counts as in contact in a preconditioner. With 0 a place at the edge of a contact that touches and
 leaves in turn kept the residual of a round seal at 1.2e-6 for 2400 evaluations, where 60 now suffice."""
 
+SAMPLES = 64
+"""Intervals in which the length of an obstacle's path between two equilibria is measured; its amplitude may go to and fro."""
+
 PASSED = 0.5
 """Depth of a point in an obstacle, in spacings, beyond which the obstacle has passed the boundary. Chosen: the outermost points lie half a
 spacing inside the boundary, which enters an obstacle by a small part of a spacing only."""
+
+
+class Obstructed(InvalidState):
+    """Error for an obstacle that has passed the boundary of the body, or lies inside a part of it whose motion is prescribed."""
 
 
 class ContactNodes:
@@ -153,6 +161,19 @@ class Obstacle:
         """Return whether the obstacle overlaps the undeformed body at a value of the loading parameter."""
         gaps, _ = self.gaps(self.surface.nodes, self.amplitude(parameter))
         return bool((gaps[self.stiffness > 0] < 0).any())
+
+    def passes(self, before: float, after: float, start: np.ndarray, end: np.ndarray) -> bool:
+        """Return whether the obstacle enters the body between two equilibria, at `start` and `end` (n, d), by more than `PASSED`.
+
+        The obstacle follows its amplitude from the parameter `before` to `after`, and points move in straight lines meanwhile.
+        """
+        surface, factors = self.surface, [self.amplitude(t) for t in np.linspace(before, after, SAMPLES + 1)]
+        way = np.linalg.norm(self.travel) * np.abs(np.diff(factors)).sum() + surface.share.greatest(np.abs(end - start))
+        found = False
+        for part in np.linspace(0, 1, int(way / (PASSED * surface.spacing)) + 2)[1:-1]:
+            gaps, _ = self.gaps(start + part * (end - start), self.amplitude(before + part * (after - before)))
+            found |= bool((gaps < -PASSED * surface.spacing).any())
+        return bool(surface.share.any(found))
 
     def at_sites(self, vectors: np.ndarray) -> np.ndarray:
         """Return vectors at the places (k, d) from vectors at the points (n, d)."""

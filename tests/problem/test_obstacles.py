@@ -222,3 +222,36 @@ def test_an_obstacle_that_jumps_into_the_body_is_told():
     problem.loading.apply(1.0, loaded, positions)
     with pytest.raises(pds.forces.InvalidState, match="the obstacle pin, which has passed the boundary of the body"):
         problem.loading.check_inside(1.0, force, positions)
+
+
+THROUGH = {"disc": {"center": (0.5, 1.3), "radius": 0.25}, "x2": -3.0, "name": "pin"}
+ALONG = {"disc": {"center": (1.6, 0.5), "radius": 0.25}, "x1": -3.0, "name": "pin"}
+
+
+@pytest.mark.parametrize(
+    "obstacle", [THROUGH, ALONG, {**THROUGH, "amplitude": ((0.0, 0.0), (0.5, 1.0), (1.0, 0.0))}], ids=["down", "along", "to and fro"]
+)
+def test_an_obstacle_does_not_pass_through_the_body_in_one_increment(obstacle):
+    """It touches the body neither at the beginning nor at the end of the step; such runs once ended well, without any force."""
+    with pytest.raises(pds.SimulationFailed) as failed:
+        pds.simulate(pressed(obstacle), "bond-energy")
+    for level in failed.value.result.levels:  # the pin presses on the body
+        assert np.linalg.norm(level["forces"]["pin"]) > 0.1
+
+
+@pytest.mark.parametrize("up", [True, False], ids=["top", "bottom"])
+def test_an_obstacle_cannot_enter_a_held_edge(up):
+    plate = {"half_plane": {"point": (0.0, float(up)), "normal": (0.0, 1.0 if up else -1.0)}, "x2": -0.2 if up else 0.2, "name": "plate"}
+    held = tuple({"region": name, "x1": 0.0, "x2": 0.0} for name in ("bottom", "top"))
+    with pytest.raises(
+        pds.SimulationFailed, match=rf"the obstacle plate lies .* inside the {'top' if up else 'bottom'} .*not into held parts"
+    ):
+        pds.simulate(pressed(plate, prescribed=held), "bond-energy")
+
+
+def test_an_obstacle_cannot_enter_a_held_outline():
+    plate = {"half_plane": {"point": (0.0, 2.0), "normal": (0.0, 1.0)}, "x2": -0.2, "name": "plate"}
+    ring = {"body": {"shape": "circle", "radius": 2.0}, "holes": ({"shape": "circle", "radius": 1.0},), "spacing": 0.2}
+    held = ({"region": "outline", "x1": 0.0, "x2": 0.0}, {"region": "holes", "x1": 0.1, "x2": 0.0})
+    with pytest.raises(pds.SimulationFailed, match="the obstacle plate lies .* inside the outline"):
+        pds.simulate(pressed(plate, prescribed=held, horizon_ratio=2.2, **ring), "bond-energy")
