@@ -253,5 +253,5 @@ def test_an_obstacle_cannot_enter_a_held_outline():
     plate = {"half_plane": {"point": (0.0, 2.0), "normal": (0.0, 1.0)}, "x2": -0.2, "name": "plate"}
     ring = {"body": {"shape": "circle", "radius": 2.0}, "holes": ({"shape": "circle", "radius": 1.0},), "spacing": 0.2}
     held = ({"region": "outline", "x1": 0.0, "x2": 0.0}, {"region": "holes", "x1": 0.1, "x2": 0.0})
-    with pytest.raises(pds.SimulationFailed, match="the obstacle plate lies .* inside the outline"):
+    with pytest.raises(pds.SimulationFailed, match=r"the obstacle plate lies .* inside the outline"):
         pds.simulate(pressed(plate, prescribed=held, horizon_ratio=2.2, **ring), "bond-energy")
