@@ -30,8 +30,8 @@ and curvature less, also where a support moves by this part of its displacement 
 BALANCED = 1e-10
 """Residual, in units of shear modulus / spacing, of the equilibrium whose derivatives are computed."""
 
-SOLVED = 1e-7
-"""Permitted relative residual of the linear equations for the displacements: ten times the error of products of the tangent, which are
+SOLVED = 1e-8
+"""Permitted relative residual of the linear equations for the displacements: some ten times the error of products of the tangent, which are
 differences of forces."""
 
 ROUNDED = 1e-9
