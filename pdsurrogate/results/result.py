@@ -165,7 +165,7 @@ class Result:
         >>> scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5)
         >>> found = pds.simulate(scene, "bond-energy").sensitivity(["nominal_stress"], ["material.shear_modulus", "stretch"])
         >>> found.derivatives.round(3)
-        array([[1.053, 1.596]])
+        array([[1.044, 1.577]])
         """
         if self.differentiated is None:
             raise ValueError("sensitivity: a result that was read from files has no force model: call it on the result of pds.simulate")
