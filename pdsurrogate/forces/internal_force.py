@@ -26,7 +26,7 @@ that alternate from layer to layer. A bar of 4 points across needs 200 evaluatio
 cube of 8 points a side twisted at K = 1000 mu 189, 115, 92 and 107."""
 
 PROBE = 1e-5
-"""Greatest displacement of a point, in spacings, in the central differences of `InternalForce.tangent`. Chosen: curvature and rounding
+"""Greatest displacement of a point, in spacings, in the central differences of `tangent_of`. Chosen: curvature and rounding
 leave errors of 1e-8 or less."""
 
 
@@ -279,34 +279,8 @@ class InternalForce:
         return reduce(add, (term.energy() for term in self.terms))
 
     def tangent(self, positions: np.ndarray) -> LinearOperator:
-        """Return minus the derivative of the forces at positions (n, d), in a body that is not divided among ranks.
-
-        The operator is of shape (n d, n d), in the order of ``positions.ravel()``; with an energy it is symmetric. A product is a central
-        difference over `PROBE` spacings, which costs two evaluations of this force in its present state of bonds and planes, and leaves the
-        force in the state last evaluated, beside these positions.
-
-        Raises
-        ------
-        ValueError
-            If the force is not bound with ``precision="float64"``, or if the body is divided among ranks.
-        """
-        if self.precision != "float64" or self.body.share.divided:
-            needs = "bind the force with precision='float64', to a body on one rank"
-            raise ValueError(f"the tangent is computed from differences of forces in float64: {needs}")
-        ahead, behind = np.empty((2, *positions.shape))
-
-        def multiply(displacements: np.ndarray) -> np.ndarray:
-            greatest = np.abs(displacements).max()
-            if greatest == 0:
-                return np.zeros(positions.size)
-            step = PROBE * self.body.spacing / greatest
-            moved = step * displacements.reshape(positions.shape)
-            self(positions + moved, ahead)
-            self(positions - moved, behind)
-            return ((behind - ahead) / (2 * step)).ravel()
-
-        adjoint = multiply if self.has_energy else None
-        return LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
+        """Return minus the derivative of the forces at positions (n, d), see `tangent_of`."""
+        return tangent_of(self, positions)
 
     def linearized_dilatation(self) -> "LinearizedDilatation":
         """Return the derivative of the points' volume ratios by the positions, for a force that is `nearly_incompressible`."""
@@ -357,6 +331,37 @@ class InternalForce:
         total = self.body.share.total
         outside, pairs = total(self.pairs_outside), total(sum(watch.n_pairs for watch in self._watches))
         return outside / max(1, self.evaluations * pairs)
+
+
+def tangent_of(force: "InternalForce", positions: np.ndarray) -> LinearOperator:
+    """Return minus the derivative of an internal or loaded force at positions (n, d), in a body that is not divided among ranks.
+
+    The operator is of shape (n d, n d), in the order of ``positions.ravel()``; with an energy it is symmetric. A product is a central
+    difference over `PROBE` spacings, which costs two evaluations of the force in its present state of bonds and planes, and leaves the
+    force in the state last evaluated, beside these positions.
+
+    Raises
+    ------
+    ValueError
+        If the force is not bound with ``precision="float64"``, or if the body is divided among ranks.
+    """
+    if force.precision != "float64" or force.body.share.divided:
+        needs = "bind the force with precision='float64', to a body on one rank"
+        raise ValueError(f"the tangent is computed from differences of forces in float64: {needs}")
+    ahead, behind = np.empty((2, *positions.shape))
+
+    def multiply(displacements: np.ndarray) -> np.ndarray:
+        greatest = np.abs(displacements).max()
+        if greatest == 0:
+            return np.zeros(positions.size)
+        step = PROBE * force.body.spacing / greatest
+        moved = step * displacements.reshape(positions.shape)
+        force(positions + moved, ahead)
+        force(positions - moved, behind)
+        return ((behind - ahead) / (2 * step)).ravel()
+
+    adjoint = multiply if force.has_energy else None
+    return LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
 
 
 def _numbers_of(body: Body, portions: Sequence["Portion"]) -> np.ndarray:

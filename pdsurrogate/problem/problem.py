@@ -111,6 +111,11 @@ class Problem:
             self._check_support(force)
         return force, loaded
 
+    def changed(self, scene: Scene, models: Sequence[ForceModel]) -> "Problem":
+        """Return the problem of a scene that differs in materials, loads or prescribed motions alone, on the same body, on one rank."""
+        regions = BodyRegions(scene, self.body, self.regions.lower, self.regions.upper, self.regions.surface)
+        return _on_body(scene, models, self.whole, regions, ALONE)
+
     def reached(self, parameter: float) -> str:
         """Return the prescribed motions and loads at a value of t, as text for messages; empty if the loading parameter is the stretch."""
         if self.loading.parameter == "stretch":
@@ -206,9 +211,13 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         return surface_of(scene, whole[0], lower, upper).of_share(body.share)
 
     body, lower, upper = discretize(scene, share_of, all(model.mirrors_curves for model in models))
-    stages = stages_of(scene)
+    return _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
+
+
+def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: BodyRegions, ranks: Communicator) -> Problem:
+    """Return the problem of a scene on its discretized body: this rank's part with its regions, and the whole body."""
+    body, stages = regions.body, stages_of(scene)
     with scene_errors(scene):
-        regions = BodyRegions(scene, body, lower, upper, surface)
         portions, rigid = portions_of(scene, body, models, regions) if models else ([], {})
         if rigid and ranks.size > 1:
             raise ValueError("materials: rigid regions are supported on one rank only; run without mpiexec, or give the regions a law")
@@ -220,7 +229,7 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
             check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
-        measures = measures_of(scene, grip_areas(scene, lower, upper))
+        measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
         critical = critical_stretch_in(scene, portions[0].law, body.horizon, models[0].family) if scene.fracture and portions else None
     held = (regions, prescriptions, stages, loading)
-    return Problem(scene, models, settings_of(scene), body, whole[0], *held, portions, rigid, measures, critical)
+    return Problem(scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical)

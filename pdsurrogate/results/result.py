@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -16,6 +17,7 @@ from ..scenes import Scene
 from .contents import contents_in
 from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
 from .measures import label_of, values_of
+from .sensitivity import Sensitivities
 from .states import States, StatesInFiles, deformed_cells
 from .tables import column_unit, html_history, read_table, write_tables
 
@@ -44,6 +46,8 @@ class Result:
         also has an entry in `levels`; only outputs in the dynamics of a body between grips have none.
     convergence : list of dict
         Rows of ``convergence.csv``: residual and energy through the search for equilibrium, and increments that failed.
+    differentiated : callable, optional
+        Function of the run behind `sensitivity`, with its scene and force; None for a result that was read from files.
 
     See Also
     --------
@@ -66,6 +70,7 @@ class Result:
     history: list[dict] = dataclasses.field(default_factory=list)
     states: States = dataclasses.field(default_factory=States)
     convergence: list[dict] = dataclasses.field(default_factory=list)
+    differentiated: Callable[..., Sensitivities] | None = dataclasses.field(default=None, compare=False)
 
     @property
     def levels(self) -> list[dict]:
@@ -124,6 +129,47 @@ class Result:
         (48, 2)
         """
         return self._fields(level)["displacement"][:, : self.scene.dimension]
+
+    def sensitivity(self, outputs: Sequence[str], parameters: Sequence[str], level: int = -1) -> Sensitivities:
+        """Return derivatives of measurements in equilibrium with respect to parameters of the scene.
+
+        The equilibrium is first solved to a residual of 1e-10. Each parameter then costs one solution of linear equations with the tangent,
+        some 20 to 40 products of two force evaluations each. The derivatives are those of the discrete body (theory, section 23).
+
+        Parameters
+        ----------
+        outputs : sequence of str
+            Measurements: dotted keys of an entry of `levels`, such as ``"nominal_stress"``, ``"forces.right.0"`` or
+            ``"probes.tip.displacement"``; a key that is continued in several entries stands for all of them.
+        parameters : sequence of str
+            Dotted keys of numbers in the scene's ``material``, ``materials``, ``loads``, ``prescribed`` or ``obstacles``, such as
+            ``"material.bulk_modulus"`` or ``"loads.0.pressure"``; or the loading parameter, ``"stretch"`` or ``"t"``.
+        level : int
+            Number of the output, from 0; the last one by default.
+
+        Returns
+        -------
+        Sensitivities
+
+        Raises
+        ------
+        IndexError
+            If there is no such output.
+        ValueError
+            If the result was read from files or has several ranks; if an output or a parameter is unknown; if the force model has no double
+            precision; if the output is one of dynamics, or has broken bonds; or if its tangent is nearly singular.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5)
+        >>> found = pds.simulate(scene, "bond-energy").sensitivity(["nominal_stress"], ["material.shear_modulus", "stretch"])
+        >>> found.derivatives.round(3)
+        array([[1.044, 1.577]])
+        """
+        if self.differentiated is None:
+            raise ValueError("sensitivity: a result that was read from files has no force model: call it on the result of pds.simulate")
+        return self.differentiated(self, outputs, parameters, level)
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index, and pictures.

@@ -72,6 +72,9 @@ def solver_of(run: Run) -> EquilibriumSolver:
         why = run.loaded.no_energy_because if run.force.has_energy else f"{run.model.name} defines none"
         needs = f"solver.method={spec.method} needs a force that defines an energy, such as bond-energy, but {why}"
         raise SceneError(f"scene {run.problem.scene.name}: {needs}; use another solver.method")
+    if solver.needs_tangent and (run.force.precision != "float64" or run.ranks.size > 1):
+        needs = f'solver.method={spec.method} needs precision = "float64" and one rank'
+        raise SceneError(f"scene {run.problem.scene.name}: {needs}; add the precision, or use another solver.method")
     return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.body.share)
 
 

@@ -1,5 +1,6 @@
 """Simulation in progress: the problem, its forces, and the state that the sequence of stages advances."""
 
+import copy
 import os
 import warnings
 from collections.abc import Sequence
@@ -167,6 +168,15 @@ class Run:
         self.break_again()
         for counter in ("evaluations", "pairs_outside", "seconds", "timed"):
             setattr(self.force, counter, getattr(old, counter))
+
+    def beside(self, scene: Scene, models: Sequence[ForceModel], parameter: float) -> "Run":
+        """Return a run on the same body, in double precision, at a value of the loading parameter, for a scene as in `Problem.changed`."""
+        other = copy.copy(self)
+        other.problem, other.positions = self.problem.changed(scene, models), self.positions.copy()
+        other.loading, other.loads = other.problem.loading, other.problem.loading.loads
+        other.force, other.loaded = other.problem.bind("float64")
+        other.state = State(parameter, parameter)
+        return other
 
     def break_again(self) -> None:
         """Remove all broken bonds of the run from its force again, after the force was bound to the body anew or a checkpoint was read."""

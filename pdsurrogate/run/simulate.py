@@ -6,6 +6,7 @@ import logging
 import math
 import time
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,7 @@ from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooS
 from ..solvers.obstacles import Obstructed
 from .interruption import Interrupted, Interruption
 from .run import Progress, Run, Silent
+from .sensitivity import differentiate
 from .stages import SinglePrecisionLeft, go
 
 if TYPE_CHECKING:
@@ -326,7 +328,8 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
     if state.crack is not None:
         summary["critical_stretch"] = run.problem.critical_stretch
         summary["crack"] = state.crack | ({} if stress is None else {"peak": _peak(state.history)})
-    return Result(run.problem.scene, run.body if run.whole is None else run.whole, summary, state.history, run.states, state.convergence)
+    body, differentiated = run.body if run.whole is None else run.whole, partial(differentiate, run.problem.scene, run.problem.models)
+    return Result(run.problem.scene, body, summary, state.history, run.states, state.convergence, differentiated)
 
 
 def _refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:

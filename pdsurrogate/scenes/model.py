@@ -193,10 +193,11 @@ class SolverSpec(StrictModel):
 
     Parameters
     ----------
-    method : {"automatic", "minimizer", "quasi-newton", "relaxation", "explicit"}
+    method : {"automatic", "minimizer", "quasi-newton", "relaxation", "explicit", "newton"}
         Method: ``"automatic"`` chooses between the next three; ``"minimizer"`` minimizes the energy, which the force must have;
         ``"quasi-newton"`` is L-BFGS on the residual force; ``"relaxation"`` is adaptive dynamic relaxation; ``"explicit"`` is damped
-        explicit stepping with a fixed time step, as in the paper.
+        explicit stepping with a fixed time step, as in the paper; ``"newton"`` continues ``"automatic"`` with Newton's method to tolerances
+        down to 1e-10, and needs ``precision = "float64"``.
     tolerance : float
         Greatest residual: the largest force per volume on a free component, times the spacing, divided by the shear modulus. Unit: none.
     most_evaluations : int
@@ -208,7 +209,7 @@ class SolverSpec(StrictModel):
 
     # Scene files of earlier versions write "minimiser".
     method: Annotated[
-        Literal["automatic", "minimizer", "quasi-newton", "relaxation", "explicit"],
+        Literal["automatic", "minimizer", "quasi-newton", "relaxation", "explicit", "newton"],
         BeforeValidator(lambda name: "minimizer" if name == "minimiser" else name),
     ] = "automatic"
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6

@@ -125,6 +125,8 @@ class EquilibriumSolver(ABC):
     name: str
     needs_energy = False
     """Whether the method needs a force that has an energy."""
+    needs_tangent = False
+    """Whether the method needs products of the tangent, and so a force in double precision and one rank."""
     gave_up = False
     """Whether a faster method has failed on this body, so that it is not tried again."""
 

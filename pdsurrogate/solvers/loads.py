@@ -3,10 +3,12 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator
 
 from ..body import Body
 from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
+from ..forces.internal_force import tangent_of
 from ..ranks import Share
 from .held import Support
 from .obstacles import Obstacle, Obstructed
@@ -395,6 +397,10 @@ class LoadedForce:
             return None
         F = self.internal.deformation_gradients()
         return self.internal.volume_ratios() / (F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0])
+
+    def tangent(self, positions: np.ndarray) -> LinearOperator:
+        """Return minus the derivative of internal force plus loads at positions (n, d), see `tangent_of`."""
+        return tangent_of(self, positions)
 
     def energy(self) -> float:
         """Return stored energy plus potential of the loads in the state last evaluated, in two dimensions per unit thickness."""

@@ -1,4 +1,4 @@
-"""Methods for equilibrium: quasi-Newton on the residual or on the energy, dynamic relaxation, damped explicit stepping.
+"""Methods for equilibrium: quasi-Newton on the residual or on the energy, dynamic relaxation, damped explicit stepping, Newton's.
 
 `Automatic` chooses among the first three. The explicit stepping is the method of the paper that `pdsurrogate.paper` reproduces.
 """
@@ -18,6 +18,7 @@ from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, no_report
 from .nearest_bonds import strain_of_step
 from .stability import FrequencyEstimate
+from .tangent import TangentEquations
 
 
 class QuasiNewton(EquilibriumSolver):
@@ -338,5 +339,53 @@ class Automatic(EquilibriumSolver):
         return replace(found, evaluations=force.evaluations - began)
 
 
-SOLVERS = {solver.name: solver for solver in (Automatic, EnergyMinimizer, QuasiNewton, DynamicRelaxation, DampedExplicit)}
+class Newton(EquilibriumSolver):
+    """Newton's method for equilibrium, after the automatic method has reduced the residual to `START`.
+
+    Products of the tangent are differences of forces, so the force must be in double precision, and the body on one rank. Each iteration
+    squares the error, so that residuals of 1e-10 are reached, which other methods need many evaluations for.
+    """
+
+    name = "newton"
+    needs_tangent = True
+
+    # Residual, in units of shear modulus / spacing, at which the automatic method ends, and permitted residual of the linear equations of
+    # an iteration, divided by the forces on free points. Chosen: an iteration then gains what the curvature of the forces permits, with
+    # some 15 products of the tangent.
+    START, SHARE_LEFT = 1e-3, 1e-4
+
+    # Greatest number of iterations: a search that needs more than the usual two to five does not converge.
+    MOST = 20
+
+    def __init__(self, *settings) -> None:
+        super().__init__(*settings)
+        self._first = Automatic(*settings)
+
+    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+        tolerance, began = tolerance or self.tolerance, force.evaluations
+        found = self._first.solve(force, positions, max(tolerance, self.START), report, least_drive)
+        if tolerance >= self.START:
+            return found
+        forces = np.empty_like(positions)
+        self.begin(force, least_drive)
+        self.evaluate(force, positions, forces)
+        residual, settled = self.judge(force, forces, tolerance)
+        for _ in range(self.MOST):
+            if settled:
+                return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
+            equations = TangentEquations(force, positions, self.free, self.preconditioner(force))
+            step, before = equations.displacements(forces, self.SHARE_LEFT), residual
+            try:
+                self.evaluate(force, positions + step, forces)
+            except InvalidState as error:
+                raise Diverging(f"a step of Newton's method has no force: {error}") from None
+            positions += step
+            residual, settled = self.judge(force, forces, tolerance)
+            report(force.evaluations - began, residual)
+            if not settled and not residual < before:
+                raise Diverging(f"a step of Newton's method does not reduce the residual of {before:.2g}")
+        raise self.not_converged(force, residual, force.evaluations - began, tolerance)
+
+
+SOLVERS = {solver.name: solver for solver in (Automatic, EnergyMinimizer, QuasiNewton, DynamicRelaxation, DampedExplicit, Newton)}
 """Classes of the solvers for equilibrium, by the names that a scene gives them."""

@@ -1,0 +1,117 @@
+"""Derivatives of equilibria by parameters of the scene, and Newton's method."""
+
+import numpy as np
+import pytest
+
+import pdsurrogate as pds
+from pdsurrogate.materials import NeoHookean
+from pdsurrogate.materials.homogeneous import uniaxial
+from pdsurrogate.scenes.reading import apply_change, leaves
+
+CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
+CLOSE = 1e-6
+"""Difference of derivatives from central differences of converged runs, relative to the greatest. Residuals of 1e-10 leave 1e-10/1e-4 in
+the differences, and their curvature 1e-8."""
+
+
+def by_runs(scene, force, outputs, parameter):
+    """Return derivatives of measurements by a parameter, from two runs that are converged to 1e-10."""
+    found = []
+    value = scene.stretches[-1] if parameter == "stretch" else dict(leaves(scene.model_dump(mode="json")))[parameter]
+    step = 1e-4 * (abs(value) or scene.spacing)
+    for sign in (1, -1):
+        data = scene.model_dump(mode="json")
+        changes = {"stretches": [value + sign * step]} if parameter == "stretch" else {parameter: value + sign * step}
+        for key, number in (CONVERGED | changes).items():
+            apply_change(data, key, number)
+        row = dict(leaves(pds.simulate(type(scene).model_validate(data), force).levels[-1]))
+        found.append(np.array([row[name] for name in outputs]))
+    return (found[0] - found[1]) / (2 * step)
+
+
+def compare(scene, force, outputs, parameters):
+    result = pds.simulate(scene, force)
+    found = result.sensitivity(outputs, parameters)
+    row = dict(leaves(result.levels[-1]))
+    assert found.values == pytest.approx([row[name] for name in found.outputs], rel=1e-4, abs=1e-4 * np.abs(found.values).max())
+    assert found.displacements.shape == (len(parameters), *result.body.points.shape)
+    for number, parameter in enumerate(parameters):
+        expected = by_runs(result.scene, force, found.outputs, parameter)
+        assert np.abs(found.derivatives[:, number] - expected).max() < CLOSE * np.abs(expected).max(), parameter
+
+
+def test_the_stress_of_a_homogeneous_state_has_the_derivatives_of_its_exact_solution():
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5)
+    found = pds.simulate(scene, "bond-energy").sensitivity(["nominal_stress"], ["material.shear_modulus", "stretch"])
+
+    def stress(shear, stretch):
+        return uniaxial(NeoHookean(shear, 100.0), stretch).nominal_stress
+
+    h = 1e-5
+    exact = [(stress(1 + h, 1.5) - stress(1 - h, 1.5)) / (2 * h), (stress(1.0, 1.5 + h) - stress(1.0, 1.5 - h)) / (2 * h)]
+    assert found.derivatives[0] == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("force", ["bond-energy", "analytic"])
+def test_derivatives_of_a_sheet_with_a_hole_are_those_of_converged_runs(force):
+    """Bond forces have no energy, so their tangent is not symmetric."""
+    scene = pds.load_scene("hole", spacing=0.2)
+    compare(scene, force, ["nominal_stress", "forces.top"], ["material.shear_modulus", "material.bulk_modulus", "stretch"])
+
+
+def test_derivatives_of_a_nearly_incompressible_solid_are_those_of_converged_runs():
+    scene = pds.load_scene("bonded-block", spacing=0.25)
+    compare(scene, "bond-energy", ["nominal_stress", "energy", "probes.side.displacement"], ["material.shear_modulus", "stretch"])
+
+
+def test_derivatives_by_a_pressure_that_follows_the_boundary_are_those_of_converged_runs():
+    scene = pds.load_scene("ring-pressure", {"spacing": 0.2, "steps": [{"to": 0.2}]})
+    compare(scene, "bond-energy", ["probes.inner.displacement", "energy"], ["loads.0.pressure"])
+    found = pds.simulate(scene, "bond-energy").sensitivity(["energy"], ["loads.0.pressure", "t"])
+    pressure = found.derivatives[0, 0] * scene.loads[0].pressure / 0.2  # the pressure acts with the factor t
+    assert found.derivatives[0, 1] == pytest.approx(pressure, rel=1e-6)
+
+
+def test_derivatives_by_a_prescribed_rotation_and_the_modulus_of_an_inclusion_are_those_of_converged_runs():
+    compare(pds.load_scene("disc-torsion", spacing=0.2), "bond-energy", ["moments", "energy"], ["prescribed.1.rotation"])
+    scene = pds.load_scene("bimaterial", {"spacing": 0.1, "stretches": [1.2]})
+    compare(scene, "bond-energy", ["nominal_stress", "probes.interface.displacement"], ["materials.0.material.shear_modulus"])
+
+
+def test_derivatives_of_displacements_are_those_of_the_fields_of_converged_runs():
+    scene = pds.load_scene("hole", {"spacing": 0.2, **CONVERGED})
+    moved = pds.simulate(scene, "bond-energy").sensitivity([], ["stretch"]).displacements[0]
+    value, step = scene.stretches[-1], 1e-4
+    after, before = (
+        pds.simulate(pds.load_scene("hole", {"spacing": 0.2, "stretches": [value + change], **CONVERGED}), "bond-energy").displacement()
+        for change in (step, -step)
+    )
+    expected = (after - before) / (2 * step)
+    assert np.abs(moved - expected).max() < CLOSE * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", ["uniaxial", "bonded-block"])
+def test_newton_reaches_ten_digits_in_a_few_iterations(name):
+    scene = pds.load_scene(name, {"spacing": 0.25, "stretches": [1.5], **CONVERGED})
+    result = pds.simulate(scene, "bond-energy")
+    residuals = [row["residual"] for row in result.convergence if row.get("residual") is not None]
+    assert result.levels[-1]["method"] == "newton"
+    assert residuals[-1] < 1e-10
+    assert sum(residual < 1e-3 for residual in residuals) <= 1 + 6
+
+
+def test_what_has_no_derivative_is_refused(tmp_path):
+    result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "bond-energy")
+    with pytest.raises(ValueError, match=r"there is no number 'material.shear_modulos' .* did you mean material.shear_modulus"):
+        result.sensitivity(["energy"], ["material.shear_modulos"])
+    with pytest.raises(ValueError, match="there is no number 'spacing'"):
+        result.sensitivity(["energy"], ["spacing"])
+    with pytest.raises(ValueError, match="the result has no 'nominal_stres'; did you mean nominal_stress"):
+        result.sensitivity(["nominal_stres"], ["stretch"])
+    with pytest.raises(IndexError, match="has 1 outputs, none with the number 1"):
+        result.sensitivity(["energy"], ["stretch"], level=1)
+    result.save(tmp_path / "saved")
+    with pytest.raises(ValueError, match="read from files"):
+        pds.load_result(tmp_path / "saved").sensitivity(["energy"], ["stretch"])
+    with pytest.raises(pds.SceneError, match=r"solver\.method=newton needs precision"):
+        pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.25, "solver.method": "newton"}), "neo-hookean")
