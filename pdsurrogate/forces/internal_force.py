@@ -278,6 +278,24 @@ class InternalForce:
         """Return the stored energy per unit thickness in the state last evaluated, for a force that `has_energy`."""
         return reduce(add, (term.energy() for term in self.terms))
 
+    def released_by(self, motion: np.ndarray) -> float | None:
+        """Return minus the derivative of the energy by a motion Q of the undeformed points, at fixed positions in the state last evaluated.
+
+        Bonds, and the shares of volumes that they represent, move with the points, theory (73).
+
+        Parameters
+        ----------
+        motion : ndarray, shape (n, d)
+            Q of every point, zero at the boundary of the body or tangential to it.
+
+        Returns
+        -------
+        float or None
+            The contribution of this rank; None for a force without energy, and for several materials.
+        """
+        parts = [term.released_by(motion) for term in self.terms]
+        return None if None in parts else sum(parts)
+
     def tangent(self, positions: np.ndarray) -> LinearOperator:
         """Return minus the derivative of the forces at positions (n, d), see `tangent_of`."""
         return tangent_of(self, positions)

@@ -190,6 +190,23 @@ class PairEnergy(Term):
         across = 2 * self._of_pairs("moments")[pairs].sum(axis=0, dtype=float).reshape(d, d).T
         return self._unit * (along + across) / whole_volume(self.body)
 
+    def released_by(self, motion: np.ndarray) -> float | None:
+        if not self.binding.whole:
+            return None
+        kinematics, bonds, points, d = self.kinematics, self.body.bonds, self.body.all_points, self.body.dimension
+        own, positions = self.body.share.own, kinematics.positions[: len(motion)].copy()
+        F, own_F, density = self._gradients(), kinematics.deformation_gradients().copy(), self.stress_and_energy()[1]
+        # Gradients are affine in the positions, so that differences are those of the motion.
+        kinematics.place(positions + motion)
+        by_motion, growth = self._gradients() - F, np.trace(kinematics.deformation_gradients() - own_F, axis1=1, axis2=2)
+        kinematics.place(positions, form=True)
+        pairs = np.flatnonzero(own[bonds.first] & by_motion.any(axis=(1, 2)))
+        turned, vectors = F[pairs] @ by_motion[pairs], points[bonds.second[pairs]] - points[bonds.first[pairs]]
+        moments = self._of_pairs("moments")[pairs].reshape(-1, d, d)
+        along = np.einsum("bi,bij,bj->", self._of_pairs("forces")[pairs], turned, vectors, dtype=float)
+        across = 2 * np.einsum("bji,bij->", moments, turned, dtype=float)  # P (I - n (x) n) is twice the moment
+        return float(self._unit * (along + across) - (self.body.volumes * density * growth)[own].sum())
+
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self.shares.strength[pairs] = 0.0
         around = self.shares.renew(changed)
