@@ -194,15 +194,18 @@ class PairEnergy(Term):
         if not self.binding.whole:
             return None
         kinematics, bonds, points, d = self.kinematics, self.body.bonds, self.body.all_points, self.body.dimension
-        own, positions = self.body.share.own, kinematics.positions[: len(motion)].copy()
-        F, own_F, density = self._gradients(), kinematics.deformation_gradients().copy(), self.stress_and_energy()[1]
-        # Gradients are affine in the positions, so that differences are those of the motion.
-        kinematics.place(positions + motion)
-        by_motion, growth = self._gradients() - F, np.trace(kinematics.deformation_gradients() - own_F, axis1=1, axis2=2)
+        own, positions, density = self.body.share.own, kinematics.positions[: len(motion)].copy(), self.stress_and_energy()[1]
+        kinematics.form_gradients()
+        before = kinematics.gradients.copy()
+        # Gradients are affine in the positions, so that their changes are the gradients of the motion.
+        kinematics.place(positions + motion, form=True)
+        moved = (kinematics.gradients != before).any(axis=1)
+        growth = np.trace(matrices(kinematics.gradients[: len(motion)] - before[: len(motion)]), axis1=1, axis2=2)
+        pairs = np.flatnonzero(own[bonds.first] & (moved[bonds.first] | moved[bonds.second]))
+        ahead = self._gradients(pairs)
         kinematics.place(positions, form=True)
-        pairs = np.flatnonzero(own[bonds.first] & by_motion.any(axis=(1, 2)))
-        turned, vectors = F[pairs] @ by_motion[pairs], points[bonds.second[pairs]] - points[bonds.first[pairs]]
-        moments = self._of_pairs("moments")[pairs].reshape(-1, d, d)
+        F, vectors = self._gradients(pairs), points[bonds.second[pairs]] - points[bonds.first[pairs]]
+        turned, moments = F @ (ahead - F), self._of_pairs("moments")[pairs].reshape(-1, d, d)
         along = np.einsum("bi,bij,bj->", self._of_pairs("forces")[pairs], turned, vectors, dtype=float)
         across = 2 * np.einsum("bji,bij->", moments, turned, dtype=float)  # P (I - n (x) n) is twice the moment
         return float(self._unit * (along + across) - (self.body.volumes * density * growth)[own].sum())
@@ -279,13 +282,13 @@ class PairEnergy(Term):
         # In plane strain the third stretch is 1.
         return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
 
-    def _gradients(self) -> np.ndarray:
-        """Return the deformation gradients F_ij (n_pairs, d, d) of all pairs (theory (27))."""
+    def _gradients(self, pairs: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Return the deformation gradients F_ij (k, d, d) of given pairs, by default of all (theory (27))."""
         self.kinematics.form_gradients()
-        bonds, gradients = self.body.bonds, self.kinematics.gradients
-        vectors, between = (at[bonds.second] - at[bonds.first] for at in (self.body.all_points, self.kinematics.positions))
+        first, second, gradients = self.body.bonds.first[pairs], self.body.bonds.second[pairs], self.kinematics.gradients
+        vectors, between = (at[second] - at[first] for at in (self.body.all_points, self.kinematics.positions))
         length = np.linalg.norm(vectors, axis=1)[:, None]
-        n, F = vectors / length, matrices(gradients[bonds.first] + gradients[bonds.second]) / 2
+        n, F = vectors / length, matrices(gradients[first] + gradients[second]) / 2
         return F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
 
     def _without_energy(self) -> str:
