@@ -278,24 +278,6 @@ class InternalForce:
         """Return the stored energy per unit thickness in the state last evaluated, for a force that `has_energy`."""
         return reduce(add, (term.energy() for term in self.terms))
 
-    def released_by(self, motion: np.ndarray) -> float | None:
-        """Return minus the derivative of the energy by a motion Q of the undeformed points, at fixed positions in the state last evaluated.
-
-        Bonds, and the shares of volumes that they represent, move with the points, theory (73).
-
-        Parameters
-        ----------
-        motion : ndarray, shape (n, d)
-            Q of every point, zero at the boundary of the body or tangential to it.
-
-        Returns
-        -------
-        float or None
-            The contribution of this rank; None for a force without energy, and for several materials.
-        """
-        parts = [term.released_by(motion) for term in self.terms]
-        return None if None in parts else sum(parts)
-
     def tangent(self, positions: np.ndarray) -> LinearOperator:
         """Return minus the derivative of the forces at positions (n, d), see `tangent_of`."""
         return tangent_of(self, positions)
@@ -380,6 +362,26 @@ def tangent_of(force: "InternalForce", positions: np.ndarray) -> LinearOperator:
 
     adjoint = multiply if force.has_energy else None
     return LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
+
+
+def released_by(force: InternalForce, motion: np.ndarray) -> float | None:
+    """Return minus the derivative of the energy by a motion Q of the undeformed points, at fixed positions in the state last evaluated.
+
+    Bonds, and the shares of volumes that they represent, move with the points, theory (74).
+
+    Parameters
+    ----------
+    force : InternalForce
+    motion : ndarray, shape (n, d)
+        Q of every point, zero at the boundary of the body or tangential to it.
+
+    Returns
+    -------
+    float or None
+        The contribution of this rank; None for a force without energy, and for several materials.
+    """
+    parts = [term.released_by(motion) for term in force.terms]
+    return None if None in parts else sum(parts)
 
 
 def _numbers_of(body: Body, portions: Sequence["Portion"]) -> np.ndarray:

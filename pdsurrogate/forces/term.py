@@ -251,7 +251,7 @@ class Term(ABC):
         raise TypeError(f"{type(self).__name__} has no energy")
 
     def released_by(self, motion: np.ndarray) -> float | None:
-        """Return the energy released by a motion of the undeformed points, see `InternalForce.released_by`; None without energy."""
+        """Return the energy released by a motion of the undeformed points, see `released_by` of `internal_force`; None without energy."""
         return None
 
     def linearized_dilatation(self) -> "LinearizedDilatation":

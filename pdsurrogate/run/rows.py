@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..body import Body
+from ..forces import released_by
 from ..results import measures
 from ..solvers.conditions import Reactions
 from .run import Run
@@ -153,7 +154,7 @@ def crack_rows(run: Run) -> list[dict]:
         if reach is not None:
             motion = front.motion(body.points, reach)
             work = np.einsum("ni,nij,nj->", loads, F, motion)
-            rate = body.share.total(float(force.released_by(motion) - work)) / front.extent
+            rate = body.share.total(float(released_by(force, motion) - work)) / front.extent
         rows.append({"tip": front.path[-1].tolist(), "length": front.length, "energy_release_rate": rate, "reach": reach})
     return rows
 

@@ -463,5 +463,5 @@ class Precut(StrictModel):
         ([[0.0, 1.5], [3.0, 1.5]], [[-1.0, 0.0], [1.0, 0.0]])
         """
         ends = np.array([self.start, self.end])
-        along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
-        return ends, np.array([-along, along]), np.ones(2)
+        outward = ends - ends[::-1]
+        return ends, outward / np.linalg.norm(outward[1]), np.ones(2)
