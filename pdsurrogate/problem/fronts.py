@@ -81,7 +81,7 @@ class Front:
     def motion(self, points: np.ndarray, reach: float) -> np.ndarray:
         """Return the virtual motion of points (n, d) that lengthens the crack by 1: full within half of `reach` of the front, zero beyond.
 
-        In between it decreases smoothly, theory (74).
+        In between it decreases smoothly, theory (75).
         """
         distance, nearest = cKDTree(self.places).query(points, distance_upper_bound=reach)
         share = np.clip(2 - 2 * distance / reach, 0, 1)

@@ -142,7 +142,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
 
 
 def crack_rows(run: Run) -> list[dict]:
-    """Return tip, length and energy release rate of every crack that grows from a precut, theory (73), (74), in the state last evaluated.
+    """Return tip, length and energy release rate of every crack that grows from a precut, theory (74), (75), in the state last evaluated.
 
     A rate is None if there is no room for its domain.
     """
