@@ -169,6 +169,7 @@ def print_result(result: Result) -> None:
     if result.levels:
         (print_levels if result.scene.stretched else _print_outputs)(result)
     summary = result.summary
+    _print_rates(result)
     if "crack" in summary:
         _print_crack(result)
     for account in summary.get("dynamics", ()):
@@ -261,6 +262,16 @@ def _print_named(result: Result, title: str, unit: str, named: dict[str, np.ndar
     count = len(next(iter(named.values()))[0]) if named else 0
     components = [f"x{axis}" for axis in range(1, count + 1)] if count > 1 else ["counter-clockwise"]
     print_table(result.scene.units.label(title, unit), [*headings, *components], rows, left=1)
+
+
+def _print_rates(result: Result) -> None:
+    """Print the energy release rates of cracks that grow from precuts, at the last output that has them."""
+    units, tips = result.scene.units, result.summary.get("crack", {}).get("tips", [])
+    unit = f" {units.stress} {units.length}" if units.stress and units.length else ""
+    for crack in next((row["cracks"] for row in reversed([*result.levels, *tips]) if row.get("cracks")), ()):
+        rate, tip = crack["energy_release_rate"], ", ".join(f"{value:.3g}" for value in crack["tip"])
+        length = units.amount(crack["length"], "length", ".4g")
+        out.print(f"Crack to ({tip}), length {length}: " + ("no room for G" if rate is None else f"G = {rate:.4g}{unit}"))
 
 
 def _print_crack(result: Result) -> None:

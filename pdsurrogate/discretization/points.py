@@ -299,6 +299,13 @@ def _inside(scene: Scene, places: np.ndarray) -> np.ndarray:
     return scene.body.contains(places) & _outside_holes(scene, places)
 
 
+def contained(scene: Scene, body: Body, places: np.ndarray) -> np.ndarray:
+    """Return flags of the places (k, d) that lie in the body of a scene; of a mesh, those within 3/4 of a spacing of its points."""
+    if isinstance(scene.body, Mesh):
+        return cKDTree(body.points).query(places)[0] <= 0.75 * body.spacing
+    return _inside(scene, places)
+
+
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
     """Return flags of the points that are `within` the outline and in no hole.
 

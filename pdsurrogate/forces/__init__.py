@@ -5,7 +5,7 @@ from .ba_nosb import BANOSBForce
 from .bond_energy import BondEnergyForce, EnergySurrogate
 from .bond_force import AnalyticBondForce, ForceSurrogate
 from .errors import InvalidState, OutsideDomain, OutsideDomainWarning
-from .internal_force import InternalForce
+from .internal_force import InternalForce, released_by
 from .learned_energy import EnergyNetwork, IsochoricNetwork, LearnedEnergy
 from .learned_force import LearnedBondForce, NetworkForce, PolynomialForce, SplineForce
 from .nosb import NOSBForce

@@ -364,6 +364,26 @@ def tangent_of(force: "InternalForce", positions: np.ndarray) -> LinearOperator:
     return LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
 
 
+def released_by(force: InternalForce, motion: np.ndarray) -> float | None:
+    """Return minus the derivative of the energy by a motion Q of the undeformed points, at fixed positions in the state last evaluated.
+
+    Bonds, and the shares of volumes that they represent, move with the points, theory (74).
+
+    Parameters
+    ----------
+    force : InternalForce
+    motion : ndarray, shape (n, d)
+        Q of every point, zero at the boundary of the body or tangential to it.
+
+    Returns
+    -------
+    float or None
+        The contribution of this rank; None for a force without energy, and for several materials.
+    """
+    parts = [term.released_by(motion) for term in force.terms]
+    return None if None in parts else sum(parts)
+
+
 def _numbers_of(body: Body, portions: Sequence["Portion"]) -> np.ndarray:
     """Return the material (index into `portions`) of every point and ghost; ``len(portions)`` for rigid points, which have none."""
     found = np.full(len(body.all_points), len(portions))

@@ -190,6 +190,26 @@ class PairEnergy(Term):
         across = 2 * self._of_pairs("moments")[pairs].sum(axis=0, dtype=float).reshape(d, d).T
         return self._unit * (along + across) / whole_volume(self.body)
 
+    def released_by(self, motion: np.ndarray) -> float | None:
+        if not self.binding.whole:
+            return None
+        kinematics, bonds, points, d = self.kinematics, self.body.bonds, self.body.all_points, self.body.dimension
+        own, positions, density = self.body.share.own, kinematics.positions[: len(motion)].copy(), self.stress_and_energy()[1]
+        kinematics.form_gradients()
+        before = kinematics.gradients.copy()
+        # Gradients are affine in the positions, so that their changes are the gradients of the motion.
+        kinematics.place(positions + motion, form=True)
+        moved = (kinematics.gradients != before).any(axis=1)
+        growth = np.trace(matrices(kinematics.gradients[: len(motion)] - before[: len(motion)]), axis1=1, axis2=2)
+        pairs = np.flatnonzero(own[bonds.first] & (moved[bonds.first] | moved[bonds.second]))
+        ahead = self._gradients(pairs)
+        kinematics.place(positions, form=True)
+        F, vectors = self._gradients(pairs), points[bonds.second[pairs]] - points[bonds.first[pairs]]
+        turned, moments = F @ (ahead - F), self._of_pairs("moments")[pairs].reshape(-1, d, d)
+        along = np.einsum("bi,bij,bj->", self._of_pairs("forces")[pairs], turned, vectors, dtype=float)
+        across = 2 * np.einsum("bji,bij->", moments, turned, dtype=float)  # P (I - n (x) n) is twice the moment
+        return float(self._unit * (along + across) - (self.body.volumes * density * growth)[own].sum())
+
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self.shares.strength[pairs] = 0.0
         around = self.shares.renew(changed)
@@ -262,13 +282,13 @@ class PairEnergy(Term):
         # In plane strain the third stretch is 1.
         return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
 
-    def _gradients(self) -> np.ndarray:
-        """Return the deformation gradients F_ij (n_pairs, d, d) of all pairs (theory (27))."""
+    def _gradients(self, pairs: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Return the deformation gradients F_ij (k, d, d) of given pairs, by default of all (theory (27))."""
         self.kinematics.form_gradients()
-        bonds, gradients = self.body.bonds, self.kinematics.gradients
-        vectors, between = (at[bonds.second] - at[bonds.first] for at in (self.body.all_points, self.kinematics.positions))
+        first, second, gradients = self.body.bonds.first[pairs], self.body.bonds.second[pairs], self.kinematics.gradients
+        vectors, between = (at[second] - at[first] for at in (self.body.all_points, self.kinematics.positions))
         length = np.linalg.norm(vectors, axis=1)[:, None]
-        n, F = vectors / length, matrices(gradients[bonds.first] + gradients[bonds.second]) / 2
+        n, F = vectors / length, matrices(gradients[first] + gradients[second]) / 2
         return F + (between / length - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
 
     def _without_energy(self) -> str:

@@ -250,6 +250,10 @@ class Term(ABC):
         """Return the stored energy in the state last evaluated, NaN if it is undefined there; TypeError for a term without energy."""
         raise TypeError(f"{type(self).__name__} has no energy")
 
+    def released_by(self, motion: np.ndarray) -> float | None:
+        """Return the energy released by a motion of the undeformed points, see `released_by` of `internal_force`; None without energy."""
+        return None
+
     def linearized_dilatation(self) -> "LinearizedDilatation":
         """Return the derivative of the points' volume ratios by the positions, see `InternalForce.linearized_dilatation`."""
         raise TypeError(f"{type(self).__name__} has no dilatation of its own")

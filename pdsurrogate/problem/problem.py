@@ -21,6 +21,7 @@ from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
 from .conditions import check_speeds, conditions_of, loads_of
 from .fracture import critical_stretch_in
+from .fronts import Fronts
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .program import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
 from .regions import BodyRegions
@@ -75,6 +76,11 @@ class Problem:
     def law(self) -> Law:
         """Return the material law of the body, except in regions of other materials."""
         return self.scene.law()
+
+    @cached_property
+    def fronts(self) -> Fronts:
+        """Fronts of the cracks of the whole body."""
+        return Fronts(self.scene, self.whole)
 
     def describe(self) -> dict:
         """Return the entries of a run's summary that follow from the scene and the names of its force models."""

@@ -247,7 +247,7 @@ class Bookkeeping:
         """
         account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
         if not self.closes:
-            remark = f"{self._run.model.name} defines no energy, so energy conservation cannot be checked"
+            remark = f"{self._run.model.name} defines no energy, so energy conservation cannot be checked, and broken bonds release none"
             return put_in | {"energy_gap": None, "greatest_energy_gap": None, "remark": remark}
         scale = max(account.most_put_in, self._rounding)
         wide = abs(account.greatest_gap) > GAP_WARNED * scale

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..body import Body
+from ..forces import released_by
 from ..results import measures
 from ..solvers.conditions import Reactions
 from .run import Run
@@ -129,6 +130,8 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
         if declared.lateral is not None:
             displacements = run.body.share.gather(run.positions - run.body.points)
             row |= run.ranks.to_all(None if displacements is None else _lateral(run.whole, displacements, declared.lateral))
+    if run.measures_cracks:
+        row["cracks"] = crack_rows(run)
     if len(run.probes):
         row["probes"] = run.probes.read(measures.PointState(run.force, run.positions))
     for key, reference in declared.reference(run.state.parameter).items():
@@ -136,6 +139,24 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
             row[f"{key}_reference"] = float(reference)
             row[f"{key}_error"] = float(row[key] / reference - 1) if reference else None
     return row
+
+
+def crack_rows(run: Run) -> list[dict]:
+    """Return tip, length and energy release rate of every crack that grows from a precut, theory (74), (75), in the state last evaluated.
+
+    A rate is None if there is no room for its domain.
+    """
+    body, force, found = run.body, run.force, run.problem.fronts
+    fronts = found.after([output["tips"] for output in run.state.crack["tips"]] if run.state.crack else [])
+    rows, loads, F = [], run.loaded.applied() * body.share.own[:, None], force.deformation_gradients().copy()
+    for front in fronts:
+        reach, rate = found.reach(front, fronts), None
+        if reach is not None:
+            motion = front.motion(body.points, reach)
+            work = np.einsum("ni,nij,nj->", loads, F, motion)
+            rate = body.share.total(float(released_by(force, motion) - work)) / front.extent
+        rows.append({"tip": front.path[-1].tolist(), "length": front.length, "energy_release_rate": rate, "reach": reach})
+    return rows
 
 
 def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float | None:

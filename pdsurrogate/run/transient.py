@@ -15,7 +15,7 @@ from ..solvers.equilibrium import Diverging
 from .account import STEPS_PER_ROW, Bookkeeping
 from .cracks import Cracks
 from .interruption import Interrupted
-from .rows import component_columns, forces_by_name, moments_by_name, output_row, place_columns, state_columns
+from .rows import component_columns, crack_rows, forces_by_name, moments_by_name, output_row, place_columns, state_columns
 from .run import Run
 
 MOST_STEPS = 1e9
@@ -234,10 +234,14 @@ class Transient:
         self._last_row()
         through = self._cracks is not None and self._cracks.output()
         self._apply()
-        if run.problem.measures.nominal_stress is None:
+        between_grips = run.problem.measures.nominal_stress is not None
+        if not between_grips or (self._cracks is not None and run.measures_cracks):
             run.loaded(run.positions, np.empty_like(run.positions))
+        if not between_grips:
             row = output_row(run, run.state.elapsed + account.time)
             run.state.levels.append(row | {"kinetic_energy": self._books.kinetic_energy()})
+        elif self._cracks is not None and run.measures_cracks:
+            run.state.crack["tips"][-1]["cracks"] = crack_rows(run)
         run.record(account.time)
         account.outputs += 1
         return through

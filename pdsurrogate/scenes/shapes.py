@@ -439,3 +439,29 @@ class Precut(StrictModel):
         origin, direction = starts[apart], ends[apart] - starts[apart]
         crossing[apart] = (_cross(direction, a - origin) >= 0) != (_cross(direction, b - origin) >= 0)
         return crossing
+
+    def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the ends of the cut.
+
+        Parameters
+        ----------
+        pitch : float
+            Distance of places on the edges of flat cuts; a straight cut has two ends at any pitch.
+
+        Returns
+        -------
+        places, outward : ndarray, shape (2, 2)
+            The two ends, and the unit vectors along which the cut would grow there.
+        lengths : ndarray, shape (2,)
+            Ones: a cut has ends in the plane, which is of unit thickness.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> places, outward, _ = pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).edge(0.1)
+        >>> places.tolist(), outward.tolist()
+        ([[0.0, 1.5], [3.0, 1.5]], [[-1.0, 0.0], [1.0, 0.0]])
+        """
+        ends = np.array([self.start, self.end])
+        outward = ends - ends[::-1]
+        return ends, outward / np.linalg.norm(outward[1]), np.ones(2)

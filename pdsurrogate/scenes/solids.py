@@ -369,6 +369,30 @@ class FlatCut(StrictModel):
         [True]
         """
 
+    @abstractmethod
+    def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return places along the edge of the cut.
+
+        Parameters
+        ----------
+        pitch : float
+            Greatest distance of neighboring places. Unit: length.
+
+        Returns
+        -------
+        places, outward : ndarray, shape (k, 3)
+            Places, and the unit vectors along which the cut would grow there.
+        lengths : ndarray, shape (k,)
+            Length of the edge for which each place stands.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> places, outward, lengths = pds.shapes.DiscCut(center=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0)).edge(0.1)
+        >>> places.shape, round(float(lengths.sum()), 3)
+        ((26, 3), 2.513)
+        """
+
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return whether segments cross the cut.
 
@@ -438,6 +462,17 @@ class ParallelogramCut(FlatCut):
         shares = (places - np.array(self.corner)) @ np.linalg.pinv(np.array(self.sides))
         return ((shares >= 0) & (shares <= 1)).all(axis=1)
 
+    def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        found, corner, normal = [], np.array(self.corner), self.plane()[1]
+        one, other = np.array(self.sides)
+        for start, side in ((corner, one), (corner + one, other), (corner + one + other, -one), (corner + other, -other)):
+            length = np.linalg.norm(side)
+            count = int(np.ceil(length / pitch))
+            shares = (np.arange(count)[:, None] + 0.5) / count
+            found.append((start + shares * side, np.tile(np.cross(side, normal) / length, (count, 1)), np.full(count, length / count)))
+        places, outward, lengths = map(np.concatenate, zip(*found, strict=True))
+        return places, outward, lengths
+
 
 class DiscCut(FlatCut):
     """Flat cut in the shape of a disc, such as a penny-shaped crack.
@@ -469,6 +504,14 @@ class DiscCut(FlatCut):
 
     def covers(self, places: np.ndarray) -> np.ndarray:
         return np.linalg.norm(places - np.array(self.center), axis=1) <= self.radius
+
+    def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        center, normal, radius = self.plane()
+        count = int(np.ceil(2 * np.pi * radius / pitch))
+        angles = 2 * np.pi * (np.arange(count) + 0.5) / count
+        axes = np.linalg.svd(normal[None])[2][1:]
+        outward = np.column_stack([np.cos(angles), np.sin(angles)]) @ axes
+        return center + radius * outward, outward, np.full(count, 2 * np.pi * radius / count)
 
 
 def _cut_of(value: Any) -> str:

@@ -40,7 +40,7 @@ KEYS_OF_LEVELS = (
     *("stretch", "t", "step", "time", "forces", "moments", "displacements", "energy", "kinetic_energy", "stability", "probes"),
     *(f"{key}{ending}" for key in COMPARED for ending in ("", "_reference", "_error")),
     *("nominal_stress_grip", "nominal_stress_area", "nominal_stress_work_conjugate", "roughness", "residual", "evaluations", "method"),
-    *("force_balance", "rigid", "contact"),
+    *("force_balance", "rigid", "contact", "cracks"),
 )
 KEYS_OF_CRACKS = ("start", "peak", "tips", "broken_bonds", "failed_points", "through")
 KEYS_OF_FITS = (

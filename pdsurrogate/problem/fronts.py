@@ -1,0 +1,162 @@
+"""Fronts of cracks: where the precuts of a scene end in its body, where cracks have grown to, and how far around them nothing else lies."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..body import Body
+from ..discretization import contained
+from ..ranks.share import connected
+from ..scenes import Scene
+from ..scenes.solids import AnyPrecut
+
+MOST_REACH, LEAST_REACH = 3.0, 1.5
+"""Greatest and least radius of the domain around a front, in horizons. With a radius of 3 horizons the energy release rate of notched
+sheets agrees within 0.2 % with differences of the energy, with 1.5 within 2.5 %; with 1 it is some 5 % too small."""
+
+PITCH = 0.01
+"""Distance of places along a front, in spacings, and so the resolution of its length."""
+
+MOST_RINGS = 16
+"""Number of places of a front around which room is looked for, and of directions around each: enough for smooth outlines."""
+
+
+@dataclass(frozen=True)
+class Front:
+    """Front of a crack: a tip in the plane, a line in three dimensions, along which the crack would grow.
+
+    Attributes
+    ----------
+    cut : Precut, ParallelogramCut or DiscCut
+        Precut from which the crack grows.
+    places, outward : ndarray, shape (k, d)
+        Places on the front, and unit vectors along which the crack would grow there; a tip has one place.
+    normal : ndarray, shape (d,)
+        Unit normal of the crack.
+    extent : float
+        Length of the front; 1 in the plane.
+    length : float
+        Length of the crack, from the front to its other end or to the boundary of the body, against the direction of growth.
+    path : tuple of ndarray
+        Places of the middle of the front so far, after one behind the first.
+    """
+
+    cut: AnyPrecut
+    places: np.ndarray
+    outward: np.ndarray
+    normal: np.ndarray
+    extent: float
+    length: float
+    path: tuple[np.ndarray, ...]
+
+    @property
+    def straight(self) -> bool:
+        """Whether the crack grows in one direction along the whole front."""
+        return bool(np.ptp(self.outward, axis=0).max() < 1e-6)
+
+    def leads_to(self, tip: np.ndarray) -> bool:
+        """Return whether a straight front may have grown to a tip: the tip lies within 60 degrees of the direction of growth."""
+        moved = tip - self.path[-1]
+        return self.straight and bool(moved @ self.outward[0] > 0.5 * np.linalg.norm(moved))
+
+    def grown(self, tip: np.ndarray, base: float) -> "Front":
+        """Return the front moved to a new tip, with the direction of the path over the last `base` or more.
+
+        A line moves normal to itself.
+        """
+        moved = tip - self.path[-1]
+        if len(tip) == 3:
+            line = np.cross(self.normal, self.outward[0])
+            moved = moved - (moved @ line) * line
+        tip = self.path[-1] + moved
+        behind = next((place for place in reversed(self.path) if np.linalg.norm(tip - place) >= base), self.path[0])
+        along = (tip - behind) / np.linalg.norm(tip - behind)
+        normal = self.normal - (self.normal @ along) * along
+        turned = {"outward": np.tile(along, (len(self.places), 1)), "normal": normal / np.linalg.norm(normal)}
+        return replace(self, places=self.places + moved, length=self.length + np.linalg.norm(moved), path=(*self.path, tip), **turned)
+
+    def motion(self, points: np.ndarray, reach: float) -> np.ndarray:
+        """Return the virtual motion of points (n, d) that lengthens the crack by 1: full within half of `reach` of the front, zero beyond.
+
+        In between it decreases smoothly, theory (75).
+        """
+        distance, nearest = cKDTree(self.places).query(points, distance_upper_bound=reach)
+        share = np.clip(2 - 2 * distance / reach, 0, 1)
+        return (share**2 * (3 - 2 * share))[:, None] * self.outward[np.minimum(nearest, len(self.places) - 1)]
+
+
+class Fronts:
+    """Fronts of the cracks of a scene: at its precuts, and as these grow.
+
+    Parameters
+    ----------
+    scene : Scene
+    body : Body
+        The whole body.
+    """
+
+    def __init__(self, scene: Scene, body: Body) -> None:
+        self._scene, self._body = scene, body
+        self._inside: Callable[[np.ndarray], np.ndarray] = partial(contained, scene, body)
+
+    @cached_property
+    def first(self) -> list[Front]:
+        """Fronts of the precuts."""
+        return [front for precut in self._scene.precuts for front in self._of_cut(precut)]
+
+    def after(self, growth: Iterable[Sequence[Sequence[float]]]) -> list[Front]:
+        """Return the fronts after tips were found in turn at the given places; each tip moves the nearest front that it lies ahead of."""
+        fronts, base = list(self.first), 2 * self._body.horizon
+        for tips in growth:
+            still = set(range(len(fronts)))
+            for tip in np.array(tips, dtype=float):
+                ahead = [number for number in still if fronts[number].leads_to(tip)]
+                if ahead:
+                    nearest = min(ahead, key=lambda number: float(np.linalg.norm(tip - fronts[number].path[-1])))
+                    fronts[nearest] = fronts[nearest].grown(tip, base)
+                    still.remove(nearest)
+        return fronts
+
+    def reach(self, front: Front, fronts: Sequence[Front]) -> float | None:
+        """Return the radius of the domain around a front: to the boundary, another crack or the other end of its own, or `MOST_REACH`.
+
+        None if the radius is below `LEAST_REACH`, so that no energy release rate can be computed.
+        """
+        horizon = self._body.horizon
+        places, outward = (rows[:: -(-len(rows) // MOST_RINGS)] for rows in (front.places, front.outward))
+        angles = 2 * np.pi * np.arange(MOST_RINGS) / MOST_RINGS
+        ring = np.cos(angles)[:, None] * outward[:, None] + np.sin(angles)[:, None] * front.normal
+        radii = horizon * np.arange(LEAST_REACH, MOST_REACH + 0.01, 0.125)
+        free = np.array([self._inside((places[:, None] + radius * ring).reshape(-1, len(front.normal))).all() for radius in radii])
+        others = [cut for cut in self._scene.precuts if cut is not front.cut]
+        starts = np.repeat(places, MOST_RINGS, axis=0)
+        for cut in others:
+            free &= np.array([not cut.crosses(starts, starts + radius * ring.reshape(starts.shape)).any() for radius in radii])
+        near = [cKDTree(front.places).query(one.places)[0].min() for one in fronts if one is not front]
+        room = min([front.length if front.straight else front.length / 2, *near])
+        fit = np.cumprod(free & (radii <= room)).astype(bool)
+        return float(radii[fit][-1]) if fit.any() else None
+
+    def _of_cut(self, precut: AnyPrecut) -> list[Front]:
+        """Return the fronts of a precut: the connected parts of its edge that lie in the body."""
+        body = self._body
+        edge = precut.edge(PITCH * body.spacing)
+        within = self._inside(edge[0] + body.spacing / 4 * edge[1])  # an end at the boundary is no front
+        places, outward, lengths = (rows[within] for rows in edge)
+        count, part = connected(len(places), *cKDTree(places).query_pairs(1.5 * PITCH * body.spacing, output_type="ndarray").T)
+        return [self._front(precut, places[part == one], outward[part == one], lengths[part == one]) for one in range(count)]
+
+    def _front(self, precut: AnyPrecut, places: np.ndarray, outward: np.ndarray, lengths: np.ndarray) -> Front:
+        normal = np.array([-outward[0, 1], outward[0, 0]]) if len(outward[0]) == 2 else precut.plane()[1]
+        middle = len(places) // 2
+        start, along = (places[middle], outward[middle]) if np.ptp(outward, axis=0).max() > 1e-6 else (places.mean(axis=0), outward[0])
+        pitch = PITCH * self._body.spacing
+        behind = start - np.outer(pitch * (np.arange(int(self._body.extent * np.sqrt(len(start)) / pitch) + 1) + 0.5), along)
+        step = 0.5 * self._body.spacing * normal
+        on_crack = self._inside(behind) & precut.crosses(behind - step, behind + step)
+        length = pitch * float(len(behind) if on_crack.all() else on_crack.argmin())
+        front = Front(precut, places, outward, normal, float(lengths.sum()), length, ())
+        return replace(front, path=(start - 2 * self._body.horizon * along, start))
