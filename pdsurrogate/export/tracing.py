@@ -6,6 +6,7 @@ keep the names of the function's variables. Laws of users are traced like those 
 
 import math
 import operator
+import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -48,9 +49,11 @@ UFUNCS = {
     **FUNCTIONS,
 }
 
-KEYWORDS = """auto break case char const continue default do double else enum exp extern float for goto if inline int log long register restrict
-return short signed sizeof sqrt static struct switch tanh typedef union unsigned void volatile where while merge nan""".split()
-"""Words of the languages that local variables cannot have as names."""
+KEYWORDS = (
+    "auto break case char const continue default do double else enum exp extern float for goto if inline int log long merge nan register "
+    "restrict return short signed sizeof sqrt static struct switch tanh typedef union unsigned void volatile where while"
+)
+"""Words of the languages and names of functions that local variables cannot have as names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +113,14 @@ def _result(operation: str, *operands) -> Value:
         return constant(ARITHMETIC[operation](*numbers))
     if operation in ARITHMETIC and np.nan in numbers:
         return constant(np.nan)
-    # 0 x is 0 here, although laws pass NaN on by it: the functions log and sqrt of the other languages pass NaN on themselves.
+    if operation == "where" and numbers[0] is not None:
+        return operands[1] if numbers[0] else operands[2]
     if (operation in "+-" and numbers[-1] == 0) or (operation in "*/" and numbers[-1] == 1):
         return operands[0]
     if (operation == "+" and numbers[0] == 0) or (operation == "*" and numbers[0] == 1):
         return operands[1]
-    if (operation == "*" and 0 in numbers) or (operation == "/" and numbers[0] == 0):
+    # Laws multiply values by 0 in order to pass NaN on; an argument has none to pass.
+    if operation == "*" and 0 in numbers and "symbol" in (one.operation for one in operands):
         return constant(0)
     if operation == "-" and numbers[0] == 0:
         return _result("neg", operands[1])
@@ -190,7 +195,7 @@ class Language:
         array = names[0]
         if self.element:
             names = [self.element(array, number) for number in range(len(names))]
-        taken = {*KEYWORDS, *arguments.lower().split(), *(name.lower() for name in (array, *names))}
+        taken = {*KEYWORDS.split(), *arguments.lower().split(), *(name.lower() for name in (array, *names))}
         local, lines = printed(function, [*map(symbol, arguments.split()), *more], names, self, taken)
         if self.declaration and local:
             lines.insert(0, self.declaration.format(", ".join(local)))
@@ -202,7 +207,7 @@ class Language:
 def printed(function: Callable, arguments: Sequence, results: Sequence[str], language: Language, taken: set[str]) -> tuple:
     """Trace a function, and return the names of its local variables and the statements that compute its results.
 
-    `results` are the names to which the first results are assigned, and `taken` those that local variables cannot have.
+    `results` are the names to which the first results are assigned, and `taken` names that local variables cannot have, apart from symbols.
     """
     names: dict[Value, str] = {}
     with _naming(names):
@@ -220,6 +225,7 @@ def printed(function: Callable, arguments: Sequence, results: Sequence[str], lan
 
     for value in found:
         visit(value)
+    taken |= {re.split(r"\W", one.operands[0])[0].lower() for one in uses if one.operation == "symbol"}
     local: dict[Value, str] = {}
     lines = []
     for value in order:

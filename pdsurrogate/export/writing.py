@@ -2,7 +2,6 @@
 
 import re
 import textwrap
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import resources
 from string import Template
@@ -77,32 +76,32 @@ TARGETS = {
         "_felupe.py",
         PYTHON,
         "",
-        "from {name}_felupe import Material, then felupe.SolidBody(umat=Material(), field=field); Material takes other moduli. The file needs "
-        "NumPy alone; `python {name}_felupe.py` compares it with pdsurrogate.",
+        "from {name}_felupe import Material, then felupe.SolidBody(umat=Material(), field=field); Material takes other moduli. The file "
+        "needs NumPy alone; `python {name}_felupe.py` compares it with pdsurrogate.",
     ),
     "umat": Target(
         "umat.f",
         "_umat.f",
         FORTRAN,
         "C     ",
-        "abaqus job=JOB user={name}_umat.f, with *User Material, constants={constants}: {props}. The stress is Cauchy's and the tangent that "
-        "of its Jaumann rate, in the order 11, 22, 33, 12, 13, 23, for {elements}.",
+        "abaqus job=JOB user={name}_umat.f, with *User Material, constants={constants}: {props}. The stress is Cauchy's and the tangent "
+        "that of its Jaumann rate, in the order 11, 22, 33, 12, 13, 23, for {elements}.",
     ),
     "ufl": Target(
         "ufl.txt",
         "_ufl.py",
         PYTHON,
         "",
-        "from {name}_ufl import psi; psi(F) is the energy per undeformed volume as an expression of UFL, whose derivative is the stress. psi "
-        "takes other moduli, which may be constants of UFL.",
+        "from {name}_ufl import psi; psi(F) is the energy per undeformed volume as an expression of UFL, whose derivative is the stress. "
+        "psi takes other moduli, which may be constants of UFL.",
     ),
     "c": Target(
         "energy.h",
         ".h",
         C,
         " * ",
-        "{name}_energy, {name}_stress and {name}_tangent take F by rows and the moduli; P and A = dP/dF are stored by rows. They allocate no "
-        "memory. `cc -x c -D{name}_check {name}.h -lm` makes a program that compares the file with pdsurrogate.",
+        "{name}_energy, {name}_stress and {name}_tangent take F by rows and the moduli; P and A = dP/dF are stored by rows. They allocate "
+        "no memory. `cc -x c -D{name}_check {name}.h -lm` makes a program that compares the file with pdsurrogate.",
     ),
 }
 """Programs for which an energy can be exported, by their names on the command line."""
@@ -124,69 +123,80 @@ def exported(source: Source, target: str) -> str:
 
     Raise ValueError if an expression of the law cannot be written in other languages.
     """
-    found, name = TARGETS[target], _identifier(source)
-    language, law, network, d = found.language, source.law, source.network, 2 if source.is_sheet else 3
-    ufl, states = target == "ufl", source.states()
-    values = {
-        "name": name,
-        "header": _header(source, found, name),
-        "shear_modulus": language.literal(law.shear_modulus),
-        "bulk_modulus": language.literal(law.bulk_modulus),
+    found = TARGETS[target]
+    try:
+        tags, parts = _parts(source, found.language, target == "ufl")
+    except ValueError as error:
+        raise ValueError(f"{source.law.name}: {error}") from None
+    text = (resources.files(__package__) / "templates" / found.template).read_text("utf-8")
+    sections = re.split(r"^%% (.*)\n", text, flags=re.MULTILINE)[1:]
+    kept = (part for words, part in zip(sections[::2], sections[1::2], strict=True) if tags.issuperset(words.split()))
+    values = {"header": _header(source, found), **_values(source, found.language), **parts}
+    return re.sub(r"\n{4,}", "\n\n\n", Template("".join(kept)).substitute(values)).rstrip() + "\n"
+
+
+def _values(source: Source, language: Language) -> dict:
+    """Return what every template contains: names, sizes, moduli, and the states of the check."""
+    states, d = source.states(), 2 if source.is_sheet else 3
+    moduli = ("shear_modulus", "bulk_modulus")[: len(source.moduli)]
+    return {
+        "name": _identifier(source),
+        "shear_modulus": language.literal(source.law.shear_modulus),
+        "bulk_modulus": language.literal(source.law.bulk_modulus),
+        "moduli": ", ".join(f"double {key}" for key in moduli),
+        "pass": ", ".join(moduli),
+        "parameters": ", ".join(f"{key}={key.upper()}" for key in moduli),
+        "defaults": ", ".join(map(language.literal, source.moduli)),
         **{"d": d, "dd": d**2, "ddd": d**4, "voigt": 3 * d - 3},
         "states": language.table(states),
         "n_states": len(states),
         "n_numbers": states.shape[1],
-        "defaults": ", ".join(map(language.literal, source.moduli)),
         "allowed": language.literal(ALLOWED * abs(states[:, d**2 :]).max()),
     }
-    tags = {"begin", "check", "end", "sheet" if source.is_sheet else "space"}
-    moduli = ("shear_modulus", "bulk_modulus")[: len(source.moduli)]
-    values["pass"] = ", ".join(moduli)
-    values["moduli"] = ", ".join(f"double {key}" for key in moduli)
-    values["parameters"] = ", ".join(f"{key}={key.upper()}" for key in moduli)
+
+
+def _parts(source: Source, language: Language, energy_alone: bool) -> tuple[set[str], dict]:
+    """Return the tags of the sections of a template that an energy needs, and its expressions and constants by their names there.
+
+    `energy_alone` leaves out derivatives, for UFL, which differentiates.
+    """
+    law, network, tags, found = source.law, source.network, {"begin", "check", "end"}, {}
 
     def body(function, arguments: str, results: str, *more) -> str:
-        # UFL differentiates the energy.
-        return language.body(function, arguments, results.split()[0] if ufl else results, *more)
+        return language.body(function, arguments, results.split()[0] if energy_alone else results, *more)
 
-    try:
-        if not source.is_sheet:
-            values["volumetric"] = body(law.volumetric, "J3", "U U1 U2", [symbol("K"), *law.parameters[1:]])
-        if network is not None:
-            tags |= {"network"} if source.is_sheet else {"network", "isochoric", "invariants"}
-            units = np.vstack([network.hidden_weights, network.hidden_biases, network.output_weights]).T
-            values |= {"units": language.table(units), "n_units": len(units)}
-            values["activation"] = body(ACTIVATIONS[network.activation], "x", "a a1 a2")
-            values |= dict(zip(("at_rest", "flat"), map(language.literal, network._at_rest), strict=True))
-            limits = {"least": network.domain.least_stretch, "greatest": network.domain.greatest_stretch}
-            values |= {key: language.literal(value) for key, value in limits.items()}
-        elif isinstance(law, InvariantLaw):
-            tags |= {"law", "invariants"}
-            values["isochoric"] = body(law.isochoric, "I1 I2", "W W1 W2 W11 W12 W22", list(law.parameters))
-        else:
-            tags |= {"stretches"}
-            terms = np.array([law.coefficients(law.parameters, k) for k in range(len(law.terms))])
-            values |= {"terms": language.table(terms), "n_terms": len(terms), "n_constants": terms.shape[1]}
-            element = language.element or C.element
-            constants = tuple(symbol(element("c", at)) for at in range(terms.shape[1]))
-            values["term"] = body(law.term, "x1 x2 x3 s1 s2 s3", "W g1 g2 g3 h", constants)
-            if ufl:
-                values |= {f"rest_{key}": language.literal(value) for key, value in _near_rest(law).items()}
-    except ValueError as error:
-        raise ValueError(f"{law.name}: {error}") from None
-    text = (resources.files(__package__) / "templates" / found.template).read_text("utf-8")
-    sections = re.split(r"^%% (.*)\n", text, flags=re.MULTILINE)[1:]
-    kept = (part for words, part in zip(sections[::2], sections[1::2], strict=True) if tags.issuperset(words.split()))
-    return re.sub(r"\n{4,}", "\n\n\n", Template("".join(kept)).substitute(values)).rstrip() + "\n"
+    if source.is_sheet:
+        tags |= {"sheet"}
+    else:
+        tags |= {"space"}
+        found["volumetric"] = body(law.volumetric, "J3", "U U1 U2", [symbol("K"), *law.parameters[1:]])
+    if network is not None:
+        tags |= {"network"} if source.is_sheet else {"network", "isochoric", "invariants"}
+        units = np.vstack([network.hidden_weights, network.hidden_biases, network.output_weights]).T
+        found |= {"units": language.table(units), "n_units": len(units)}
+        found["activation"] = body(ACTIVATIONS[network.activation], "x", "a a1 a2")
+        found |= dict(zip(("at_rest", "flat"), map(language.literal, network.at_rest), strict=True))
+        found["least"], found["greatest"] = map(language.literal, (network.domain.least_stretch, network.domain.greatest_stretch))
+    elif isinstance(law, InvariantLaw):
+        tags |= {"law", "invariants"}
+        found["isochoric"] = body(law.isochoric, "I1 I2", "W W1 W2 W11 W12 W22", list(law.parameters))
+    else:
+        tags |= {"stretches"}
+        terms = np.array([law.coefficients(law.parameters, k) for k in range(len(law.terms))])
+        found |= {"terms": language.table(terms), "n_terms": len(terms), "n_constants": terms.shape[1]}
+        constants = tuple(symbol((language.element or C.element)("c", at)) for at in range(terms.shape[1]))
+        found["term"] = body(law.term, "x1 x2 x3 s1 s2 s3", "W g1 g2 g3 h", constants)
+        found |= {f"rest_{key}": language.literal(value) for key, value in _near_rest(law).items()} if energy_alone else {}
+    return tags, found
 
 
-def _header(source: Source, target: Target, name: str) -> str:
+def _header(source: Source, target: Target) -> str:
     """Return the comment at the beginning of a file: name, origin, units, domain and use."""
     sheet = " of a sheet under plane stress" if source.is_sheet else ""
     moduli = f"unit of the shear modulus, here {source.law.shear_modulus:g}"
     props = ["PROPS(1) is the shear modulus", "PROPS(2) the bulk modulus"][: len(source.moduli)]
     elements = ["solids, plane strain, axisymmetry and plane stress (continuum elements)", "plane stress, of a sheet that keeps its volume"]
-    use = target.use.format(name=name, constants=len(props), props=", ".join(props), elements=elements[source.is_sheet])
+    use = target.use.format(name=_identifier(source), constants=len(props), props=", ".join(props), elements=elements[source.is_sheet])
     if source.network is not None:
         use += " STATEV(1), if there is one, is 1 outside the domain." if target.language is FORTRAN else ""
     facts = (f"Hyperelastic energy{sheet}: {source.title}.", f"Written by pdsurrogate {__version__}.", *source.facts)

@@ -26,12 +26,19 @@ def soft(law):
     values = {**law().describe(), "bulk_modulus": 7.5, "shear_modulus": 2.5}
     law = LAWS[values.pop("law")]
     if hasattr(law, "lists"):
-        values |= {"shear_modulus": None, "second": (0.1, 0.02), "first": (0.4, 0.01, 1e-3), "moduli": (0.6, -0.1), "exponents": (1.3, -2.0)}
+        values |= {
+            "shear_modulus": None,
+            "moduli": (0.6, -0.1),
+            "exponents": (1.3, -2.0),
+            "first": (0.4, 0.01, 1e-3),
+            "second": (0.1, 0.02),
+        }
         values = {key: value for key, value in values.items() if key in law.__dataclass_fields__}
     return law(**values)
 
 
-SOURCES = {**{name: lambda name=name: source_of_law(soft(LAWS[name])) for name in LAWS}, **{name: lambda name=name: source_of_artifact(name) for name in NETWORKS}}
+SOURCES = {name: lambda name=name: source_of_law(soft(LAWS[name])) for name in LAWS}
+SOURCES |= {name: lambda name=name: source_of_artifact(name) for name in NETWORKS}
 
 
 @pytest.fixture(scope="module", params=SOURCES)
@@ -75,13 +82,20 @@ def slope_of(function, F, direction, step=1e-3):
     return (45 * ahead[0] - 9 * ahead[1] + ahead[2]) / (60 * step)
 
 
-def assert_close(found, expected, source):
-    """Energy and stress are exact to 1e-10 of the stress or of the modulus, the tangent to 1e-8 of the tangent."""
-    energy, stress, tangent = expected
-    size = np.maximum(abs(stress).max(axis=(1, 2)), source.law.shear_modulus)
-    assert (abs(found[0] - energy) <= STRESS * size).all()
-    assert (abs(found[1] - stress).max(axis=(1, 2)) <= STRESS * size).all()
-    assert (abs(found[2] - tangent).max(axis=(1, 2, 3, 4)) <= TANGENT * abs(tangent).max(axis=(1, 2, 3, 4))).all()
+def assert_close(found, expected, answers, source, allowed=STRESS):
+    """Values deviate by at most `allowed` of the greatest stress or modulus, those of a tangent of its greatest entry."""
+    size = np.maximum(abs(answers[1]).max(axis=(1, 2)), source.law.shear_modulus)
+    if allowed == TANGENT:
+        size = abs(answers[2]).max(axis=(1, 2, 3, 4))
+    for values, right in zip(found, expected, strict=True):
+        deviation = abs(values - right).reshape(N_STATES, -1).max(axis=1)
+        assert (deviation <= allowed * size).all()
+
+
+def assert_all_close(found, answers, source):
+    """Compare energies, stresses and tangents, found and right."""
+    assert_close(found[:2], answers[:2], answers, source)
+    assert_close(found[2:], answers[2:], answers, source, TANGENT)
 
 
 def written(source, target, folder):
@@ -112,7 +126,7 @@ def test_felupe_file(source, expected, tmp_path):
     path = written(source, "felupe", tmp_path)
     module = imported(path)
     F, *answers = expected
-    assert_close(module.evaluate(F, *source.moduli), answers, source)
+    assert_all_close(module.evaluate(F, *source.moduli), answers, source)
     material = module.Material()
     x = [np.moveaxis(F.reshape(10, 100, *F.shape[1:]), (2, 3), (0, 1)), None]
     for found, answer in zip((material.function(x), material.gradient(x), material.hessian(x)), answers, strict=True):
@@ -145,7 +159,7 @@ def test_c_header(source, expected, tmp_path):
     found = [np.empty_like(answer) for answer in answers]
     compute = library(code, tmp_path, "cc", "-std=c99", "-Wall", "-Werror", "-Wno-unused-function", "-Wno-unused-variable").all
     compute(N_STATES, address(F), *map(ctypes.c_double, source.moduli), *map(address, found))
-    assert_close(found, answers, source)
+    assert_all_close(found, answers, source)
 
 
 @needs_cc
@@ -259,13 +273,13 @@ def test_umat_drives_uniaxial_tension(name, tmp_path):
     umat = UMAT(source_of_law(law), tmp_path)
     lateral = 1.0
     for stretch in np.linspace(1.1, 2.5, 8):
-        for round_number in range(8):
+        residuals = []
+        while not residuals or residuals[-1] > 1e-12:
             stress, tangent, *_ = umat(np.diag([stretch, lateral, lateral]), 6)
-            if abs(stress[1]) < 1e-12:
-                break
+            residuals.append(abs(stress[1]))
+            assert len(residuals) <= 7
             # Kirchhoff's lateral stress, J sigma, changes by J (D22 + D23) for each logarithm of the lateral stretch.
             lateral *= np.exp(-stress[1] / (tangent[1, 1] + tangent[1, 2]))
-        assert round_number <= 6
         exact = homogeneous.uniaxial(law, stretch)
         assert stress[0] * lateral**2 == pytest.approx(exact.nominal_stress, rel=1e-9)
 
@@ -309,27 +323,49 @@ def test_ufl_file(name, tmp_path):
     F, *answers = states_of(source)
     d = F.shape[-1]
     variables = [[ufl.variable(ufl.as_ufl(1.5 + d * k + el)) for el in range(d)] for k in range(d)]
-    flat = [one for row in variables for one in row]
     energy = imported(written(source, "ufl", tmp_path)).psi(Entries(variables))
-    stress = [apply_derivatives(ufl.diff(energy, one)) for one in flat]
-    tangent = {(m, n): apply_derivatives(ufl.diff(stress[m], flat[n])) for m in range(d * d) for n in range(m, d * d)}
+
+    def slope(expression, at):
+        return apply_derivatives(ufl.diff(expression, variables[at[0]][at[1]]))
+
+    # F is turned at random, so that a wrong derivative shows in any component.
+    stress = {at: slope(energy, at) for at in ((0, 0), (1, 0))}
+    tangent = {(*at, *along): slope(stress[at], along) for at in stress for along in ((1, 0), (1, 1))}
     with np.errstate(all="ignore"):  # the values that conditions leave out
-        found = evaluated([energy, *stress, *tangent.values()], {one: F[:, m // d, m % d] for m, one in enumerate(flat)})
-    matrix = np.empty((N_STATES, d * d, d * d))
-    for (m, n), values in zip(tangent, found[1 + d * d :], strict=True):
-        matrix[:, m, n] = matrix[:, n, m] = values
-    stresses = np.stack(found[1 : 1 + d * d], axis=1).reshape(F.shape)
-    assert_close((found[0], stresses, matrix.reshape(answers[2].shape)), answers, source)
+        values = {variables[k][el]: F[:, k, el] for k in range(d) for el in range(d)}
+        found = evaluated([energy, *stress.values(), *tangent.values()], values)
+    assert_close(found[:1], answers[:1], answers, source)
+    assert_close(found[1:3], [answers[1][:, k, el] for k, el in stress], answers, source)
+    assert_close(found[3:], [answers[2][:, i, j, k, el] for i, j, k, el in tangent], answers, source, TANGENT)
 
 
+def force_of_a_cube(felupe, material, stretch):
+    """Force on the plates of a cube of side 1, of an eighth of it by 5^3 triquadratic elements, graded toward its corner."""
+    mesh = felupe.Cube(b=(0.5, 0.5, 0.5), n=5)
+    mesh.points[:] = 0.5 * (1 - (1 - mesh.points / 0.5) ** 1.5)
+    mesh = mesh.add_midpoints_edges().add_midpoints_faces().add_midpoints_volumes()
+    field = felupe.FieldContainer([felupe.Field(felupe.RegionTriQuadraticHexahedron(mesh), dim=3)])
+    at = [{f"f{axis}": 0.0, "skip": tuple(int(axis != other) for other in "xyz")} for axis in "xyz"]
+    bounds = {f"plane {number}": felupe.Boundary(field[0], **where) for number, where in enumerate(at)}
+    bounds["held"] = felupe.Boundary(field[0], fx=0.5, skip=(1, 0, 0))
+    bounds["moved"] = felupe.Boundary(field[0], fx=0.5, skip=(0, 1, 1))
+    solid = felupe.SolidBody(umat=material, field=field)
+    moves = felupe.math.linsteps([0, (stretch - 1) / 2], num=3)
+    step = felupe.Step(items=[solid], ramp={bounds["moved"]: moves}, boundaries=bounds)
+    for _ in step.generate(x0=field, verbose=0):
+        pass
+    forces = solid.assemble.vector(field).toarray().reshape(-1, 3)
+    return 4 * forces[np.isclose(mesh.points[:, 0], 0.5), 0].sum()
+
+
+@pytest.mark.slow
 def test_a_bonded_cube_in_felupe(tmp_path):
-    """The force of an eighth of the cube by finite elements is that of the package within 0.2 %."""
+    """Its force is that of the package with 16 points a side within 0.2 %; it is 0.03 % off."""
     felupe = pytest.importorskip("felupe", reason="needs felupe")
-    scene = pds.load_scene("bonded-block", spacing=0.0625)
+    scene = pds.load_scene("bonded-block")
     ours = pds.simulate(scene).levels[-1]["forces"]["right"][0]
     module = imported(written(source_of_law(scene.law()), "felupe", tmp_path))
-    mesh = felupe.mesh.CubeArbitraryOrderHexahedron
-    assert abs(force_of_a_cube(felupe, module.Material()) / ours - 1) < 2e-3, mesh
+    assert force_of_a_cube(felupe, module.Material(), 1.5) == pytest.approx(ours, rel=2e-3)
 
 
 class Exponential(InvariantLaw):
