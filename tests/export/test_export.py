@@ -284,16 +284,6 @@ def test_umat_drives_uniaxial_tension(name, tmp_path):
         assert stress[0] * lateral**2 == pytest.approx(exact.nominal_stress, rel=1e-9)
 
 
-class Entries:
-    """A matrix of UFL's scalars, with the indices of a tensor."""
-
-    def __init__(self, rows):
-        self.rows = rows
-
-    def __getitem__(self, indices):
-        return self.rows[indices[0]][indices[1]]
-
-
 def evaluated(expressions, values):
     """Values of scalar UFL expressions; `values` are those of variables, one array for each."""
     classes = pytest.importorskip("ufl.classes")
@@ -323,7 +313,7 @@ def test_ufl_file(name, tmp_path):
     F, *answers = states_of(source)
     d = F.shape[-1]
     variables = [[ufl.variable(ufl.as_ufl(1.5 + d * k + el)) for el in range(d)] for k in range(d)]
-    energy = imported(written(source, "ufl", tmp_path)).psi(Entries(variables))
+    energy = imported(written(source, "ufl", tmp_path)).psi(ufl.as_matrix(variables))
 
     def slope(expression, at):
         return apply_derivatives(ufl.diff(expression, variables[at[0]][at[1]]))
