@@ -92,6 +92,11 @@ def assert_close(found, expected, answers, source, allowed=STRESS):
         assert (deviation <= allowed * size).all()
 
 
+def far_outside(source):
+    """A state beyond every domain of a shipped artifact."""
+    return np.diag([30.0, 30.0, 30.0**-2])[: 3 - source.is_sheet, : 3 - source.is_sheet].copy()
+
+
 def assert_all_close(found, answers, source):
     """Compare energies, stresses and tangents, found and right."""
     assert_close(found[:2], answers[:2], answers, source)
@@ -134,7 +139,7 @@ def test_felupe_file(source, expected, tmp_path):
         moved = np.moveaxis(found[0], range(d), range(-d, 0)) if d else found[0]
         assert np.allclose(moved.reshape(answer.shape), answer, rtol=1e-6, atol=1e-6 * abs(answer).max())
     if source.network is not None:
-        inside = module.inside(np.stack([np.eye(F.shape[-1]), np.diag([30.0, 30.0, 30.0**-2][: F.shape[-1]])]))
+        inside = module.inside(np.stack([np.eye(F.shape[-1]), far_outside(source)]))
         assert inside.tolist() == [True, False]
     subprocess.run([sys.executable, path], check=True)
 
@@ -153,13 +158,15 @@ def test_c_header(source, expected, tmp_path):
         f"    e[k] = {name}_energy(F + {d**2} * k, {passed});\n"
         f"    {name}_stress(F + {d**2} * k, {passed}, P + {d**2} * k);\n"
         f"    {name}_tangent(F + {d**2} * k, {passed}, A + {d**4} * k);\n"
-        f"  }}\n}}\n"
+        f"  }}\n}}\n" + f"int inside(const double *F) {{ return {name}_inside(F); }}\n" * (source.network is not None)
     )
     F, *answers = expected
     found = [np.empty_like(answer) for answer in answers]
-    compute = library(code, tmp_path, "cc", "-std=c99", "-Wall", "-Werror", "-Wno-unused-function", "-Wno-unused-variable").all
-    compute(N_STATES, address(F), *map(ctypes.c_double, source.moduli), *map(address, found))
+    made = library(code, tmp_path, "cc", "-std=c99", "-Wall", "-Werror", "-Wno-unused-function", "-Wno-unused-variable")
+    made.all(N_STATES, address(F), *map(ctypes.c_double, source.moduli), *map(address, found))
     assert_all_close(found, answers, source)
+    if source.network is not None:
+        assert [made.inside(address(state)) for state in (np.eye(d), far_outside(source))] == [1, 0]
 
 
 @needs_cc
@@ -237,6 +244,8 @@ def test_umat(source, expected, tmp_path):
         difference = tangent - jaumann(kirchhoff, F, order) / J
         assert abs(difference).max() <= TANGENT * abs(tangent).max()
         assert (factor, outside) == (1.0, 0.0)
+    if source.network is not None:
+        assert umat(far_outside(source), len(order))[4] == 1.0
     broken = umat(-expected[0][0] if not source.is_sheet else expected[0][0][::-1], len(order))
     assert np.isnan(broken[0]).all()
     assert broken[2] < 1
