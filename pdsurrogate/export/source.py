@@ -11,8 +11,8 @@ from ..materials.consistency import check_consistency
 from ..materials.states import cofactor, invariants
 
 N_STATES, LEAST, GREATEST = 4, 0.85, 1.2
-"""Number of states by which an exported file is checked, and the bounds of their principal stretches. Chosen: every law and every domain
-contains them, and a wrong constant shows at 20 % of strain."""
+"""Number of states by which an exported file is checked, and the bounds of their principal stretches. Chosen: a wrong constant shows
+at 20 % of strain; a law that ends before has smaller strains."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,16 @@ class Source:
         return energy, stress
 
     def states(self) -> np.ndarray:
-        """Return rows of F, energy density and first Piola-Kirchhoff stress at a few random deformations."""
+        """Return rows of F, energy density and first Piola-Kirchhoff stress at a few random deformations within the limit of the law."""
         d, random = 2 if self.is_sheet else 3, np.random.default_rng(0)
         turns = np.linalg.qr(random.standard_normal((2, N_STATES, d, d)))[0]
-        F = turns[0] @ (random.uniform(LEAST, GREATEST, (N_STATES, d, 1)) * turns[1])
-        F *= np.sign(np.linalg.det(F))[:, None, None] if d == 3 else 1
-        F[np.linalg.det(F) < 0] = F[np.linalg.det(F) < 0][:, ::-1]
-        energy, stress = self.energy_and_stress(F)
+        stretches, energy = random.uniform(LEAST, GREATEST, (N_STATES, d, 1)), np.array(np.nan)
+        while not np.isfinite(energy).all():
+            F = turns[0] @ (stretches * turns[1])
+            F[np.linalg.det(F) < 0] = F[np.linalg.det(F) < 0][:, ::-1]
+            with np.errstate(all="ignore"):  # beyond the limit of the law
+                energy, stress = self.energy_and_stress(F)
+            stretches = np.sqrt(stretches)
         return np.hstack([F.reshape(N_STATES, -1), energy[:, None], stress.reshape(N_STATES, -1)])
 
 

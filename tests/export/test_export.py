@@ -367,6 +367,14 @@ def test_a_bonded_cube_in_felupe(tmp_path):
     assert force_of_a_cube(felupe, module.Material(), 1.5) == pytest.approx(ours, rel=2e-3)
 
 
+def test_laws_that_end_soon_are_checked_within_their_limit(tmp_path):
+    source = source_of_law(pds.materials.Gent(chain_limit=0.02))
+    path = written(source, "felupe", tmp_path)
+    subprocess.run([sys.executable, path], check=True)
+    assert "nan" not in path.read_text().partition("STATES")[2]
+    assert np.isnan(imported(path).evaluate(np.diag([1.5, 0.8, 0.8]), *source.moduli)[1]).all()
+
+
 class Exponential(InvariantLaw):
     """W = mu/(2 b) (exp(b (I1bar - 3)) - 1)."""
 
