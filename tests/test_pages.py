@@ -128,6 +128,7 @@ PAGES = {
     "tutorial/energy-model.md": lambda folder, printed: None,
     "tutorial/ranks.md": two_ranks,
     "tutorial/study.md": six_runs,
+    "guide/export.md": left("gent_umat.f", "out/export/ogden_isochoric_1_felupe.py", "yeoh_ufl.py", "gent_1.h"),
     "guide/results.md": left("uniaxial-stress_22.png", "sheet.html", "hole-scene.png"),
 }
 """Pages that are typed, and what must be there then besides what they print and the pictures on them."""

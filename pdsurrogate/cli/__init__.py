@@ -27,6 +27,7 @@ COMMANDS = {
     "study": ("study", "Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused."),
     "fit": ("fit", "Fit a surrogate to the bond force or the isochoric energy of a law, and store it as an artifact."),
     "evaluate": ("fit", "Measure the errors of a bond force or an energy by strain, and its state at rest and stiffness."),
+    "export": ("export", "Write the energy of a law or an artifact as source code for FElupe, Abaqus, FEniCS or C."),
     "artifacts": ("lists", "List the exact force models and the artifacts, or print the card of an artifact."),
 }
 """Commands in the order of the help: the module of each, which has a function of that name with ``_`` for ``-``, and its help."""

@@ -87,10 +87,18 @@ class LearnedEnergy(Learned, EnergyModel):
         check_shape(self.hidden_weights, "hidden_weights", (2, *units))
 
     @property
-    def _at_rest(self) -> tuple[float, float]:
-        """Output of the network in the undeformed state and its derivative by the first feature there.
+    def at_rest(self) -> tuple[float, float]:
+        """Output of the network in the undeformed state, and its derivative by the first feature there.
 
-        Both are subtracted, so that energy and stress of the undeformed state are zero.
+        They are subtracted from a model's energy, so that energy and stress of the undeformed state are zero; an isochoric energy, whose
+        stress is zero there in any case, subtracts the first alone.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> value, slope = pds.load_surrogate("neo-hookean-energy").at_rest
+        >>> round(value, 3), round(slope, 3)
+        (-31.53, -0.893)
         """
         value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
         return float((value * self.output_weights).sum()), float((slope * self.output_weights * self.hidden_weights[0]).sum())
@@ -152,7 +160,7 @@ class EnergyNetwork(LearnedEnergy, EnergySurrogate):
         return EnergyDerivatives(*rows)
 
     def _derivatives(self, trace, J):
-        constant, flat = self._at_rest
+        constant, flat = self.at_rest
         (w1, w2), v = self.hidden_weights, self.output_weights
         x, u = np.log(J), np.log(trace / (2 * J))
         value, slope, curvature = ACTIVATIONS[self.activation](x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases)
@@ -265,7 +273,7 @@ class IsochoricNetwork(LearnedEnergy):
         value, slope, _ = ACTIVATIONS[self.activation](np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases)
         slope = slope * v
         # The sums are written out as in `EnergyNetwork`.
-        W = (value * v).sum(axis=-1) - self._at_rest[0]
+        W = (value * v).sum(axis=-1) - self.at_rest[0]
         return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
@@ -297,7 +305,7 @@ class IsochoricNetwork(LearnedEnergy):
         units = pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
         guard = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
         distances = distance_coefficients(self.domain.least_stretch, self.domain.greatest_stretch)
-        weights = np.concatenate([distances.ravel(), [self._at_rest[0]], units])
+        weights = np.concatenate([distances.ravel(), [self.at_rest[0]], units])
         return replace(
             exact, address=block.address or 0, sizes=np.array([len(units) // GROUP, guard, 0]), weights=weights, precision=precision
         )

@@ -1,0 +1,406 @@
+%% begin
+$header
+%% space
+C
+C     Volumetric energy U(J3) and its two derivatives, in units of the
+C     shear modulus; K is the ratio of bulk and shear modulus.
+C
+      SUBROUTINE KPDVOL(J3, K, U)
+      USE, INTRINSIC :: IEEE_ARITHMETIC
+      IMPLICIT NONE
+      REAL*8 J3, K, U(3)
+$volumetric
+      END
+%% law
+C
+C     Isochoric energy W(I1, I2) in units of the shear modulus, and its
+C     derivatives W1, W2, W11, W12, W22.
+C
+      SUBROUTINE KPDISO(I1, I2, W)
+      USE, INTRINSIC :: IEEE_ARITHMETIC
+      IMPLICIT NONE
+      REAL*8 I1, I2, W(6)
+$isochoric
+      END
+%% network
+C
+C     Activation function of the hidden units, and two derivatives.
+C
+      SUBROUTINE KPDACT(X, A)
+      USE, INTRINSIC :: IEEE_ARITHMETIC
+      IMPLICIT NONE
+      REAL*8 X, A(3)
+$activation
+      END
+C
+C     Sum of the hidden units at the features P and Q, and derivatives
+C     by P, Q, PP, PQ, QQ. Columns of T: weights of both features, bias
+C     and output weight of a unit.
+C
+      SUBROUTINE KPDNET(P, Q, Y)
+      IMPLICIT NONE
+      REAL*8 P, Q, Y(6), A(3), T(4,$n_units)
+      INTEGER J, K
+      SAVE T
+$units
+      Y = 0.D0
+      DO K = 1, $n_units
+        CALL KPDACT(T(1,K)*P + T(2,K)*Q + T(3,K), A)
+        Y(1) = Y(1) + T(4,K)*A(1)
+        Y(2) = Y(2) + T(4,K)*T(1,K)*A(2)
+        Y(3) = Y(3) + T(4,K)*T(2,K)*A(2)
+        Y(4) = Y(4) + T(4,K)*T(1,K)*T(1,K)*A(3)
+        Y(5) = Y(5) + T(4,K)*T(1,K)*T(2,K)*A(3)
+        Y(6) = Y(6) + T(4,K)*T(2,K)*T(2,K)*A(3)
+      END DO
+      END
+%% isochoric network
+C
+C     Isochoric energy W(I1, I2) in units of the shear modulus, and its
+C     derivatives W1, W2, W11, W12, W22.
+C
+      SUBROUTINE KPDISO(I1, I2, W)
+      IMPLICIT NONE
+      REAL*8 I1, I2, W(6), Y(6)
+      CALL KPDNET(LOG(I1/3.D0), LOG(I2/3.D0), Y)
+      W(1) = Y(1) - ($at_rest)
+      W(2) = Y(2)/I1
+      W(3) = Y(3)/I2
+      W(4) = (Y(4) - Y(2))/(I1*I1)
+      W(5) = Y(5)/(I1*I2)
+      W(6) = (Y(6) - Y(3))/(I2*I2)
+      END
+%% invariants
+C
+C     W at isochoric log-stretches X, its derivatives G by X, and its
+C     second derivatives H along the axes, at constant volume.
+C
+      SUBROUTINE KPDATS(X, ENERGY, G, H)
+      IMPLICIT NONE
+      REAL*8 X(3), ENERGY, G(3), H(3), S(3), W(6), I1, I2, D1, D2
+      INTEGER I
+      S = EXP(2.D0*X)
+      I1 = SUM(S)
+      I2 = SUM(1.D0/S)
+      CALL KPDISO(I1, I2, W)
+      ENERGY = W(1)
+      DO I = 1, 3
+        D1 = 2.D0*(S(I) - I1/3.D0)
+        D2 = -2.D0*(1.D0/S(I) - I2/3.D0)
+        G(I) = 2.D0*(W(2)*S(I) - W(3)/S(I))
+        H(I) = (W(2)*(3.D0*S(I) + I1) + W(3)*(3.D0/S(I) + I2))*4.D0/9.D0
+     &       + W(4)*D1*D1 + 2.D0*W(5)*D1*D2 + W(6)*D2*D2
+      END DO
+      END
+%% stretches
+C
+C     A term of W at isochoric log-stretches X1, X2, X3 and the squares
+C     S1, S2, S3 of the stretches: W, its derivatives by the former, and
+C     its second derivative along axis 3.
+C
+      SUBROUTINE KPDTRM(X1, X2, X3, S1, S2, S3, C, W)
+      USE, INTRINSIC :: IEEE_ARITHMETIC
+      IMPLICIT NONE
+      REAL*8 X1, X2, X3, S1, S2, S3, C($n_constants), W(5)
+$term
+      END
+C
+C     W at isochoric log-stretches X, its derivatives G by X, and its
+C     second derivatives H along the axes, at constant volume. Columns
+C     of T: constants of the terms.
+C
+      SUBROUTINE KPDATS(X, ENERGY, G, H)
+      IMPLICIT NONE
+      REAL*8 X(3), ENERGY, G(3), H(3), S(3), W(5), T($n_constants,$n_terms)
+      INTEGER I, J, K, L, M
+      SAVE T
+$terms
+      S = EXP(2.D0*X)
+      ENERGY = 0.D0
+      G = 0.D0
+      H = 0.D0
+      DO K = 1, $n_terms
+        DO I = 1, 3
+          L = MOD(I, 3) + 1
+          M = MOD(I + 1, 3) + 1
+          CALL KPDTRM(X(L), X(M), X(I), S(L), S(M), S(I), T(1,K), W)
+          H(I) = H(I) + W(5)
+        END DO
+        ENERGY = ENERGY + W(1)
+        G = G + W(2:4)
+      END DO
+      END
+%% space
+C
+C     Energy at log-stretches E, its derivatives T by E (principal
+C     Kirchhoff stresses) and H, in units of the shear modulus.
+C
+      SUBROUTINE KPDPRI(E, PROPS, ENERGY, T, H)
+      IMPLICIT NONE
+      REAL*8 E(3), PROPS(*), ENERGY, T(3), H(3,3)
+      REAL*8 G(3), D(3), U(3), VOLUME
+      INTEGER I, J
+      CALL KPDATS(E - SUM(E)/3.D0, ENERGY, G, D)
+      VOLUME = EXP(SUM(E))
+      CALL KPDVOL(VOLUME, PROPS(2)/PROPS(1), U)
+      ENERGY = ENERGY + U(1)
+      T = G - SUM(G)/3.D0 + VOLUME*U(2)
+      DO I = 1, 3
+        DO J = 1, 3
+          H(I,J) = VOLUME*(U(2) + VOLUME*U(3))
+          IF (I .EQ. J) THEN
+            H(I,J) = H(I,J) + D(I)
+          ELSE
+            H(I,J) = H(I,J) + D(6-I-J) - SUM(D)/2.D0
+          END IF
+        END DO
+      END DO
+      END
+%% sheet
+C
+C     Energy of the sheet at in-plane log-stretches E, its derivatives T
+C     by E and H, in units of the shear modulus.
+C
+      SUBROUTINE KPDPRI(E, PROPS, ENERGY, T, H)
+      IMPLICIT NONE
+      REAL*8 E(2), PROPS(*), ENERGY, T(2), H(2,2), Y(6), TH, STEEP, FLAT
+      CALL KPDNET(SUM(E), LOG(COSH(E(1) - E(2))), Y)
+      FLAT = $flat
+      ENERGY = Y(1) - ($at_rest) - FLAT*SUM(E)
+      TH = TANH(E(1) - E(2))
+      T(1) = Y(2) - FLAT + Y(3)*TH
+      T(2) = Y(2) - FLAT - Y(3)*TH
+      STEEP = Y(6)*TH*TH + Y(3)*(1.D0 - TH*TH)
+      H(1,1) = Y(4) + 2.D0*Y(5)*TH + STEEP
+      H(2,2) = Y(4) - 2.D0*Y(5)*TH + STEEP
+      H(1,2) = Y(4) - STEEP
+      H(2,1) = H(1,2)
+      END
+%% end
+C
+C     Log-stretches E, principal directions V (columns) and det F, by
+C     Jacobi's method for the eigenvalues of F^T F.
+C
+      SUBROUTINE KPDJAC(F, E, V, DET)
+      USE, INTRINSIC :: IEEE_ARITHMETIC
+      IMPLICIT NONE
+      REAL*8 F($d,$d), E($d), V($d,$d), DET
+      REAL*8 C($d,$d), B($d), RATIO, T, CO, SI
+      INTEGER I, J, L
+      C = MATMUL(TRANSPOSE(F), F)
+      V = 0.D0
+      DO I = 1, $d
+        V(I,I) = 1.D0
+      END DO
+      DO L = 1, 20
+        DO I = 1, $d - 1
+          DO J = I + 1, $d
+            IF (ABS(C(I,J)) .GT. 1.D-17*SQRT(C(I,I)*C(J,J))) THEN
+              RATIO = (C(J,J) - C(I,I))/(2.D0*C(I,J))
+              T = SIGN(1.D0, RATIO)/(ABS(RATIO) + SQRT(1.D0+RATIO**2))
+              CO = 1.D0/SQRT(1.D0 + T*T)
+              SI = T*CO
+              B = C(:,I)
+              C(:,I) = CO*B - SI*C(:,J)
+              C(:,J) = SI*B + CO*C(:,J)
+              B = C(I,:)
+              C(I,:) = CO*B - SI*C(J,:)
+              C(J,:) = SI*B + CO*C(J,:)
+              B = V(:,I)
+              V(:,I) = CO*B - SI*V(:,J)
+              V(:,J) = SI*B + CO*V(:,J)
+            END IF
+          END DO
+        END DO
+      END DO
+      DO I = 1, $d
+        E(I) = LOG(C(I,I))/2.D0
+      END DO
+%% space
+      DET = F(1,1)*(F(2,2)*F(3,3) - F(2,3)*F(3,2))
+     &    - F(1,2)*(F(2,1)*F(3,3) - F(2,3)*F(3,1))
+     &    + F(1,3)*(F(2,1)*F(3,2) - F(2,2)*F(3,1))
+%% sheet
+      DET = F(1,1)*F(2,2) - F(1,2)*F(2,1)
+%% end
+C     There is no state unless det F > 0.
+      IF (.NOT. DET .GT. 0.D0) E = IEEE_VALUE(1.D0, IEEE_QUIET_NAN)
+      END
+C
+C     Energy density, first Piola-Kirchhoff stress P and tangent dP/dF.
+C
+      SUBROUTINE KPDEVA(F, PROPS, ENERGY, P, A)
+      IMPLICIT NONE
+      REAL*8 F($d,$d), PROPS(*), ENERGY, P($d,$d), A($d,$d,$d,$d)
+      REAL*8 E($d), V($d,$d), N($d,$d), T($d), H($d,$d)
+      REAL*8 S($d), DET, DIRECT, SLOPE, CROSS
+      INTEGER I, J, K, L, M, O
+      CALL KPDJAC(F, E, V, DET)
+      CALL KPDPRI(E, PROPS, ENERGY, T, H)
+      ENERGY = PROPS(1)*ENERGY
+      T = PROPS(1)*T
+      H = PROPS(1)*H
+      S = EXP(E)
+      N = MATMUL(F, V)
+      P = 0.D0
+      A = 0.D0
+      DO M = 1, $d
+        N(:,M) = N(:,M)/S(M)
+        DO J = 1, $d
+          P(:,J) = P(:,J) + T(M)/S(M)*N(:,M)*V(J,M)
+        END DO
+      END DO
+      DO M = 1, $d
+        DO O = 1, $d
+          DIRECT = H(M,O)/(S(M)*S(O))
+          SLOPE = 0.D0
+          CROSS = 0.D0
+          IF (M .EQ. O) THEN
+            DIRECT = DIRECT - T(M)/(S(M)*S(O))
+          ELSE
+C           Slope of the stress over the squared stretches, and its
+C           limit for equal ones.
+            IF (ABS(E(M) - E(O)) .GT. 1.D-5) THEN
+              SLOPE = (T(M) - T(O))/(S(M)**2 - S(O)**2)
+            ELSE
+              SLOPE = (H(M,M)+H(O,O)-2.D0*H(M,O))/(4.D0*S(M)*S(O))
+            END IF
+            CROSS = (S(O)**2*SLOPE - T(O))/(S(M)*S(O))
+          END IF
+          DO L = 1, $d
+            DO K = 1, $d
+              DO J = 1, $d
+                DO I = 1, $d
+                  A(I,J,K,L) = A(I,J,K,L) + N(I,M)*(
+     &              DIRECT*V(J,M)*N(K,O)*V(L,O)
+     &              + SLOPE*V(J,O)*N(K,M)*V(L,O)
+     &              + CROSS*V(J,O)*N(K,O)*V(L,M))
+                END DO
+              END DO
+            END DO
+          END DO
+        END DO
+      END DO
+      END
+%% space
+C
+C     Newton's method for the stretch F(3,3) of the thickness at which
+C     the stress across a sheet vanishes (plane stress).
+C
+      SUBROUTINE KPDTHK(F, PROPS, ENERGY, P, A)
+      IMPLICIT NONE
+      REAL*8 F(3,3), PROPS(*), ENERGY, P(3,3), A(3,3,3,3), STEP
+      INTEGER I
+      F(3,3) = 1.D0/(F(1,1)*F(2,2) - F(1,2)*F(2,1))
+      DO I = 1, 50
+        CALL KPDEVA(F, PROPS, ENERGY, P, A)
+        STEP = MIN(MAX(P(3,3)/A(3,3,3,3), -F(3,3)), F(3,3)/2.D0)
+        IF (ABS(STEP) .LE. 1.D-14*F(3,3)) EXIT
+        F(3,3) = F(3,3) - STEP
+      END DO
+      END
+%% end
+      SUBROUTINE UMAT(STRESS,STATEV,DDSDDE,SSE,SPD,SCD,RPL,DDSDDT,
+     & DRPLDE,DRPLDT,STRAN,DSTRAN,TIME,DTIME,TEMP,DTEMP,PREDEF,DPRED,
+     & CMNAME,NDI,NSHR,NTENS,NSTATV,PROPS,NPROPS,COORDS,DROT,PNEWDT,
+     & CELENT,DFGRD0,DFGRD1,NOEL,NPT,LAYER,KSPT,JSTEP,KINC)
+      USE, INTRINSIC :: IEEE_ARITHMETIC
+      IMPLICIT NONE
+      CHARACTER*80 CMNAME
+      INTEGER NDI,NSHR,NTENS,NSTATV,NPROPS,NOEL,NPT,LAYER,KSPT,KINC
+      INTEGER JSTEP(4)
+      REAL*8 STRESS(NTENS),STATEV(NSTATV),DDSDDE(NTENS,NTENS),
+     & DDSDDT(NTENS),DRPLDE(NTENS),STRAN(NTENS),DSTRAN(NTENS),TIME(2),
+     & PREDEF(1),DPRED(1),PROPS(NPROPS),COORDS(3),DROT(3,3),
+     & DFGRD0(3,3),DFGRD1(3,3),SSE,SPD,SCD,RPL,DRPLDT,DTIME,TEMP,
+     & DTEMP,PNEWDT,CELENT
+      REAL*8 F($d,$d),P($d,$d),A($d,$d,$d,$d),TAU($d,$d),B($d,$d,$d,$d)
+      REAL*8 E($d),V($d,$d),FULL($voigt,$voigt),DET,EYE($d,$d)
+      INTEGER I,J,K,L,M,N,II($voigt),JJ($voigt),AT($voigt)
+%% space
+      DATA II /1,2,3,1,1,2/, JJ /1,2,3,2,3,3/
+      F = DFGRD1
+C     In plane stress (11, 22, 12) the thickness is to be found.
+      IF (NTENS .EQ. 3) THEN
+        F(3,:) = 0.D0
+        F(:,3) = 0.D0
+        CALL KPDTHK(F, PROPS, SSE, P, A)
+      ELSE
+        CALL KPDEVA(F, PROPS, SSE, P, A)
+      END IF
+      CALL KPDJAC(F, E, V, DET)
+%% sheet
+      DATA II /1,2,1/, JJ /1,2,2/
+      F = DFGRD1(1:2,1:2)
+      CALL KPDEVA(F, PROPS, SSE, P, A)
+C     The volume is that of the undeformed sheet.
+      CALL KPDJAC(F, E, V, DET)
+      DET = 1.D0
+%% end
+      TAU = MATMUL(P, TRANSPOSE(F))
+      EYE = 0.D0
+      DO I = 1, $d
+        EYE(I,I) = 1.D0
+      END DO
+C     Tangent of the Kirchhoff stress along F, pushed forward.
+      B = 0.D0
+      DO L = 1, $d
+        DO K = 1, $d
+          DO J = 1, $d
+            DO I = 1, $d
+              DO M = 1, $d
+                DO N = 1, $d
+                  B(I,J,K,L) = B(I,J,K,L) + F(J,M)*A(I,M,K,N)*F(L,N)
+                END DO
+              END DO
+            END DO
+          END DO
+        END DO
+      END DO
+C     Tangent of the Jaumann rate of the Kirchhoff stress, over J.
+      DO M = 1, $voigt
+        DO N = 1, $voigt
+          I = II(M)
+          J = JJ(M)
+          K = II(N)
+          L = JJ(N)
+          FULL(M,N) = (B(I,J,K,L) + B(I,J,L,K)
+     &      + TAU(I,L)*EYE(J,K) + TAU(I,K)*EYE(J,L))/(2.D0*DET)
+        END DO
+      END DO
+%% space
+C     Components of the element: 11, 22, 33, 12, 13, 23 without those
+C     that it lacks; in plane stress the one across is eliminated.
+      AT = (/1, 2, 3, 4, 5, 6/)
+      IF (NTENS .EQ. 3) THEN
+        AT(3) = 4
+        DO M = 1, 6
+          IF (M .NE. 3) THEN
+            FULL(M,:) = FULL(M,:) - FULL(M,3)/FULL(3,3)*FULL(3,:)
+          END IF
+        END DO
+      END IF
+%% sheet
+      AT = (/1, 2, 3/)
+%% end
+      DO M = 1, NTENS
+        STRESS(M) = TAU(II(AT(M)),JJ(AT(M)))/DET
+        DO N = 1, NTENS
+          DDSDDE(M,N) = FULL(AT(M),AT(N))
+        END DO
+      END DO
+C     Ask for a smaller increment where the material has no state.
+      IF (IEEE_IS_NAN(SSE)) PNEWDT = 0.25D0
+%% network
+C     STATEV(1) is 1 outside the domain in which W was learned, else 0.
+      IF (NSTATV .GE. 1) THEN
+        STATEV(1) = 1.D0
+%% isochoric network
+        E = E - SUM(E)/3.D0
+%% network
+        E = EXP(E)
+        IF (MINVAL(E) .GE. $least .AND.
+     &      MAXVAL(E) .LE. $greatest) STATEV(1) = 0.D0
+      END IF
+%% end
+      END

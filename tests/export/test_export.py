@@ -1,0 +1,437 @@
+"""Exported files against the stresses of the package and their numerical differences, in random states."""
+
+import ctypes
+import importlib.util
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import pdsurrogate as pds
+from pdsurrogate.export import TARGETS, exported, file_name, source_of_artifact, source_of_law
+from pdsurrogate.materials import LAWS, PLANES, InvariantLaw, Law, homogeneous
+
+N_STATES, LEAST, GREATEST = 1000, 0.5, 3.0
+STRESS, TANGENT = 1e-10, 1e-8
+NETWORKS = ("neo-hookean-isochoric", "arruda-boyce-isochoric", "full-network-isochoric", "ogden-isochoric", "neo-hookean-energy")
+
+needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
+needs_gfortran = pytest.mark.skipif(shutil.which("gfortran") is None, reason="needs gfortran (Debian package gfortran)")
+
+
+def soft(law):
+    """The law with a bulk modulus that does not hide the isochoric stress, and a shear modulus that is not 1."""
+    values = {**law().describe(), "bulk_modulus": 7.5, "shear_modulus": 2.5}
+    law = LAWS[values.pop("law")]
+    if hasattr(law, "lists"):
+        values |= {
+            "shear_modulus": None,
+            "moduli": (0.6, -0.1),
+            "exponents": (1.3, -2.0),
+            "first": (0.4, 0.01, 1e-3),
+            "second": (0.1, 0.02),
+        }
+        values = {key: value for key, value in values.items() if key in law.__dataclass_fields__}
+    return law(**values)
+
+
+SOURCES = {name: lambda name=name: source_of_law(soft(LAWS[name])) for name in LAWS}
+SOURCES |= {name: lambda name=name: source_of_artifact(name) for name in NETWORKS}
+
+
+@pytest.fixture(scope="module", params=SOURCES)
+def source(request):
+    return SOURCES[request.param]()
+
+
+@pytest.fixture(scope="module")
+def expected(source):
+    return states_of(source)
+
+
+def states_of(source):
+    """Deformation gradients, some with equal or nearly equal stretches, with energy, stress and tangent of the package."""
+    d, random = 2 if source.is_sheet else 3, np.random.default_rng(7)
+    low, high = LEAST, GREATEST
+    if source.is_sheet:
+        low, high = source.network.domain.least_stretch, source.network.domain.greatest_stretch
+    logs = random.uniform(np.log(low), np.log(high), (N_STATES, d))
+    logs[:50, 0] = logs[:50, 1]
+    logs[50:100, 0] = logs[50:100, 1] + 10.0 ** random.uniform(-12, -1, 50)
+    logs[100:150] = 10.0 ** random.uniform(-12, -1, (50, 1)) * random.standard_normal((50, d))
+    if d == 3:
+        # The volume changes by up to a third.
+        logs -= (logs.mean(axis=1) - random.uniform(-0.1, 0.1, N_STATES))[:, None]
+        logs = logs.clip(np.log(low), np.log(high))
+    turns = np.linalg.qr(random.standard_normal((2, N_STATES, d, d)))[0]
+    F = turns[0] @ (np.exp(logs)[:, :, None] * turns[1])
+    F[np.linalg.det(F) < 0] = F[np.linalg.det(F) < 0][:, ::-1]
+    F[0] = np.eye(d)
+    tangent = np.empty((N_STATES, d, d, d, d))
+    for k in range(d):
+        for el in range(d):
+            tangent[..., k, el] = slope_of(lambda G: source.energy_and_stress(G)[1], F, np.eye(d)[:, [k]] * np.eye(d)[el])
+    return F, *source.energy_and_stress(F), tangent
+
+
+def slope_of(function, F, direction, step=1e-3):
+    """Derivative along a direction by central differences of the sixth order."""
+    ahead = [function(F + k * step * direction) - function(F - k * step * direction) for k in (1, 2, 3)]
+    return (45 * ahead[0] - 9 * ahead[1] + ahead[2]) / (60 * step)
+
+
+def assert_close(found, expected, answers, source, allowed=STRESS):
+    """Values deviate by at most `allowed` of the greatest stress or modulus, those of a tangent of its greatest entry."""
+    size = np.maximum(abs(answers[1]).max(axis=(1, 2)), source.law.shear_modulus)
+    if allowed == TANGENT:
+        size = abs(answers[2]).max(axis=(1, 2, 3, 4))
+    for values, right in zip(found, expected, strict=True):
+        deviation = abs(values - right).reshape(N_STATES, -1).max(axis=1)
+        assert (deviation <= allowed * size).all()
+
+
+def far_outside(source):
+    """A state beyond every domain of a shipped artifact."""
+    return np.diag([30.0, 30.0, 30.0**-2])[: 3 - source.is_sheet, : 3 - source.is_sheet].copy()
+
+
+def assert_all_close(found, answers, source):
+    """Compare energies, stresses and tangents, found and right."""
+    assert_close(found[:2], answers[:2], answers, source)
+    assert_close(found[2:], answers[2:], answers, source, TANGENT)
+
+
+def written(source, target, folder):
+    path = folder / file_name(source, target)
+    path.write_text(exported(source, target))
+    return path
+
+
+def imported(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def library(path, tmp_path, *command):
+    """Shared library that a compiler makes of a source file."""
+    made = tmp_path / f"{path.stem}.so"
+    subprocess.run([*command, "-shared", "-fPIC", "-O1", path, "-lm", "-o", made], check=True, cwd=tmp_path)
+    return ctypes.CDLL(str(made))
+
+
+def address(array):
+    return array.ctypes.data_as(ctypes.c_void_p)
+
+
+def test_felupe_file(source, expected, tmp_path):
+    path = written(source, "felupe", tmp_path)
+    module = imported(path)
+    F, *answers = expected
+    assert_all_close(module.evaluate(F, *source.moduli), answers, source)
+    material = module.Material()
+    x = [np.moveaxis(F.reshape(10, 100, *F.shape[1:]), (2, 3), (0, 1)), None]
+    for found, answer in zip((material.function(x), material.gradient(x), material.hessian(x)), answers, strict=True):
+        d = answer.ndim - 1
+        moved = np.moveaxis(found[0], range(d), range(-d, 0)) if d else found[0]
+        assert np.allclose(moved.reshape(answer.shape), answer, rtol=1e-6, atol=1e-6 * abs(answer).max())
+    if source.network is not None:
+        inside = module.inside(np.stack([np.eye(F.shape[-1]), far_outside(source)]))
+        assert inside.tolist() == [True, False]
+    subprocess.run([sys.executable, path], check=True)
+
+
+@needs_cc
+def test_c_header(source, expected, tmp_path):
+    path = written(source, "c", tmp_path)
+    name, d = path.stem, 2 if source.is_sheet else 3
+    moduli = ["double mu", "double K"][: len(source.moduli)]
+    passed = ", ".join(text.split()[1] for text in moduli)
+    code = tmp_path / "all.c"
+    code.write_text(
+        f'#include "{path.name}"\n'
+        f"void all(int n, const double *F, {', '.join(moduli)}, double *e, double *P, double *A) {{\n"
+        f"  for (int k = 0; k < n; k++) {{\n"
+        f"    e[k] = {name}_energy(F + {d**2} * k, {passed});\n"
+        f"    {name}_stress(F + {d**2} * k, {passed}, P + {d**2} * k);\n"
+        f"    {name}_tangent(F + {d**2} * k, {passed}, A + {d**4} * k);\n"
+        f"  }}\n}}\n" + f"int inside(const double *F) {{ return {name}_inside(F); }}\n" * (source.network is not None)
+    )
+    F, *answers = expected
+    found = [np.empty_like(answer) for answer in answers]
+    made = library(code, tmp_path, "cc", "-std=c99", "-Wall", "-Werror", "-Wno-unused-function", "-Wno-unused-variable")
+    made.all(N_STATES, address(F), *map(ctypes.c_double, source.moduli), *map(address, found))
+    assert_all_close(found, answers, source)
+    if source.network is not None:
+        assert [made.inside(address(state)) for state in (np.eye(d), far_outside(source))] == [1, 0]
+
+
+@needs_cc
+def test_the_check_of_a_header_finds_a_changed_constant(tmp_path):
+    path = written(source_of_law(pds.materials.Gent()), "c", tmp_path)
+
+    def status():
+        subprocess.run(["cc", "-x", "c", "-Dgent_check", path, "-lm", "-o", tmp_path / "check"], check=True)
+        return subprocess.run([tmp_path / "check"]).returncode
+
+    assert status() == 0
+    path.write_text(path.read_text().replace("120.0;", "120.001;"))
+    assert status() == 1
+
+
+II, JJ = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
+
+
+class UMAT:
+    """A compiled UMAT, called with the arguments of Abaqus."""
+
+    def __init__(self, source, tmp_path):
+        self.moduli = np.array(source.moduli)
+        self.call = library(written(source, "umat", tmp_path), tmp_path, "gfortran", "-Wall", "-Wno-unused-dummy-argument").umat_
+
+    def __call__(self, F, ntens):
+        """Stress, tangent, factor of the increment, energy and state variable."""
+        full = np.eye(3)
+        full[: len(F), : len(F)] = F
+        stress, state, tangent = np.zeros(ntens), np.zeros(1), np.zeros((ntens, ntens), order="F")
+        zeros = [np.zeros(shape) for shape in (ntens, ntens, ntens, ntens, 2, 1, 1, 3, (3, 3), (3, 3))]
+        ddsddt, drplde, strain, dstrain, time, predef, dpred, coordinates, turn, before = map(address, zeros)
+        number, pnewdt, sse, props = ctypes.byref(ctypes.c_double(0)), ctypes.c_double(1), ctypes.c_double(0), self.moduli
+        after, steps = np.asfortranarray(full), np.zeros(4, dtype=np.int32)
+
+        def whole(value):
+            return ctypes.byref(ctypes.c_int(value))
+
+        self.call(
+            *(address(stress), address(state), address(tangent), ctypes.byref(sse), number, number, number, ddsddt),
+            *(drplde, number, strain, dstrain, time, number, number, number, predef, dpred, b" " * 80),
+            *(whole(3), whole(ntens - 3), whole(ntens), whole(1), address(props), whole(len(props)), coordinates, turn),
+            *(ctypes.byref(pnewdt), number, before, address(after), *map(whole, (1, 1, 1, 1)), address(steps), whole(1)),
+            ctypes.c_size_t(80),
+        )
+        return stress, tangent, pnewdt.value, sse.value, state[0]
+
+
+def jaumann(kirchhoff, F, order):
+    """Tangent of the Jaumann rate of a Kirchhoff stress ``kirchhoff(F)``, along symmetric rates of deformation, by differences."""
+    columns = []
+    for n in order:
+        rate = np.zeros((3, 3))
+        rate[II[n], JJ[n]] += 0.5
+        rate[JJ[n], II[n]] += 0.5
+        rate = rate[: len(F), : len(F)]
+        columns.append(slope_of(lambda G: kirchhoff(G), F, rate @ F)[II[order], JJ[order]])
+    return np.stack(columns, axis=1)
+
+
+@needs_gfortran
+def test_umat(source, expected, tmp_path):
+    umat = UMAT(source, tmp_path)
+    order = np.array([0, 1, 3]) if source.is_sheet else np.arange(6)
+
+    def kirchhoff(F):
+        return source.energy_and_stress(F[None])[1][0] @ F.T
+
+    for F in expected[0][::10]:
+        J = 1.0 if source.is_sheet else np.linalg.det(F)
+        stress, tangent, factor, energy, outside = umat(F, len(order))
+        exact = kirchhoff(F)[II[order], JJ[order]] / J
+        assert abs(stress - exact).max() <= STRESS * max(abs(exact).max(), source.law.shear_modulus)
+        assert energy == pytest.approx(source.energy_and_stress(F[None])[0][0], abs=STRESS * source.law.shear_modulus)
+        difference = tangent - jaumann(kirchhoff, F, order) / J
+        assert abs(difference).max() <= TANGENT * abs(tangent).max()
+        assert (factor, outside) == (1.0, 0.0)
+    if source.network is not None:
+        assert umat(far_outside(source), len(order))[4] == 1.0
+    broken = umat(-expected[0][0] if not source.is_sheet else expected[0][0][::-1], len(order))
+    assert np.isnan(broken[0]).all()
+    assert broken[2] < 1
+
+
+@needs_gfortran
+@pytest.mark.parametrize("name", ["gent", "ogden"])
+def test_umat_of_sheets(name, tmp_path):
+    """Plane stress eliminates the stress across, plane strain has the components 11, 22, 33, 12."""
+    law = soft(LAWS[name])
+    umat = UMAT(source_of_law(law), tmp_path)
+    F = np.array([[1.6, 0.3], [-0.2, 0.8]])
+    J3 = float(PLANES["stress"].volume_ratio(law, *PLANES["stress"].invariants(F)))
+
+    def kirchhoff(F):
+        return PLANES["stress"].first_piola_stress(law, F) @ F.T
+
+    order = np.array([0, 1, 3])
+    stress, tangent, *_ = umat(F, 3)
+    assert np.allclose(stress, kirchhoff(F)[II[order], JJ[order]] / J3, rtol=1e-10)
+    assert np.allclose(tangent, jaumann(kirchhoff, F, order) / J3, atol=TANGENT * abs(tangent).max())
+    J3, P, _ = PLANES["strain"].exact(law, F)
+    stress, tangent, *_ = umat(F, 4)
+    cauchy = np.block([[P[:2, :2] @ F.T, np.zeros((2, 1))], [np.zeros((1, 2)), P[2:, 2:]]]) / J3
+    assert np.allclose(stress, cauchy[II[:4], JJ[:4]], rtol=1e-10)
+    assert np.allclose(tangent, umat(F, 6)[1][:4, :4], rtol=1e-12)
+
+
+@needs_gfortran
+@pytest.mark.parametrize("name", ["yeoh", "full-network", "polyconvex"])
+def test_umat_drives_uniaxial_tension(name, tmp_path):
+    """Newton's method with the UMAT's tangent finds the lateral stretch; it converges quadratically, and the stress is that of the law."""
+    law = soft(LAWS[name])
+    umat = UMAT(source_of_law(law), tmp_path)
+    lateral = 1.0
+    for stretch in np.linspace(1.1, 2.5, 8):
+        residuals = []
+        while not residuals or residuals[-1] > 1e-12:
+            stress, tangent, *_ = umat(np.diag([stretch, lateral, lateral]), 6)
+            residuals.append(abs(stress[1]))
+            assert len(residuals) <= 7
+            # Kirchhoff's lateral stress, J sigma, changes by J (D22 + D23) for each logarithm of the lateral stretch.
+            lateral *= np.exp(-stress[1] / (tangent[1, 1] + tangent[1, 2]))
+        exact = homogeneous.uniaxial(law, stretch)
+        assert stress[0] * lateral**2 == pytest.approx(exact.nominal_stress, rel=1e-9)
+
+
+def evaluated(expressions, values):
+    """Values of scalar UFL expressions; `values` are those of variables, one array for each."""
+    classes = pytest.importorskip("ufl.classes")
+    from ufl.corealg.traversal import unique_post_traversal
+
+    functions = {classes.Sqrt: np.sqrt, classes.Exp: np.exp, classes.Ln: np.log, classes.Tanh: np.tanh, classes.Conditional: np.where}
+    functions |= {classes.Sum: np.add, classes.Product: np.multiply, classes.Division: np.divide, classes.Power: np.power}
+    functions |= {classes.GT: np.greater, classes.LT: np.less}
+    known = dict(values)
+    for expression in expressions:
+        for node in unique_post_traversal(expression):
+            if node in known or isinstance(node, classes.Label):
+                continue
+            if isinstance(node, classes.ScalarValue | classes.Zero):
+                known[node] = float(node)
+            else:
+                known[node] = functions[type(node)](*(known[one] for one in node.ufl_operands))
+    return [np.broadcast_to(known[expression], N_STATES) for expression in expressions]
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "full-network")) for name in SOURCES])
+def test_ufl_file(name, tmp_path):
+    ufl = pytest.importorskip("ufl", reason="needs fenics-ufl")
+    from ufl.algorithms.apply_derivatives import apply_derivatives
+
+    source = SOURCES[name]()
+    F, *answers = states_of(source)
+    d = F.shape[-1]
+    variables = [[ufl.variable(ufl.as_ufl(1.5 + d * k + el)) for el in range(d)] for k in range(d)]
+    energy = imported(written(source, "ufl", tmp_path)).psi(ufl.as_matrix(variables))
+
+    def slope(expression, at):
+        return apply_derivatives(ufl.diff(expression, variables[at[0]][at[1]]))
+
+    # F is turned at random, so that a wrong derivative shows in any component.
+    stress = {at: slope(energy, at) for at in ((0, 0), (1, 0))}
+    tangent = {(*at, *along): slope(stress[at], along) for at in stress for along in ((1, 0), (1, 1))}
+    with np.errstate(all="ignore"):  # the values that conditions leave out
+        values = {variables[k][el]: F[:, k, el] for k in range(d) for el in range(d)}
+        found = evaluated([energy, *stress.values(), *tangent.values()], values)
+    assert_close(found[:1], answers[:1], answers, source)
+    assert_close(found[1:3], [answers[1][:, k, el] for k, el in stress], answers, source)
+    assert_close(found[3:], [answers[2][:, i, j, k, el] for i, j, k, el in tangent], answers, source, TANGENT)
+
+
+def force_of_a_cube(felupe, material, stretch):
+    """Force on the plates of a cube of side 1, of an eighth of it by 5^3 triquadratic elements, graded toward its corner."""
+    mesh = felupe.Cube(b=(0.5, 0.5, 0.5), n=5)
+    mesh.points[:] = 0.5 * (1 - (1 - mesh.points / 0.5) ** 1.5)
+    mesh = mesh.add_midpoints_edges().add_midpoints_faces().add_midpoints_volumes()
+    field = felupe.FieldContainer([felupe.Field(felupe.RegionTriQuadraticHexahedron(mesh), dim=3)])
+    at = [{f"f{axis}": 0.0, "skip": tuple(int(axis != other) for other in "xyz")} for axis in "xyz"]
+    bounds = {f"plane {number}": felupe.Boundary(field[0], **where) for number, where in enumerate(at)}
+    bounds["held"] = felupe.Boundary(field[0], fx=0.5, skip=(1, 0, 0))
+    bounds["moved"] = felupe.Boundary(field[0], fx=0.5, skip=(0, 1, 1))
+    solid = felupe.SolidBody(umat=material, field=field)
+    moves = felupe.math.linsteps([0, (stretch - 1) / 2], num=3)
+    step = felupe.Step(items=[solid], ramp={bounds["moved"]: moves}, boundaries=bounds)
+    for _ in step.generate(x0=field, verbose=0):
+        pass
+    forces = solid.assemble.vector(field).toarray().reshape(-1, 3)
+    return 4 * forces[np.isclose(mesh.points[:, 0], 0.5), 0].sum()
+
+
+@pytest.mark.slow
+def test_a_bonded_cube_in_felupe(tmp_path):
+    """Its force is that of the package with 16 points a side within 0.2 %; it is 0.03 % off."""
+    felupe = pytest.importorskip("felupe", reason="needs felupe")
+    scene = pds.load_scene("bonded-block")
+    ours = pds.simulate(scene).levels[-1]["forces"]["right"][0]
+    module = imported(written(source_of_law(scene.law()), "felupe", tmp_path))
+    assert force_of_a_cube(felupe, module.Material(), 1.5) == pytest.approx(ours, rel=2e-3)
+
+
+def test_laws_that_end_soon_are_checked_within_their_limit(tmp_path):
+    source = source_of_law(pds.materials.Gent(chain_limit=0.02))
+    path = written(source, "felupe", tmp_path)
+    subprocess.run([sys.executable, path], check=True)
+    assert "nan" not in path.read_text().partition("STATES")[2]
+    assert np.isnan(imported(path).evaluate(np.diag([1.5, 0.8, 0.8]), *source.moduli)[1]).all()
+
+
+class Exponential(InvariantLaw):
+    """W = mu/(2 b) (exp(b (I1bar - 3)) - 1)."""
+
+    name, reference = "exponential", "Demiray 1972"
+
+    @staticmethod
+    def isochoric(I1, I2, parameters):
+        growth = np.exp(0.05 * (I1 - 3))
+        zero = 0 * I1
+        return (growth - 1) / 0.1, growth / 2, zero, 0.05 * growth / 2, zero, zero
+
+
+def test_own_laws_are_exported():
+    text = exported(source_of_law(Exponential()), "c")
+    assert "const double growth = exp(0.05 * (I1 - 3.0));" in text
+    assert "W[1] = growth / 2.0;" in text
+
+
+def with_isochoric(function):
+    return type("Own", (Exponential,), {"isochoric": staticmethod(function)})()
+
+
+def test_expressions_that_other_languages_lack_are_refused():
+    zero = (0.0, 0.0, 0.0)
+    branching = with_isochoric(lambda I1, I2, parameters: ((I1 - 3) / 2 if np.all(I1 > 0) else I1, 0.5 + 0 * I1, 0.0, *zero))
+    with pytest.raises(ValueError, match="exponential: its expressions use all, which cannot be exported"):
+        exported(source_of_law(branching), "c")
+    strange = with_isochoric(lambda I1, I2, parameters: ((I1 - 3) / 2 + 0 * np.arctan(I1), 0.5 + 0 * I1, 0.0, *zero))
+    with pytest.raises(ValueError, match="exponential: its expressions use arctan"):
+        exported(source_of_law(strange), "umat")
+
+    class Nameless(Law):
+        name, reference = "nameless", "none"
+
+    with pytest.raises(ValueError, match="nameless: this is neither an InvariantLaw nor a PrincipalStretchLaw"):
+        source_of_law(Nameless())
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_headers_say_what_a_file_is(target):
+    card = pds.load_card("ogden-isochoric")
+    text = " ".join(exported(source_of_artifact("ogden-isochoric"), target).replace("\nC ", " ").replace("\n * ", " ").split())
+    for words in (
+        "ogden-isochoric@1",
+        f"Written by pdsurrogate {pds.__version__}.",
+        f"digest {card.found_digest()}.",
+        "isochoric principal stretches from 0.25 to 4. Outside, the network is extrapolated",
+        "have the unit of the shear modulus",
+        "Use: ",
+    ):
+        assert words in text
+    assert "Parameters: shear_modulus = 1.0, bulk_modulus = 200.0, chain_limit = 120.0." in " ".join(
+        exported(source_of_artifact("gent@1"), "felupe").split()
+    )
+    assert exported(source_of_artifact("ogden-isochoric"), target) == exported(source_of_artifact("ogden-isochoric"), target)
+
+
+def test_fortran_fits_into_72_columns():
+    for make in SOURCES.values():
+        assert max(map(len, exported(make(), "umat").splitlines())) <= 72
