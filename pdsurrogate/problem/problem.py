@@ -130,9 +130,8 @@ class Problem:
         for number, load in enumerate(self.scene.loads):
             size = np.array(getattr(load, load.kind)) * amplitude_of(load.amplitude)(parameter)
             found.append(f"loads.{number} to {load.kind} = {np.array2string(size, precision=4, separator=', ')}")
-        for number, one in enumerate(self.loading.loads.obstacles):
-            moved = one.amplitude(parameter) * one.travel
-            found.append(f"obstacles.{number} moved by {text_of(moved)}")
+        for one in self.loading.loads.obstacles:
+            found.append(f"{one.name} moved by {text_of(one.amplitude(parameter) * one.travel)}")
         return "; ".join(found)
 
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:

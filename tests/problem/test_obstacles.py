@@ -199,8 +199,10 @@ REFUSED = [
     ((PLATE,), {"prescribed": ()}, "nothing keeps the body from moving along x1 or moving along x2"),
     ((PLATE,), {"steps": (2.0,), "obstacles": (PLATE | {"amplitude": {"t": (0, 1), "value": (0, 1)}},)}, "obstacles.0.amplitude: "),
     (({"ball": {"center": (0, 0, 3.0), "radius": 1.0}},), {}, "obstacles.0.ball: this obstacle is 3D, but .* use half_plane or disc"),
-    ((PLATE | {"x3": 1.0},), {}, "obstacles.0.x3: a 2D body has no x3"),
+    ((PLATE | {"x3": 1.0},), {}, r"obstacles.0.x3: a 2D body has no x3, only x1 and x2$"),
     ((PLATE | {"disc": {"center": (0.5, 3.0), "radius": 1.0}},), {}, "an obstacle needs exactly one shape: half_plane, disc"),
+    (({"disc": {"center": (0.5, 3.0, 0.0), "radius": 1.0}},), {}, "disc.center: needs 2 entries, not 3; this shape is 2D"),
+    (({"ball": {"center": (0.5, 3.0, 0.0, 0.0), "radius": 1.0}},), {}, "ball.center: needs 3 entries, not 4"),
     (({"x2": 1.0},), {}, "an obstacle needs exactly one shape"),
     ((PLATE,), {"steps": (), "prescribed": ()}, "obstacles: needs steps"),
 ]
@@ -233,7 +235,7 @@ ALONG = {"disc": {"center": (1.6, 0.5), "radius": 0.25}, "x1": -3.0, "name": "pi
 )
 def test_an_obstacle_does_not_pass_through_the_body_in_one_increment(obstacle):
     """It touches the body neither at the beginning nor at the end of the step; such runs once ended well, without any force."""
-    with pytest.raises(pds.SimulationFailed) as failed:
+    with pytest.raises(pds.SimulationFailed, match=r"\(pin moved by \(") as failed:
         pds.simulate(pressed(obstacle), "bond-energy")
     for level in failed.value.result.levels:  # the pin presses on the body
         assert np.linalg.norm(level["forces"]["pin"]) > 0.1
