@@ -87,7 +87,7 @@ def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None, curv
     try:
         points, volumes, spacing, cell, lower, upper, groups, mesh_cells = _points_of(scene)
         faces = faces_of_groups(scene, lower, upper)
-        planes = *(held_boundaries(scene) if curves else ()), *reflection_planes(scene, lower, upper, faces)
+        planes = *held_boundaries(scene, curves), *reflection_planes(scene, lower, upper, faces)
         # Measured by the smaller side, a horizon takes in the same neighbors as with squares where the sides differ by little: by the
         # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
         # large again.
