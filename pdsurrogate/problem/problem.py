@@ -23,6 +23,7 @@ from .conditions import check_speeds, conditions_of, loads_of, warn_of_points
 from .fracture import critical_stretch_in
 from .fronts import Fronts
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
+from .obstacles import bar_rigid_regions
 from .program import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
 from .regions import BodyRegions
 
@@ -137,7 +138,8 @@ class Problem:
             size = np.array(getattr(load, load.kind)) * amplitude_of(load.amplitude)(parameter)
             found.append(f"loads.{number} to {load.kind} = {np.array2string(size, precision=4, separator=', ')}")
         for one in self.loading.loads.obstacles:
-            found.append(f"{one.name} moved by {text_of(one.amplitude(parameter) * one.travel)}")
+            if one.travel.any():
+                found.append(f"{one.name} moved by {text_of(one.amplitude(parameter) * one.travel)}")
         return "; ".join(found)
 
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:
@@ -238,6 +240,7 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages)
         loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
+        bar_rigid_regions(loading, rigid, [stage.to for stage in stages])
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
             check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))

@@ -1,6 +1,6 @@
 """Rigid obstacles without friction: energy, force and area of their contact with a body, and its stiffness (theory (69)-(71))."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from scipy import sparse
@@ -125,6 +125,8 @@ class Obstacle:
         Present value of the amplitude.
     stiffness : ndarray, shape (k,)
         Force divided by penetration at each place.
+    barred : mapping of str to ndarray of int
+        Places that the obstacle must not touch, by the name of the rigid region that they belong to.
     name, amplitude, surface, travel
     """
 
@@ -142,6 +144,7 @@ class Obstacle:
         stiffness: float,
     ) -> None:
         self.name, self.amplitude, self.surface, self.travel, self.factor = name, amplitude, surface, travel, 0.0
+        self.barred: Mapping[str, np.ndarray] = {}
         self._center, self._radius, self._direction, self.stiffness = center, radius, direction, stiffness * surface.areas
 
     def gaps(self, places: np.ndarray, factor: float | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -161,6 +164,12 @@ class Obstacle:
         """Return whether the obstacle overlaps the undeformed body at a value of the loading parameter."""
         gaps, _ = self.gaps(self.surface.nodes, self.amplitude(parameter))
         return bool((gaps[self.stiffness > 0] < 0).any())
+
+    def check_barred(self, positions: np.ndarray) -> None:
+        """Raise Obstructed if the obstacle touches a rigid region in a state, at positions (n, d) of the points."""
+        for name, places in self.barred.items():
+            if self.gaps(self.at_sites(positions)[places])[0].min(initial=0.0) < -CLOSE * self.surface.spacing:
+                raise Obstructed(f"the obstacle {self.name} touches the rigid region {name}, but pushes on deformable materials alone")
 
     def passes(self, before: float, after: float, start: np.ndarray, end: np.ndarray) -> bool:
         """Return whether the obstacle enters the body between two equilibria, at `start` and `end` (n, d), by more than `PASSED`.

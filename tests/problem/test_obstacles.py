@@ -9,6 +9,7 @@ from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.solvers.preconditioner import preconditioner_of
 
+MODELS = [pds.BondEnergyForce(), pds.BondEnergyForce()]
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 10.0}
 PLATE = {"half_plane": {"point": (0.0, 1.0), "normal": (0.0, 2.0)}, "x2": -0.2, "name": "plate"}
 
@@ -239,6 +240,33 @@ def test_an_obstacle_does_not_pass_through_the_body_in_one_increment(obstacle):
         pds.simulate(pressed(obstacle), "bond-energy")
     for level in failed.value.result.levels:  # the pin presses on the body
         assert np.linalg.norm(level["forces"]["pin"]) > 0.1
+
+
+LID = {"region": {"box": ((0.0, 0.6), (1.0, 1.0))}, "material": "rigid"}
+
+
+@pytest.mark.parametrize("obstacle", [PLATE, {**ROUND, "name": "plate"}], ids=["flat", "round"])
+def test_an_obstacle_in_the_way_of_which_a_rigid_region_is_refused(obstacle):
+    """A rigid lid on one place of a disc slid off it, so that no increment was short enough."""
+    held = {"region": "bottom", "x1": 0.0, "x2": 0.0}
+    with pytest.raises(pds.SceneError, match=r"obstacles.0: the obstacle plate reaches the rigid region lid; .*: prescribe"):
+        compile_scene(pressed(obstacle, prescribed=(held,), regions={"lid": LID["region"]}, materials=({**LID, "region": "lid"},)), MODELS)
+
+
+def test_a_rigid_region_that_the_body_pushes_into_an_obstacle_ends_the_run():
+    wall = {"half_plane": {"point": (1.02, 0.0), "normal": (1.0, 0.0)}, "name": "wall"}
+    held = ({"region": "left", "x1": 0.1, "x2": 0.0}, {"region": "bottom", "x2": 0.0})
+    stud = {"region": {"box": ((0.7, 0.3), (1.0, 0.7))}, "material": "rigid"}
+    with pytest.raises(pds.SimulationFailed, match=r"obstacle wall touches the rigid region materials.0, .*\(prescribed.0 to x1 = \S+\);"):
+        pds.simulate(pressed(wall, prescribed=held, materials=(stud,)), "bond-energy")
+
+
+def test_an_obstacle_presses_rubber_on_a_rigid_base():
+    base = {"region": {"box": ((0.0, 0.0), (1.0, 0.3))}, "material": "rigid"}
+    held = ({"region": "bottom", "x1": 0.0, "x2": 0.0},)
+    level = pds.simulate(pressed({**PLATE, "x2": -0.05}, prescribed=held, materials=(base,)), "bond-energy").levels[-1]
+    assert level["forces"]["plate"][1] == pytest.approx(-level["forces"]["bottom"][1], rel=1e-4)
+    assert level["contact"]["plate"]["area"] == pytest.approx(1.0, rel=0.05)
 
 
 @pytest.mark.parametrize("up", [True, False], ids=["top", "bottom"])
