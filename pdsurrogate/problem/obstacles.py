@@ -142,7 +142,10 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
     places = np.vstack([nodes, gauss @ nodes, share.joined(body.points[beside], beside)[order]])
     sides = share.joined(body.volumes[beside] / body.spacing, beside)[order]
     areas = np.concatenate([areas, np.repeat(of_facets[at_edge] / d, d), sides])
-    return ContactNodes(share, Following(maps), places, areas, facets, bonded, body.spacing)
+    first = len(places) - len(sides)
+    distance, nearest = cKDTree(places[first:]).query(nodes[facets].mean(axis=1)) if len(sides) else (np.full(len(facets), np.inf), 0)
+    stops = np.where(distance < body.cell.max(), first + nearest, -1)
+    return ContactNodes(share, Following(maps), places, areas, facets, bonded, stops, body.spacing)
 
 
 def _modulus(law: Law, plane: str) -> float:

@@ -57,6 +57,8 @@ class ContactNodes:
         Nodes of the facets that obstacles can touch.
     bonded : ndarray of bool, shape (nodes,)
         Nodes of the boundary in bonded planes.
+    stops : ndarray of int, shape (f,)
+        Place of the point beside a bonded corner that is nearest to each facet; -1 for facets elsewhere.
     spacing : float
     """
 
@@ -68,9 +70,11 @@ class ContactNodes:
         areas: np.ndarray,
         facets: np.ndarray,
         bonded: np.ndarray,
+        stops: np.ndarray,
         spacing: float,
     ) -> None:
         self.share, self.nodes, self.areas, self.facets, self.bonded, self.spacing = share, nodes, areas, facets, bonded, spacing
+        self.stops = stops
         self._points = interpolation.points()
         numbers = share.everywhere(share.numbers[self._points])
         self._order = np.argsort(np.concatenate(numbers))
@@ -208,16 +212,18 @@ class Obstacle:
     def contact(self, positions: np.ndarray) -> dict[str, float]:
         """Return the deformed area of the boundary in contact, in the plane its length, and the greatest penetration.
 
-        The gap is linear in a facet, so that an edge of the contact may lie within it.
+        The gap is linear in a facet, so that an edge of the contact may lie within it. A facet beside a bonded corner also touches, as a
+        whole, if the point at it does.
         """
-        facets, places = self.surface.facets, self.surface.places(positions)
+        facets, places, touching = self.surface.facets, self.surface.places(positions), TOUCHING * self.surface.spacing
         gaps, _ = self.gaps(places)
+        whole = (self.surface.stops >= 0) & (gaps[self.surface.stops] < touching)
         bonded, deepest = self.surface.bonded[facets], float(gaps[self.stiffness > 0].min(initial=0.0))
         at_corners = np.where(bonded, np.inf, gaps[facets])
         # A bonded corner touches if the nodes beside it do.
         at_corners = np.where(bonded, at_corners.min(axis=1, keepdims=True), at_corners)
         return {
-            "area": float(_share_below(at_corners - TOUCHING * self.surface.spacing) @ _areas(places, facets)),
+            "area": float(np.where(whole, 1.0, _share_below(at_corners - touching)) @ _areas(places, facets)),
             "penetration": max(0.0, -deepest),
         }
 

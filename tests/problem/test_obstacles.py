@@ -107,6 +107,16 @@ def test_a_bonded_block_whose_sides_roll_over_the_plate_has_the_force_of_finite_
     assert max(contact["penetration"] for contact in level["contact"].values()) < 0.005 * 0.1
 
 
+def test_points_beside_bonded_corners_count_in_the_contact_area():
+    """With a horizon of 3.15 no node of the boundary touches the base; finite elements roll 0.18 over it on either side."""
+    base = {"half_plane": {"point": (0.0, 0.0), "normal": (0.0, -1.0)}, "name": "base"}
+    held = (pds.Prescribed(region="bottom", x1=0.0, x2=0.0),)
+    fields = {"body": pds.shapes.Rectangle(size=(2.0, 1.0)), "plane": "strain", "material": {**RUBBER, "bulk_modulus": 100.0}}
+    level = pds.simulate(pressed({**PLATE, "x2": -0.3}, base, prescribed=held, spacing=0.1, **fields), "bond-energy").levels[-1]
+    assert level["forces"]["base"][1] > 0.05
+    assert level["contact"]["base"]["area"] == pytest.approx(0.36, abs=0.2)  # a cell on either side
+
+
 @pytest.mark.slow
 def test_a_ball_indents_a_thick_layer_as_hertz_says():
     """A layer four contact radii thick is stiffer than a half space, after Dimitriadis et al., Biophys. J. 82 (2002) 2798-2810."""
