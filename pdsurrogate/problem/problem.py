@@ -223,7 +223,9 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     def surface() -> Surface:
         return surface_of(scene, whole[0], lower, upper).of_share(body.share)
 
-    body, lower, upper = discretize(scene, share_of, all(model.mirrors_curves for model in models))
+    curves = all(model.mirrors_curves for model in models)
+    # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
+    body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
     problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
     if models:
         warn_of_points(scene, problem.held_at_points)
