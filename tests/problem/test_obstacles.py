@@ -219,6 +219,23 @@ REFUSED = [
 ]
 
 
+def test_plates_on_either_side_press_a_body_that_is_held_at_a_place():
+    """A place between points; the search once took 2,000 evaluations, since the stiffness of the contact left out this support."""
+    plates = [
+        {"half_space": {"point": (0, 0, z), "normal": (0, 0, sign)}, "x3": -0.1 * sign, "name": name}
+        for name, z, sign in (("upper", 1, 1), ("lower", 0, -1))
+    ]
+    held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, {"region": {"near": (0.125, 0.125, 0.5)}, "x3": 0.0}]
+    cube = {"body": pds.shapes.Box(size=(1.0, 1.0, 1.0)), "spacing": 0.25, "material": {**RUBBER, "bulk_modulus": 20.0}}
+    result = pds.simulate(pressed(*plates, prescribed=held, **cube), "bond-energy")
+    assert result.summary["n_force_evaluations"] < 200
+    level = result.levels[-1]
+    exact = uniaxial(pds.materials.NeoHookean(1.0, 20.0), 0.8 + 2 * level["contact"]["upper"]["penetration"])
+    for name, sign in (("upper", 1), ("lower", -1)):
+        assert level["forces"][name][2] == pytest.approx(sign * exact.nominal_stress, rel=0.03)
+    assert abs(level["forces"]["prescribed.2"][2]) < 1e-3
+
+
 @pytest.mark.parametrize(("obstacles", "changes", "message"), REFUSED)
 def test_unsuitable_obstacles_are_refused_with_key_and_remedy(obstacles, changes, message):
     with pytest.raises(pds.SceneError, match=message):
