@@ -241,6 +241,11 @@ def _print_outputs(result: Result) -> None:
     if probes:
         greatest = max(float(np.abs(values).max()) for values in probes.values())
         _print_named(result, "Displacements of the probes", "length", probes, greatest)
+    contacts = [level["contact"] for level in result.levels if "contact" in level]
+    if contacts:
+        by_name = {name: np.array([[*contact[name].values()] for contact in contacts]) for name in contacts[0]}
+        quantities = [result.scene.units.label("area", "area"), result.scene.units.label("penetration", "length")]
+        _print_named(result, "Contact with obstacles", None, by_name, 0.0, quantities)
 
 
 def _by_name(levels: Sequence[dict], kind: str) -> dict[str, np.ndarray]:
@@ -249,8 +254,13 @@ def _by_name(levels: Sequence[dict], kind: str) -> dict[str, np.ndarray]:
     return {name: np.array([np.atleast_1d(row[name]) for row in rows]) for name in dict.fromkeys(name for row in rows for name in row)}
 
 
-def _print_named(result: Result, title: str, unit: str, named: dict[str, np.ndarray], greatest: float) -> None:
-    """Print a table of vectors by name, a row for each output; components up to `LEAST_SHOWN` times `greatest` are printed as 0."""
+def _print_named(
+    result: Result, title: str, unit: str | None, named: dict[str, np.ndarray], greatest: float, components: Sequence[str] = ()
+) -> None:
+    """Print a table of vectors by name, a row for each output; components up to `LEAST_SHOWN` times `greatest` are printed as 0.
+
+    `components` are the headings of the components, by default the axes.
+    """
     levels, rows = result.levels, []
     timed = any("time" in level for level in levels)
     for name, values in named.items():
@@ -260,8 +270,8 @@ def _print_named(result: Result, title: str, unit: str, named: dict[str, np.ndar
         rows += [None] * (len(levels) > 1)
     headings = ["name", "t", *([result.scene.units.label("time", "time")] if timed else [])]
     count = len(next(iter(named.values()))[0]) if named else 0
-    components = [f"x{axis}" for axis in range(1, count + 1)] if count > 1 else ["counter-clockwise"]
-    print_table(result.scene.units.label(title, unit), [*headings, *components], rows, left=1)
+    components = components or ([f"x{axis}" for axis in range(1, count + 1)] if count > 1 else ["counter-clockwise"])
+    print_table(result.scene.units.label(title, unit) if unit else title, [*headings, *components], rows, left=1)
 
 
 def _print_rates(result: Result) -> None:

@@ -11,10 +11,14 @@ from ..scenes.loading import Prescribed
 from ..scenes.model import EDGES, Scene
 from ..scenes.regions import RegionReference, edge_names
 from ..scenes.shapes import Outline, Shape
+from .meshes import MeshFile, mesh_of
 
 LEAST_RADIUS = 2.0
 """Least radius of curvature, in spacings, of a boundary that mirrored points hold. The torque on a hole that turns in a disc is 20 % too
 small with mirrored points at 2 spacings and 7 % at 3, and 70 and 54 % too large with points held (measured once)."""
+
+FLAT = 1e-6
+"""Extent of a group of a mesh's sides across its plane or line, divided by its extent along it, up to which it counts as flat."""
 
 
 def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) -> str | None:
@@ -33,49 +37,87 @@ def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) 
 
 
 def whole_boundaries(scene: Scene, region: RegionReference) -> tuple[str, ...]:
-    """Return the names of the outline and holes of a scene that a region consists of; empty for other regions and meshes."""
+    """Return the names of the outline and holes, or of the curved group of a mesh's sides, that a region consists of; empty for others."""
     if isinstance(region, str) and region in scene.regions:
         return whole_boundaries(scene, scene.regions[region])
+    meshed = isinstance(scene.body, Mesh)
     if not isinstance(region, str):
         members = [member for _, member in region.members()]
-        return whole_boundaries(scene, members[0]) if len(members) == 1 and region.other is None else ()
-    if isinstance(scene.body, Mesh):
-        return ()
-    if region == "holes":
+        if len(members) == 1 and region.other is None:
+            return whole_boundaries(scene, members[0])
+        return (f"group {region.group}",) if meshed and _is_curved(mesh_of(scene.body), region.group) else ()
+    if region == "holes" and not meshed:
         return tuple(f"holes.{number}" for number in range(len(scene.holes)))
-    return (region,) if region == "outline" or region.startswith("holes.") else ()
+    return (region,) if region in ("outline", "holes") or region.startswith("holes.") else ()
 
 
-def held_boundaries(scene: Scene) -> tuple[HeldBoundary, ...]:
-    """Return the boundaries of a scene that mirrored points hold: outlines and holes, whole, all components of which are prescribed.
+def _is_curved(mesh: MeshFile, group: str | None) -> bool:
+    """Return whether a group of a mesh is one of sides of cells that do not lie in a plane, or on a line in two dimensions."""
+    if group not in mesh.side_groups or not len(mesh.side_groups[group]):
+        return False
+    places = mesh.nodes[np.unique(mesh.side_groups[group])]
+    extents = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    return bool(extents[-1] > FLAT * extents[0])
 
-    A boundary with reentrant corners or tight bends (`LEAST_RADIUS`) is held at its points, since images there would meet and are left
-    out; so is an outline some edges of which are held by reflection planes.
+
+def held_boundaries(scene: Scene, curves: bool = True) -> tuple[HeldBoundary, ...]:
+    """Return the boundaries of a scene that mirrored points hold; `curves` as for `held_at_points`."""
+    able = (name for name, why in _boundaries_held(scene, curves).items() if not why)
+    return tuple(HeldBoundary(name, _shape_of(scene, name), name != "outline", (-1,) * scene.dimension) for name in able)
+
+
+def held_at_points(scene: Scene, curves: bool) -> dict[str, str]:
+    """Return the outlines, holes and curved groups that a scene holds at their points, by name, with the reason and what would help.
+
+    Images beyond reentrant corners and tight bends (`LEAST_RADIUS`) would meet, and are left out. `curves` says whether the force model
+    supports mirrored points beyond curves.
     """
+    return {name: why for name, why in _boundaries_held(scene, curves).items() if why}
+
+
+def _boundaries_held(scene: Scene, curves: bool) -> dict[str, str]:
+    """Return the boundaries of which a scene prescribes at least one component: by name why points hold them, or "" for mirrored points."""
     if scene.support != "reflected" or scene.stretched:
-        return ()
-    every, held = set(range(scene.dimension)), {}
+        return {}
+    held = {}
     for entry in scene.prescribed:
         for name in whole_boundaries(scene, entry.region):
             held.setdefault(name, set()).update(prescribed_components(entry, scene.dimension))
-    if reflected_edges(scene, {}):
-        held.pop("outline", None)
-    shapes = {"outline": scene.body} | {f"holes.{number}": hole for number, hole in enumerate(scene.holes)}
-    able = (name for name, components in sorted(held.items()) if components == every and _bends_slowly(scene, name, shapes[name]))
-    return tuple(HeldBoundary(name, shapes[name], name != "outline", (-1,) * scene.dimension) for name in able)
+    return {name: _why_at_points(scene, name, components, curves) for name, components in sorted(held.items())}
 
 
-def _bends_slowly(scene: Scene, name: str, shape: Shape) -> bool:
-    """Return whether a boundary has neither corners that are reentrant for the body nor radii of curvature below `LEAST_RADIUS`.
+def _shape_of(scene: Scene, name: str) -> Shape:
+    """Return the shape of the outline or a hole of a scene."""
+    return scene.body if name == "outline" else scene.holes[int(name.removeprefix("holes."))]
 
-    In three dimensions only whole spheres have mirrored points.
-    """
-    if not isinstance(shape, Outline):
-        return isinstance(shape, Sphere) and shape.part == "whole" and shape.radius >= LEAST_RADIUS * scene.spacing
-    nodes = shape.boundary(np.full(2, scene.spacing))
-    polygon = shapely.polygons(nodes)
-    reentrant = polygon.convex_hull.area > (1 + 1e-9) * polygon.area if name == "outline" else isinstance(shape, Rectangle | Polygon)
-    return not reentrant and shape.nearest(nodes)[1].max() * LEAST_RADIUS * scene.spacing <= 1
+
+def _why_at_points(scene: Scene, name: str, components: set[int], curves: bool) -> str:
+    """Return why mirrored points do not hold a boundary whose given components are prescribed, and what would help; empty if they do."""
+    finer = "use a smaller spacing"
+    if isinstance(scene.body, Mesh):
+        return f"in bodies from meshes only whole edges of the bounding box have mirrored points; define the body by shapes, or {finer}"
+    if not curves:
+        return f"this force has no mirrored points at curved boundaries; use force=bond-energy or analytic, or {finer}"
+    if missing := set(range(scene.dimension)) - components:
+        free = " and ".join(f"x{component + 1}" for component in sorted(missing))
+        return f"{free} is free; prescribe all components if the boundary is bonded, or {finer}"
+    if name == "outline" and reflected_edges(scene, {}):
+        return f"other entries hold edges of it; prescribe each edge by its name, or {finer}"
+    shape = _shape_of(scene, name)
+    if isinstance(shape, Outline):
+        nodes = shape.boundary(np.full(2, scene.spacing))
+        polygon = shapely.polygons(nodes)
+        if polygon.convex_hull.area > (1 + 1e-9) * polygon.area if name == "outline" else isinstance(shape, Rectangle | Polygon):
+            return f"it has reentrant corners; {finer}"
+        curvature = float(shape.nearest(nodes)[1].max())
+    elif not isinstance(shape, Sphere) or shape.part != "whole":
+        return f"in three dimensions only whole spheres have mirrored points; prescribe flat faces by their names, or {finer}"
+    else:
+        curvature = 1 / shape.radius
+    if curvature * LEAST_RADIUS * scene.spacing <= 1:
+        return ""
+    least = f"its least radius of curvature, {1 / curvature:.3g}, is below {LEAST_RADIUS:g} spacings"
+    return f"{least}; use a spacing of at most {1 / curvature / LEAST_RADIUS:.3g}"
 
 
 def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:

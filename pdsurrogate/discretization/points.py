@@ -62,7 +62,9 @@ PARTS = {(2, 3): 2, (3, 4): 6}
 """Number of cells that make up a square or cube, by dimension and number of corners of a cell."""
 
 
-def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None, curves: bool = True) -> tuple[Body, np.ndarray, np.ndarray]:
+def discretize(
+    scene: Scene, part_of: Callable[[Body], Body] | None = None, curves: bool = True, interfaces: bool = True
+) -> tuple[Body, np.ndarray, np.ndarray]:
     """Return the body of a scene: points outside holes, mirrored points beyond held edges, and no bonds across precuts or empty space.
 
     Parameters
@@ -72,6 +74,8 @@ def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None, curv
         ``part_of(body)`` returns the wanted part of the whole body, such as that of one rank; bonds are made for this part only.
     curves : bool
         Whether mirrored points hold boundaries of any shape; otherwise they hold edges alone.
+    interfaces : bool
+        Whether round interfaces between materials divide cells; otherwise each cell is of the material of its point.
 
     Returns
     -------
@@ -87,14 +91,14 @@ def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None, curv
     try:
         points, volumes, spacing, cell, lower, upper, groups, mesh_cells = _points_of(scene)
         faces = faces_of_groups(scene, lower, upper)
-        planes = *(held_boundaries(scene) if curves else ()), *reflection_planes(scene, lower, upper, faces)
+        planes = *held_boundaries(scene, curves), *reflection_planes(scene, lower, upper, faces)
         # Measured by the smaller side, a horizon takes in the same neighbors as with squares where the sides differ by little: by the
         # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
         # large again.
         horizon = scene.horizon_ratio * (spacing if isinstance(scene.body, Mesh) else min(cell))
         cuts = _cuts(scene, horizon, cell, lower, upper)
         whole = isinstance(scene.body, Mesh) or np.ptp(volumes) == 0
-        inside, rounds = None if whole else partial(_inside, scene), round_interfaces(scene)
+        inside, rounds = None if whole else partial(_inside, scene), round_interfaces(scene) if interfaces else ()
         dividing = [] if isinstance(scene.body, Mesh) else [each for each in rounds if each.divides(horizon)]
         if dividing:
             volumes = divided_volumes(points, volumes, np.array(cell), _places_in_a_cell(scene.dimension)[1], dividing)

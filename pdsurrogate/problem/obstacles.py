@@ -1,16 +1,18 @@
 """Obstacles of a scene with the boundary that they can touch, and the stiffness of their contact."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
+from scipy.spatial import cKDTree
 
 from ..body import Body, Following
 from ..body.local_fit import text_of
 from ..materials import Law
 from ..scenes import Scene
 from ..scenes.amplitudes import amplitude_of
-from ..solvers.conditions import ON_A_PLANE
+from ..solvers.conditions import ON_A_PLANE, Loading
 from ..solvers.obstacles import ContactNodes, Obstacle
 from .regions import BodyRegions
 
@@ -30,6 +32,9 @@ since its polygon has the area of the circle."""
 SHARP = 0.95
 """Length of the mean of the unit normals of the facets that meet at a node, below which the node lies at an edge of the body: half of the
 angle between two normals is then 18 degrees, which is more than between facets of a round boundary."""
+
+REACHES = 33
+"""Number of values of the loading parameter in a stage at which obstacles are checked for rigid regions in their way."""
 
 GAUSS = {2: 0.5 + 3**-0.5 / 2, 3: 2 / 3}
 """Greatest shape function at the Gauss points of a facet, by dimension: with equal weights they integrate quadratic functions exactly."""
@@ -69,6 +74,29 @@ def obstacles_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[
         body.share.agree(error)
         found.append(one)
     return found
+
+
+def bar_rigid_regions(loading: Loading, rigid: Mapping[str, np.ndarray], ends: Sequence[float]) -> None:
+    """Bar the obstacles of a body from its rigid regions: where these touched, single places would carry the whole force.
+
+    A flat rigid side that stands on one place of a round obstacle is not stable. `rigid` are the points of the regions by name, and `ends`
+    the ends of the stages.
+
+    Raises
+    ------
+    ValueError
+        If an obstacle reaches the undeformed place of a region that may move freely; the message names the key.
+    """
+    body, times = loading.body, np.unique([np.linspace(*ends, REACHES) for ends in pairwise([0.0, *ends])])
+    for number, one in enumerate(loading.loads.obstacles if rigid else ()):
+        of_points, nodes = cKDTree(body.points).query(one.surface.nodes)[1], one.surface.nodes
+        one.barred = {name: np.flatnonzero(np.isin(of_points, points)) for name, points in rigid.items()}
+        for name, places in one.barred.items():
+            deepest = [-one.gaps(nodes[places], one.amplitude(t))[0].min(initial=0.0) for t in times]
+            if max(deepest) > OVERLAP * body.spacing and loading.free[rigid[name]].all():
+                why = "obstacles push on deformable materials alone, since rigid bodies would touch at single places"
+                remedy = f"prescribe the motion of {name} in the place of the obstacle, or give it a stiff law"
+                raise ValueError(f"obstacles.{number}: the obstacle {one.name} reaches the rigid region {name}; {why}: {remedy}")
 
 
 def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
@@ -114,7 +142,10 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
     places = np.vstack([nodes, gauss @ nodes, share.joined(body.points[beside], beside)[order]])
     sides = share.joined(body.volumes[beside] / body.spacing, beside)[order]
     areas = np.concatenate([areas, np.repeat(of_facets[at_edge] / d, d), sides])
-    return ContactNodes(share, Following(maps), places, areas, facets, bonded, body.spacing)
+    first = len(places) - len(sides)
+    distance, nearest = cKDTree(places[first:]).query(nodes[facets].mean(axis=1)) if len(sides) else (np.full(len(facets), np.inf), 0)
+    stops = np.where(distance < body.cell.max(), first + nearest, -1)
+    return ContactNodes(share, Following(maps), places, areas, facets, bonded, stops, body.spacing)
 
 
 def _modulus(law: Law, plane: str) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..body import HALO, Body, Surface, divided
 from ..body.local_fit import text_of
-from ..discretization import check_size, discretize, grip_areas, memory_here, surface_of
+from ..discretization import check_size, discretize, grip_areas, held_at_points, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interfaces import SIGHT
 from ..materials import Law
@@ -19,10 +19,11 @@ from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
-from .conditions import check_speeds, conditions_of, loads_of
+from .conditions import check_speeds, conditions_of, loads_of, warn_of_points
 from .fracture import critical_stretch_in
 from .fronts import Fronts
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
+from .obstacles import bar_rigid_regions
 from .program import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
 from .regions import BodyRegions
 
@@ -82,6 +83,11 @@ class Problem:
         """Fronts of the cracks of the whole body."""
         return Fronts(self.scene, self.whole)
 
+    @cached_property
+    def held_at_points(self) -> dict[str, str]:
+        """Return the outlines, holes and curved groups that are held at their points, by name, with the reason and what would help."""
+        return held_at_points(self.scene, all(model.mirrors_curves for model in self.models))
+
     def describe(self) -> dict:
         """Return the entries of a run's summary that follow from the scene and the names of its force models."""
         units = self.scene.units
@@ -89,6 +95,7 @@ class Problem:
             "scene": self.scene.name,
             "material": self.law.describe(),
             "support": self.scene.support,
+            **({"held_at_points": self.held_at_points} if self.held_at_points else {}),
             "units": {**units.model_dump(), "force": units.force, "energy": units.energy},
             **({"grip_areas": self.measures.areas} if self.measures.nominal_stress else {}),
             **({"materials": list(map(_describe_part, self.scene.materials, self.models[1:]))} if self.scene.materials else {}),
@@ -130,9 +137,9 @@ class Problem:
         for number, load in enumerate(self.scene.loads):
             size = np.array(getattr(load, load.kind)) * amplitude_of(load.amplitude)(parameter)
             found.append(f"loads.{number} to {load.kind} = {np.array2string(size, precision=4, separator=', ')}")
-        for number, one in enumerate(self.loading.loads.obstacles):
-            moved = one.amplitude(parameter) * one.travel
-            found.append(f"obstacles.{number} moved by {text_of(moved)}")
+        for one in self.loading.loads.obstacles:
+            if one.travel.any():
+                found.append(f"{one.name} moved by {text_of(one.amplitude(parameter) * one.travel)}")
         return "; ".join(found)
 
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:
@@ -216,8 +223,13 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     def surface() -> Surface:
         return surface_of(scene, whole[0], lower, upper).of_share(body.share)
 
-    body, lower, upper = discretize(scene, share_of, all(model.mirrors_curves for model in models))
-    return _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
+    curves = all(model.mirrors_curves for model in models)
+    # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
+    body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
+    problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
+    if models:
+        warn_of_points(scene, problem.held_at_points)
+    return problem
 
 
 def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: BodyRegions, ranks: Communicator) -> Problem:
@@ -230,6 +242,7 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages)
         loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
+        bar_rigid_regions(loading, rigid, [stage.to for stage in stages])
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
             check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))

@@ -67,7 +67,8 @@ def _dimension(scene: Scene) -> None:
         if dimension == 3 and entry.rotation is not None and entry.axis is None:
             raise ValueError(f"{key}.axis: a rotation of a solid needs the direction of its axis, such as axis=[1, 0, 0]")
     for key, name in _of_solids_alone(scene) if dimension == 2 else ():
-        raise ValueError(f"{key}: a 2D body has no {name}, only x1, x2 and the edges {', '.join(edge_names(2))}")
+        others = f"x1, x2 and the edges {', '.join(edge_names(2))}" if name in FACES else "x1 and x2"
+        raise ValueError(f"{key}: a 2D body has no {name}, only {others}")
     for key, region in _references(scene):
         for pair in (("disc", "ball"), ("half_plane", "half_space")):
             own, other = pair if dimension == 2 else pair[::-1]

@@ -1,6 +1,6 @@
 """Error messages for invalid scenes: `SceneError`, and the conversion of Pydantic's validation errors."""
 
-from typing import Any, get_origin
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -65,8 +65,12 @@ def _lines(problem: Any, problems: list, part: type[BaseModel]) -> list[tuple[st
         message, given = f"unknown key; {suggestion(str(loc[-1]), fields)}", None
     elif kind in ("too_short", "too_long"):
         bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
+        # Pairs and triples have a fixed length; places and directions (`Vector`) have two or three components.
+        types = get_args(fields[loc[0]].annotation) if loc[0] in fields else ()
+        if kind == "too_long" and (context["max_length"] == 2 or types == types[:1] * context["max_length"]):
+            bound = context["max_length"]
         message = f"needs {bound} entries, not {context['actual_length']}"
-        if (context.get("max_length"), context["actual_length"]) == (2, 3):
+        if (context.get("max_length"), context["actual_length"]) == (2, 3) and all(isinstance(entry, int | float) for entry in given):
             message += "; this shape is 2D, and solids need three components"
     elif kind == "union_tag_invalid":
         shapes = context["expected_tags"].replace("'", "").split(", ")

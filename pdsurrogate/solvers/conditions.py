@@ -204,6 +204,7 @@ class Loading:
                 what = f"it lies in the obstacle {obstacle.name}, which has passed the boundary of the body"
                 error = Obstructed(at_point(self.body, deepest, what))
             self.body.share.agree(error)
+            obstacle.check_barred(positions)
         supported, motions, ghosts = force.supported, self.plane_motions(parameter), self.body.ghosts
         for number, (name, plane, motion) in enumerate(zip(self.planes, self.body.planes, motions, strict=True)):
             # In the frame in which the plane has not moved.

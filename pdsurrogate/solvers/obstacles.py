@@ -1,6 +1,6 @@
 """Rigid obstacles without friction: energy, force and area of their contact with a body, and its stiffness (theory (69)-(71))."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from scipy import sparse
@@ -57,6 +57,8 @@ class ContactNodes:
         Nodes of the facets that obstacles can touch.
     bonded : ndarray of bool, shape (nodes,)
         Nodes of the boundary in bonded planes.
+    stops : ndarray of int, shape (f,)
+        Place of the point beside a bonded corner that is nearest to each facet; -1 for facets elsewhere.
     spacing : float
     """
 
@@ -68,9 +70,11 @@ class ContactNodes:
         areas: np.ndarray,
         facets: np.ndarray,
         bonded: np.ndarray,
+        stops: np.ndarray,
         spacing: float,
     ) -> None:
         self.share, self.nodes, self.areas, self.facets, self.bonded, self.spacing = share, nodes, areas, facets, bonded, spacing
+        self.stops = stops
         self._points = interpolation.points()
         numbers = share.everywhere(share.numbers[self._points])
         self._order = np.argsort(np.concatenate(numbers))
@@ -125,6 +129,8 @@ class Obstacle:
         Present value of the amplitude.
     stiffness : ndarray, shape (k,)
         Force divided by penetration at each place.
+    barred : mapping of str to ndarray of int
+        Places that the obstacle must not touch, by the name of the rigid region that they belong to.
     name, amplitude, surface, travel
     """
 
@@ -142,6 +148,7 @@ class Obstacle:
         stiffness: float,
     ) -> None:
         self.name, self.amplitude, self.surface, self.travel, self.factor = name, amplitude, surface, travel, 0.0
+        self.barred: Mapping[str, np.ndarray] = {}
         self._center, self._radius, self._direction, self.stiffness = center, radius, direction, stiffness * surface.areas
 
     def gaps(self, places: np.ndarray, factor: float | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -161,6 +168,12 @@ class Obstacle:
         """Return whether the obstacle overlaps the undeformed body at a value of the loading parameter."""
         gaps, _ = self.gaps(self.surface.nodes, self.amplitude(parameter))
         return bool((gaps[self.stiffness > 0] < 0).any())
+
+    def check_barred(self, positions: np.ndarray) -> None:
+        """Raise Obstructed if the obstacle touches a rigid region in a state, at positions (n, d) of the points."""
+        for name, places in self.barred.items():
+            if self.gaps(self.at_sites(positions)[places])[0].min(initial=0.0) < -CLOSE * self.surface.spacing:
+                raise Obstructed(f"the obstacle {self.name} touches the rigid region {name}, but pushes on deformable materials alone")
 
     def passes(self, before: float, after: float, start: np.ndarray, end: np.ndarray) -> bool:
         """Return whether the obstacle enters the body between two equilibria, at `start` and `end` (n, d), by more than `PASSED`.
@@ -199,16 +212,18 @@ class Obstacle:
     def contact(self, positions: np.ndarray) -> dict[str, float]:
         """Return the deformed area of the boundary in contact, in the plane its length, and the greatest penetration.
 
-        The gap is linear in a facet, so that an edge of the contact may lie within it.
+        The gap is linear in a facet, so that an edge of the contact may lie within it. A facet beside a bonded corner also touches, as a
+        whole, if the point at it does.
         """
-        facets, places = self.surface.facets, self.surface.places(positions)
+        facets, places, touching = self.surface.facets, self.surface.places(positions), TOUCHING * self.surface.spacing
         gaps, _ = self.gaps(places)
+        whole = (self.surface.stops >= 0) & (gaps[self.surface.stops] < touching)
         bonded, deepest = self.surface.bonded[facets], float(gaps[self.stiffness > 0].min(initial=0.0))
         at_corners = np.where(bonded, np.inf, gaps[facets])
         # A bonded corner touches if the nodes beside it do.
         at_corners = np.where(bonded, at_corners.min(axis=1, keepdims=True), at_corners)
         return {
-            "area": float(_share_below(at_corners - TOUCHING * self.surface.spacing) @ _areas(places, facets)),
+            "area": float(np.where(whole, 1.0, _share_below(at_corners - touching)) @ _areas(places, facets)),
             "penetration": max(0.0, -deepest),
         }
 

@@ -47,13 +47,15 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     else:
         found = Preconditioner(spring_solver_of(springs_of(body, moduli), free, SOLVED))
     supports = getattr(force, "supports", ())
-    return supported(found, supports, body.share) if supports else found
+    return supported(found, supports, body.share) if supports and not obstacles else found
 
 
 def _touching(force: InternalForce, obstacles: Sequence[Obstacle], inner: Preconditioner) -> Preconditioner:
     """Return a preconditioner that includes the stiffness of contact with obstacles; `inner`, a linear operator, if there are none."""
     if not obstacles:
         return inner
+    if force.supports:  # obstacles press on a body that its supports hold
+        inner = supported(inner, force.supports, force.body.share)
     contact = ContactStiffness(inner.solve, obstacles)
 
     def update() -> bool:

@@ -417,3 +417,22 @@ def test_a_run_says_what_error_a_card_states(tmp_path):
     for force, said in ((poor, True), (SHIPPED / "neo-hookean" / "1", False)):
         output = " ".join(invoke("run", "uniaxial", *FAST, "--force", force).output.split())
         assert ("has an RMS error of 3 %" in output) == said
+
+
+def test_contact_with_obstacles_is_printed_with_its_area_and_penetration(tmp_path):
+    (tmp_path / "pressed.toml").write_text("""
+        name = "pressed"
+        spacing = 0.25
+        steps = [1.0]
+        body = {shape = "rectangle", size = [1.0, 1.0]}
+        units = {length = "mm", stress = "MPa"}
+        material = {law = "neo-hookean", shear_modulus = 1.0}
+        prescribed = [{region = "bottom", x1 = 0.0, x2 = 0.0}]
+        obstacles = [{half_plane = {point = [0.0, 1.0], normal = [0.0, 1.0]}, x2 = -0.1, name = "plate"}]
+    """)
+    done = invoke("run", tmp_path / "pressed.toml", "--force", "bond-energy", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    contact = json.loads((tmp_path / "out" / "summary.json").read_text())["levels"][0]["contact"]["plate"]
+    headings, _, row = done.stdout.split("Contact with obstacles")[1].splitlines()[1:4]
+    assert " ".join(headings.split()) == "name t area (mm²) penetration (mm)"
+    assert row.split() == ["plate", "1", f"{contact['area']:.5g}", f"{contact['penetration']:.5g}"]

@@ -1,18 +1,24 @@
 """Boundaries of any shape held by mirrored points: images, energies and forces, homogeneous states, and closed solutions."""
 
+import warnings
+
 import numpy as np
 import pytest
 from bodies import build_body
+from meshes import write_plate
 from scipy.spatial import cKDTree
 
 import pdsurrogate as pds
 from pdsurrogate.body import HeldBoundary
+from pdsurrogate.discretization import held_at_points
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import NeoHookean, plane_strain, plane_stress
+from pdsurrogate.problem import compile_scene
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.stress_test.deformations import turn
 
 LAW = NeoHookean(1.0, 100.0)
+RUBBER = LAW.describe()
 RING = {"body": {"shape": "circle", "radius": 2.0}, "holes": [{"shape": "circle", "radius": 1.0}]}
 FIXED, TURNED = {"region": "outline", "x1": 0.0, "x2": 0.0}, {"region": "holes", "rotation": 20.0, "about": [0.0, 0.0]}
 SHAPES = {
@@ -233,6 +239,95 @@ def test_planes_of_symmetry_mirror_the_images_beyond_a_held_hole():
 )
 def test_boundaries_are_mirrored_where_all_of_them_is_held(changes, names):
     assert [plane.name for plane in build_body(scene_of(**changes)).planes] == names
+
+
+AT_POINTS = [
+    ({"prescribed": [FIXED, {"region": "holes.0", "x1": 0.0}]}, "bond-energy", {"holes.0": "x2 is free; prescribe all"}),
+    (
+        {"holes": [{"shape": "ellipse", "semi_axes": [1.0, 0.5]}]},
+        "bond-energy",
+        {"holes.0": "its least radius of curvature, 0.25,"},
+    ),
+    (
+        {"holes": [{"shape": "rectangle", "size": [1, 1], "lower": [-0.5, -0.5]}]},
+        "bond-energy",
+        {"holes.0": "it has reentrant corners"},
+    ),
+    (
+        {"plane": "stress"},
+        "nosb",
+        {"holes.0": "this force has no mirrored", "outline": "this force has no"},
+    ),
+    (
+        {"prescribed": [FIXED, TURNED, {"region": "top", "x1": 0.0, "x2": 0.0}]},
+        "bond-energy",
+        {"outline": "other entries hold"},
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "force", "reasons"), AT_POINTS)
+def test_a_run_warns_of_boundaries_held_at_their_points_and_says_why(changes, force, reasons):
+    square = {"body": {"size": [4.0, 4.0], "lower": [-2.0, -2.0]}} if "other" in str(reasons) else {}
+    with pytest.warns(UserWarning, match="is held at its points, half a cell inside it") as caught:
+        result = pds.simulate(scene_of(spacing=0.2, **square, **changes), force)
+    found = result.summary["held_at_points"]
+    assert [*found] == [*reasons]
+    for warning, (name, why) in zip(caught, found.items(), strict=True):
+        assert why.startswith(reasons[name])
+        assert str(warning.message).startswith(f"scene {result.scene.name}: prescribed: {name} is held at its points")
+        assert str(warning.message).endswith(why)
+    assert "use a s" in why  # what helps: a smaller spacing, or one that is small enough
+
+
+def test_a_sharp_ellipse_is_mirrored_at_the_spacing_that_the_warning_names():
+    hole = {"holes": [{"shape": "ellipse", "semi_axes": [1.0, 0.5]}]}
+    why = held_at_points(scene_of(spacing=0.2, **hole), True)["holes.0"]
+    least = float(why.rpartition(" ")[2])
+    assert held_at_points(scene_of(spacing=least, **hole), True) == {}
+    assert held_at_points(scene_of(spacing=1.01 * least, **hole), True) != {}
+
+
+@pytest.mark.parametrize(
+    ("changes", "force"),
+    [
+        ({}, "bond-energy"),
+        ({"support": "points"}, "bond-energy"),
+        ({"prescribed": [FIXED, {"region": {"near": [1.0, 0.0]}, "x1": 0.0}]}, "bond-energy"),
+        ({"body": {"size": [4.0, 4.0], "lower": [-2.0, -2.0]}, "prescribed": [{"region": "left", "x1": 0.0, "x2": 0.0}]}, "nosb"),
+    ],
+)
+def test_no_warning_where_nothing_is_lost(changes, force):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        result = pds.simulate(scene_of(spacing=0.2, **{"plane": "stress", **changes}), force)
+    assert "held_at_points" not in result.summary
+
+
+def test_holes_of_which_one_is_mirrored_hold_the_points_of_the_others_alone():
+    """The mirrored one carries what it carries alone: its points are free."""
+    held = {"region": "holes", "rotation": 2.0, "about": [1.0, 0.0]}
+    holes = [{"shape": "circle", "radius": 0.6, "center": [1.0, 0.0]}, {"shape": "rectangle", "size": [0.4, 0.4], "lower": [-1.2, -0.2]}]
+    scene = scene_of(spacing=0.1, holes=holes, prescribed=[FIXED, held])
+    problem = compile_scene(scene, [FORCES["bond-energy"]()])
+    points = np.flatnonzero((problem.loading.free == 0).any(axis=1))
+    assert len(points) > 10
+    assert problem.body.points[points, 0].max() < -0.5
+
+
+def test_meshes_have_mirrored_points_beyond_flat_edges_alone(tmp_path):
+    """The group pull is the whole right edge, cavity surrounds a hole, and seam is a straight line inside the material."""
+    body = {"shape": "mesh", "file": str(write_plate(tmp_path / "plate.msh"))}
+    for region, names in (
+        ("outline", ["outline"]),
+        ({"group": "cavity"}, ["group cavity"]),
+        ({"group": "pull"}, []),
+        ({"group": "seam"}, []),
+    ):
+        scene = pds.Scene(name="mesh", body=body, prescribed=[{"region": region, "x1": 0.0, "x2": 0.0}], steps=1, material=RUBBER)
+        found = held_at_points(scene, True)
+        assert [*found] == names
+        assert all(why.startswith("in bodies from meshes only whole edges of the bounding box") for why in found.values())
 
 
 def test_what_held_boundaries_do_not_support_is_refused():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bodies import build_body
+from scipy.spatial import cKDTree
 
 import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane
@@ -55,6 +56,26 @@ def test_gradients_of_quadratic_motions_are_exact(body):
     curvatures = curvatures + curvatures.swapaxes(1, 2)
     assert off(bound(body), body.points, slopes, curvatures) < 1e-10
     assert off(bound(body, correction="none"), body.points, slopes, curvatures) > 0.01 * body.spacing
+
+
+def test_a_body_that_is_cut_in_two_has_the_forces_of_two_bodies():
+    def box(length, lower=0.0, **changes):
+        keys = {"holes": [], "body": {"shape": "box", "size": [length, 1.0, 1.0], "lower": [lower, 0.0, 0.0]}}
+        return build_body(pds.Scene(**{**BAR, **keys, **changes}))
+
+    cut = {"corner": [1.0, -0.5, -0.5], "sides": [[0.0, 2.0, 0.0], [0.0, 0.0, 2.0]]}
+    whole, energy = box(2.0, precuts=[cut]), 0.0
+    positions = whole.points + 0.01 * np.random.default_rng(0).standard_normal(whole.points.shape)
+    force = bound(whole)
+    together = forces(force, positions)
+    for part in (box(1.0), box(1.0, 1.0)):
+        here = cKDTree(whole.points).query(part.points)[1]
+        alone = bound(part)
+        np.testing.assert_allclose(forces(alone, positions[here]), together[here], atol=1e-12)
+        energy += alone.energy()
+    assert force.energy() == pytest.approx(energy, rel=1e-12)
+    uncut = bound(box(2.0))
+    assert np.abs(forces(uncut, positions) - together).max() > 0.01 * np.abs(together).max()
 
 
 def test_complete_horizons_and_thin_layers_are_left_alone():

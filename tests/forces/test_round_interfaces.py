@@ -9,6 +9,7 @@ from pdsurrogate.body import Body, Round, grid
 from pdsurrogate.discretization import discretize
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import NeoHookean
+from pdsurrogate.problem import compile_scene
 from pdsurrogate.stress_test.deformations import wavy
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
@@ -54,6 +55,14 @@ def test_where_the_grid_cuts_the_disc_matters_little():
         pds.simulate(strip(10.0, 0.05, (1.0 + part * 0.05, 0.5)), "bond-energy").levels[-1]["forces"]["right"][0] for part in (0, 0.25, 0.5)
     ]
     assert np.ptp(forces) < 0.004 * np.mean(forces)
+
+
+@pytest.mark.parametrize(("force", "divided"), [("bond-energy", True), ("analytic", False), ("nosb", False)])
+def test_only_bond_energies_divide_cells(force, divided):
+    """Others do not know where in a cell the interface lies: they keep the forces that they had with whole cells."""
+    problem = compile_scene(strip(10.0, 0.05), [FORCES[force](), FORCES[force]()])
+    assert (np.ptp(problem.body.volumes) > 0.1 * 0.05**2) == divided
+    assert bool(problem.body.rounds) == divided
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

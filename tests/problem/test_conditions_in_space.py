@@ -203,5 +203,5 @@ def test_conditions_that_make_no_sense_are_refused(prescribed, message):
 
 
 def test_a_sheet_has_no_third_component():
-    with pytest.raises(pds.SceneError, match=r"prescribed\.0\.x3: a 2D body has no x3, only x1, x2"):
+    with pytest.raises(pds.SceneError, match=r"prescribed\.0\.x3: a 2D body has no x3, only x1 and x2$"):
         scene_of(({"region": "left", "x1": 0.0, "x3": 0.0},), body=pds.shapes.Rectangle(size=(1.0, 1.0)))

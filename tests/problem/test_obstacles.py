@@ -9,6 +9,7 @@ from pdsurrogate.materials.homogeneous import uniaxial
 from pdsurrogate.problem import compile_scene
 from pdsurrogate.solvers.preconditioner import preconditioner_of
 
+MODELS = [pds.BondEnergyForce(), pds.BondEnergyForce()]
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 10.0}
 PLATE = {"half_plane": {"point": (0.0, 1.0), "normal": (0.0, 2.0)}, "x2": -0.2, "name": "plate"}
 
@@ -106,6 +107,16 @@ def test_a_bonded_block_whose_sides_roll_over_the_plate_has_the_force_of_finite_
     assert max(contact["penetration"] for contact in level["contact"].values()) < 0.005 * 0.1
 
 
+def test_points_beside_bonded_corners_count_in_the_contact_area():
+    """With a horizon of 3.15 no node of the boundary touches the base; finite elements roll 0.18 over it on either side."""
+    base = {"half_plane": {"point": (0.0, 0.0), "normal": (0.0, -1.0)}, "name": "base"}
+    held = (pds.Prescribed(region="bottom", x1=0.0, x2=0.0),)
+    fields = {"body": pds.shapes.Rectangle(size=(2.0, 1.0)), "plane": "strain", "material": {**RUBBER, "bulk_modulus": 100.0}}
+    level = pds.simulate(pressed({**PLATE, "x2": -0.3}, base, prescribed=held, spacing=0.1, **fields), "bond-energy").levels[-1]
+    assert level["forces"]["base"][1] > 0.05
+    assert level["contact"]["base"]["area"] == pytest.approx(0.36, abs=0.2)  # a cell on either side
+
+
 @pytest.mark.slow
 def test_a_ball_indents_a_thick_layer_as_hertz_says():
     """A layer four contact radii thick is stiffer than a half space, after Dimitriadis et al., Biophys. J. 82 (2002) 2798-2810."""
@@ -199,11 +210,30 @@ REFUSED = [
     ((PLATE,), {"prescribed": ()}, "nothing keeps the body from moving along x1 or moving along x2"),
     ((PLATE,), {"steps": (2.0,), "obstacles": (PLATE | {"amplitude": {"t": (0, 1), "value": (0, 1)}},)}, "obstacles.0.amplitude: "),
     (({"ball": {"center": (0, 0, 3.0), "radius": 1.0}},), {}, "obstacles.0.ball: this obstacle is 3D, but .* use half_plane or disc"),
-    ((PLATE | {"x3": 1.0},), {}, "obstacles.0.x3: a 2D body has no x3"),
+    ((PLATE | {"x3": 1.0},), {}, r"obstacles.0.x3: a 2D body has no x3, only x1 and x2$"),
     ((PLATE | {"disc": {"center": (0.5, 3.0), "radius": 1.0}},), {}, "an obstacle needs exactly one shape: half_plane, disc"),
+    (({"disc": {"center": (0.5, 3.0, 0.0), "radius": 1.0}},), {}, "disc.center: needs 2 entries, not 3; this shape is 2D"),
+    (({"ball": {"center": (0.5, 3.0, 0.0, 0.0), "radius": 1.0}},), {}, "ball.center: needs 3 entries, not 4"),
     (({"x2": 1.0},), {}, "an obstacle needs exactly one shape"),
     ((PLATE,), {"steps": (), "prescribed": ()}, "obstacles: needs steps"),
 ]
+
+
+def test_plates_on_either_side_press_a_body_that_is_held_at_a_place():
+    """A place between points; the search once took 2,000 evaluations, since the stiffness of the contact left out this support."""
+    plates = [
+        {"half_space": {"point": (0, 0, z), "normal": (0, 0, sign)}, "x3": -0.1 * sign, "name": name}
+        for name, z, sign in (("upper", 1, 1), ("lower", 0, -1))
+    ]
+    held = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, {"region": {"near": (0.125, 0.125, 0.5)}, "x3": 0.0}]
+    cube = {"body": pds.shapes.Box(size=(1.0, 1.0, 1.0)), "spacing": 0.25, "material": {**RUBBER, "bulk_modulus": 20.0}}
+    result = pds.simulate(pressed(*plates, prescribed=held, **cube), "bond-energy")
+    assert result.summary["n_force_evaluations"] < 200
+    level = result.levels[-1]
+    exact = uniaxial(pds.materials.NeoHookean(1.0, 20.0), 0.8 + 2 * level["contact"]["upper"]["penetration"])
+    for name, sign in (("upper", 1), ("lower", -1)):
+        assert level["forces"][name][2] == pytest.approx(sign * exact.nominal_stress, rel=0.03)
+    assert abs(level["forces"]["prescribed.2"][2]) < 1e-3
 
 
 @pytest.mark.parametrize(("obstacles", "changes", "message"), REFUSED)
@@ -233,10 +263,37 @@ ALONG = {"disc": {"center": (1.6, 0.5), "radius": 0.25}, "x1": -3.0, "name": "pi
 )
 def test_an_obstacle_does_not_pass_through_the_body_in_one_increment(obstacle):
     """It touches the body neither at the beginning nor at the end of the step; such runs once ended well, without any force."""
-    with pytest.raises(pds.SimulationFailed) as failed:
+    with pytest.raises(pds.SimulationFailed, match=r"\(pin moved by \(") as failed:
         pds.simulate(pressed(obstacle), "bond-energy")
     for level in failed.value.result.levels:  # the pin presses on the body
         assert np.linalg.norm(level["forces"]["pin"]) > 0.1
+
+
+LID = {"region": {"box": ((0.0, 0.6), (1.0, 1.0))}, "material": "rigid"}
+
+
+@pytest.mark.parametrize("obstacle", [PLATE, {**ROUND, "name": "plate"}], ids=["flat", "round"])
+def test_an_obstacle_in_the_way_of_which_a_rigid_region_is_refused(obstacle):
+    """A rigid lid on one place of a disc slid off it, so that no increment was short enough."""
+    held = {"region": "bottom", "x1": 0.0, "x2": 0.0}
+    with pytest.raises(pds.SceneError, match=r"obstacles.0: the obstacle plate reaches the rigid region lid; .*: prescribe"):
+        compile_scene(pressed(obstacle, prescribed=(held,), regions={"lid": LID["region"]}, materials=({**LID, "region": "lid"},)), MODELS)
+
+
+def test_a_rigid_region_that_the_body_pushes_into_an_obstacle_ends_the_run():
+    wall = {"half_plane": {"point": (1.02, 0.0), "normal": (1.0, 0.0)}, "name": "wall"}
+    held = ({"region": "left", "x1": 0.1, "x2": 0.0}, {"region": "bottom", "x2": 0.0})
+    stud = {"region": {"box": ((0.7, 0.3), (1.0, 0.7))}, "material": "rigid"}
+    with pytest.raises(pds.SimulationFailed, match=r"obstacle wall touches the rigid region materials.0, .*\(prescribed.0 to x1 = \S+\);"):
+        pds.simulate(pressed(wall, prescribed=held, materials=(stud,)), "bond-energy")
+
+
+def test_an_obstacle_presses_rubber_on_a_rigid_base():
+    base = {"region": {"box": ((0.0, 0.0), (1.0, 0.3))}, "material": "rigid"}
+    held = ({"region": "bottom", "x1": 0.0, "x2": 0.0},)
+    level = pds.simulate(pressed({**PLATE, "x2": -0.05}, prescribed=held, materials=(base,)), "bond-energy").levels[-1]
+    assert level["forces"]["plate"][1] == pytest.approx(-level["forces"]["bottom"][1], rel=1e-4)
+    assert level["contact"]["plate"]["area"] == pytest.approx(1.0, rel=0.05)
 
 
 @pytest.mark.parametrize("up", [True, False], ids=["top", "bottom"])

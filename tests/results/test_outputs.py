@@ -28,6 +28,7 @@ BY_NAME = (
     "displacements",
     "probes",
     "rigid",
+    "held_at_points",
     "grip_areas",
     "units",
     "material",
@@ -155,6 +156,7 @@ def folders(tmp_path_factory):
             "tear": (pds.load_scene("tear", TEAR), "bond-energy"),
             "space": (_in_space(), "bond-energy"),
             "plated": (_plate(), "bond-energy"),
+            "turned": (pds.load_scene("disc-torsion", {"spacing": 0.2, "holes.0.radius": 0.35, "steps": [0.1]}), "nosb"),
         }
         for name, (scene, force) in runs.items():
             pds.simulate(scene, force, folder=place / name)

@@ -140,7 +140,7 @@ def test_bad_changes_name_the_key(changes, message):
     ("changes", "message"),
     [
         ({"grips": [{"edge": "lft"}, {"edge": "right", "travel": 1.0}]}, "grips.0.edge: Input should be 'left', 'right', 'bottom'"),
-        ({"holds": [{"points": [1], "components": ["x3"]}]}, "holds.0.components: a 2D body has no x3, only x1, x2"),
+        ({"holds": [{"points": [1], "components": ["x3"]}]}, "holds.0.components: a 2D body has no x3, only x1 and x2"),
     ],
 )
 def test_one_mistake_is_one_problem(changes, message):
