@@ -10,7 +10,10 @@ from pydantic import BeforeValidator, Field
 from scipy.spatial import cKDTree
 
 from ..body import encloses
-from .strict_model import Point, Positive, StrictModel
+from .strict_model import Point, Positive, StrictModel, Whole
+
+MOST_SEED = 2**63 - 1
+"""Greatest seed: the greatest integer of TOML."""
 
 FOOT_STEPS = 12
 """Number of steps toward the nearest point of an ellipse. Each reduces the error to a small part; twelve reach rounding at semi-axes in a
@@ -20,6 +23,14 @@ ratio of 10 (measured)."""
 class Shape(StrictModel):
     """Closed shape of a body or a hole, in the plane or in three dimensions.
 
+    Parameters
+    ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: ``"lattice"`` in rows along the axes; ``"relaxed"`` in an irregular cloud without rows, so that the
+        direction of a crack does not depend on that of the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body, 0 by default: other seeds give other clouds. Unit: none.
+
     Attributes
     ----------
     dimension : int
@@ -27,6 +38,9 @@ class Shape(StrictModel):
     """
 
     dimension: ClassVar[int]
+
+    arrangement: Literal["lattice", "relaxed"] = "lattice"
+    seed: Annotated[Whole, Field(ge=0, le=MOST_SEED)] = 0
 
     @abstractmethod
     def contains(self, points: np.ndarray) -> np.ndarray:
