@@ -84,6 +84,19 @@ def relaxed_points(
     return np.array(cells.lower) + points / UNITS * np.array(cells.sides), numbers * samples.volume
 
 
+def nearest_volumes(
+    cells: Cells, whole: np.ndarray, cut: np.ndarray, material: Callable[[np.ndarray], np.ndarray], points: np.ndarray
+) -> np.ndarray:
+    """Return the volumes of a part of the body nearest to each of its points, shape (n,); for the part see `relaxed_points`."""
+    samples = _Samples.of(cells, whole, cut, material)
+    places = np.zeros((len(points), 3))
+    places[:, : points.shape[1]] = np.rint((points - np.array(cells.lower)) / np.array(cells.sides) * UNITS)
+    sorted_places, sums = samples.sums(places)
+    volumes = np.empty(len(points))
+    volumes[np.lexsort(places.T)] = sums[np.lexsort(sorted_places.T), 0]
+    return np.maximum(volumes, 1) * samples.volume
+
+
 @dataclass(frozen=True)
 class _Samples:
     """Samples of a body: a raster in each cell of a grid, of which those in material count.
@@ -159,27 +172,30 @@ class _Samples:
 
     def relaxed(self, points: np.ndarray) -> np.ndarray:
         """Return points after steps of Lloyd's method, and the numbers of the samples nearest to them, shape (n, d + 1)."""
-        d, grid = len(self.cells.counts), (*self.cells.counts, 1)[:3]
+        d = len(self.cells.counts)
+        for step in range(STEPS[d] + 1):
+            points, sums = self.sums(points)
+            used = sums[:, 0] > 0  # beside thin gaps a point may have moved out of the body
+            points, sums = points[used], sums[used]
+            if step < STEPS[d]:
+                points = np.rint(sums[:, 1:] / sums[:, :1])
+        return np.column_stack([points[:, :d], sums[:, 0]])
+
+    def sums(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return points (n, 3) sorted by cells, and the number and summed coordinates of the samples nearest to each, shape (n, 4)."""
+        grid = (*self.cells.counts, 1)[:3]
         ratios = (np.array(self.cells.sides) / min(self.cells.sides)) ** 2
         metric = (*(float(ratio) for ratio in np.rint(METRIC * ratios)), 0.0)[:3]
-        chunks = chunks_of(0)
-        chunks = Chunks(min(chunks.threads, MOST_THREADS), CHUNKS)
-        buffers = np.zeros((chunks.threads, 2, self.raster.shape[1]))
-        for step in range(STEPS[d] + 1):
-            place = np.minimum(points // UNITS, np.array(grid) - 1).astype(np.int64)
-            cell = (place[:, 2] * grid[1] + place[:, 1]) * grid[0] + place[:, 0]
-            order = np.argsort(cell, kind="stable")
-            points = np.ascontiguousarray(points[order])
-            starts = np.searchsorted(cell[order], np.arange(len(self.kinds) + 1))
-            sums = np.zeros((chunks.threads, len(points), 4))
-            arrays = points, starts, (*grid, UNITS), metric, self.raster, self.kinds, self.masks, buffers, sums
-            sum_nearest.bind(*arrays, chunks=chunks)()
-            found = sums.sum(axis=0)
-            used = found[:, 0] > 0  # beside thin gaps a point may have moved out of the body
-            points, found = points[used], found[used]
-            if step < STEPS[d]:
-                points = np.rint(found[:, 1:] / found[:, :1])
-        return np.column_stack([points[:, :d], found[:, 0]])
+        chunks = Chunks(min(chunks_of(0).threads, MOST_THREADS), CHUNKS)
+        place = np.clip(points // UNITS, 0, np.array(grid) - 1).astype(np.int64)
+        cell = (place[:, 2] * grid[1] + place[:, 1]) * grid[0] + place[:, 0]
+        order = np.argsort(cell, kind="stable")
+        points = np.ascontiguousarray(points[order])
+        starts = np.searchsorted(cell[order], np.arange(len(self.kinds) + 1))
+        buffers, sums = np.zeros((chunks.threads, 2, self.raster.shape[1])), np.zeros((chunks.threads, len(points), 4))
+        arrays = points, starts, (*grid, UNITS), metric, self.raster, self.kinds, self.masks, buffers, sums
+        sum_nearest.bind(*arrays, chunks=chunks)()
+        return points, sums.sum(axis=0)
 
 
 def _path_of(samples: _Samples, n: int, seed: int) -> Path | None:

@@ -9,15 +9,15 @@ import shapely
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from ..body import Body, CellMesh, Cells
+from ..body import Body, CellMesh, Cells, Round
 from ..body.cloud_cells import cubes, voronoi_cells
 from ..body.local_fit import REACH
 from ..scenes import Box, Circle, Ellipse, Mesh, Rectangle, Scene, SceneError, Sphere
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from ..scenes.solids import Prism
-from .clouds import relaxed_points
-from .interfaces import divided_volumes, round_interfaces
+from .clouds import nearest_volumes, relaxed_points
+from .interfaces import divided_volumes, round_interfaces, sides_of
 from .meshes import Sides, mesh_of
 from .planes import held_boundaries, reflected_edges, reflection_planes
 
@@ -99,8 +99,10 @@ def discretize(scene: Scene, part_of: Callable[[Body], Body] | None = None, curv
         lattice = not isinstance(scene.body, Mesh) and scene.body.arrangement == "lattice"
         inside, rounds = partial(_inside, scene) if lattice and np.ptp(volumes) else None, round_interfaces(scene)
         tessellate = None if lattice or isinstance(scene.body, Mesh) else _cells_around(scene)
-        dividing = [each for each in rounds if each.divides(horizon)] if lattice else []
-        if dividing:
+        dividing = [] if isinstance(scene.body, Mesh) else [each for each in rounds if each.divides(horizon)]
+        if dividing and not lattice:
+            volumes = _volumes_by_side(scene, points, volumes, dividing)
+        elif dividing:
             volumes = divided_volumes(points, volumes, np.array(cell), _places_in_a_cell(scene.dimension)[1], dividing)
         of_mesh = groups, mesh_cells, faces
         body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, *of_mesh, inside, tessellate, rounds)
@@ -260,6 +262,23 @@ def _relaxed(scene: Scene, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
     points, volumes = relaxed_points(cells, whole, cut, material, scene.spacing, scene.body.seed)
     sheet = _sheet(scene) if len(cut) else None
     return points, volumes if sheet is None else volumes * (sheet.area / volumes.sum())
+
+
+def _volumes_by_side(scene: Scene, points: np.ndarray, volumes: np.ndarray, rounds: Sequence[Round]) -> np.ndarray:
+    """Return volumes of the points of a cloud so that the points on each side of round interfaces have its whole volume.
+
+    A place belongs to the nearest of the points on its own side. `volumes` has the total volume, which does not change.
+    """
+    cells = Cells.near(*scene.body.bounds(), scene.spacing)
+    centers, own, found = cells.centers(), sides_of(points, rounds), np.empty(len(points))
+    for side in np.unique(own):
+
+        def part(places: np.ndarray, side: int = side) -> np.ndarray:
+            return material_at(scene, places) & (sides_of(places, rounds) == side)
+
+        whole, cut = _whole_and_cut(centers, part(centers), np.array(cells.sides), part)
+        found[own == side] = nearest_volumes(cells, whole, cut, part, points[own == side])
+    return found * (volumes.sum() / found.sum())
 
 
 def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray) -> tuple[float, float]:
