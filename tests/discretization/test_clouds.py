@@ -148,8 +148,8 @@ def stress_of(scene, force, changes):
     ("scene", "changes"), [("uniaxial", {"spacing": 0.1}), ("hole", {"spacing": 0.1}), ("pure-shear", {"spacing": 0.1})]
 )
 def test_stress_and_contraction_are_those_of_the_lattice(scene, changes):
-    """Within 0.3 %, and the contraction within a percent of the width it is measured on."""
-    changes = {**changes, "stretches": 1.4}
+    """Within 0.3 %; the greatest contraction, at one place of an uneven edge, within 4 %."""
+    changes = {"spacing": 0.1, "stretches": 1.4}
     lattice, cloud = (stress_of(scene, "bond-energy", changes | more) for more in ({}, RELAXED))
     assert cloud[0] == pytest.approx(lattice[0], rel=3e-3)
     assert cloud[1] == pytest.approx(lattice[1], rel=0.04)
