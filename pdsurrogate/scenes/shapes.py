@@ -26,10 +26,10 @@ class Shape(StrictModel):
     Parameters
     ----------
     arrangement : {"lattice", "relaxed"}
-        How the points of a body lie: ``"lattice"`` in rows along the axes; ``"relaxed"`` in an irregular cloud without rows, so that the
-        direction of a crack does not depend on that of the axes. Holes leave it out.
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
     seed : int
-        Number of the cloud of a relaxed body, 0 by default: other seeds give other clouds. Unit: none.
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
 
     Attributes
     ----------
@@ -135,6 +135,11 @@ class Rectangle(Outline):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"rectangle"}
         Name of the shape.
     size : pair of float
@@ -175,6 +180,11 @@ class Ellipse(Outline):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"ellipse"}
         Name of the shape.
     semi_axes : pair of float
@@ -222,6 +232,11 @@ class Circle(Outline):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"circle"}
         Name of the shape.
     radius : float
@@ -260,6 +275,11 @@ class Polygon(Outline):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"polygon"}
         Name of the shape.
     vertices : list of points
