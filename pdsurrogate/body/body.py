@@ -108,6 +108,8 @@ class Body:
         For each group that covers a whole edge or face of the bounding box, the name of that edge or face.
     inside : callable, optional
         ``inside(places)`` flags the places, shape (k, d), that lie in the body; cells in pictures and files then end at its boundary.
+    tessellate : callable, optional
+        ``tessellate(points, volumes)`` returns the cells, a `CellMesh`, around points that lie on no lattice and come from no mesh.
     rounds : sequence of Round, optional
         Circles or spheres on which the material changes; elsewhere interfaces between materials follow from the points.
     share : Share
@@ -143,6 +145,7 @@ class Body:
     mesh_cells: CellMesh | None = None
     faces: Mapping[str, str] = field(default_factory=dict)
     inside: Callable | None = None
+    tessellate: Callable[[np.ndarray, np.ndarray], CellMesh] | None = None
     rounds: Sequence[Round] = ()
     share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
@@ -261,7 +264,7 @@ class Body:
 
     @cached_property
     def cells(self) -> CellMesh:
-        """Cell around each point, for pictures and result files: the cells of the mesh, or those of a lattice, cut at the boundary.
+        """Cell around each point, for pictures and files: the cell of the mesh, or one of a lattice or cloud, cut at the boundary.
 
         Examples
         --------
@@ -271,6 +274,8 @@ class Body:
         """
         if self.mesh_cells is not None:
             return self.mesh_cells
+        if self.tessellate is not None:
+            return self.tessellate(self.points, self.volumes)
         cell = np.asarray(self.cell)
         lattice = CellMesh.of_lattice(self.points, self.volumes, cell)
         return lattice if self.inside is None else cut_cells(lattice, self.volumes, cell, self.inside)
@@ -431,6 +436,13 @@ class Cells:
             counts.append(count)
             sides.append(spacing if abs(cells - count) <= 1e-9 * count else length / count)
         return cls(tuple(lower), tuple(counts), tuple(sides))
+
+    @classmethod
+    def near(cls, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Cells:
+        """Return equal cells that fill a box, however much their sides deviate from the spacing; see `filling`."""
+        lengths = [float(high - low) for low, high in zip(lower, upper, strict=True)]
+        counts = [max(1, round(length / spacing)) for length in lengths]
+        return cls(tuple(lower), tuple(counts), tuple(length / count for length, count in zip(lengths, counts, strict=True)))
 
     @property
     def volume(self) -> float:

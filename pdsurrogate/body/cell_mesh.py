@@ -25,6 +25,12 @@ FACES = {
 
 In three dimensions the normals of the sides point outwards by the right-hand rule."""
 
+
+def _around(corners: int) -> tuple[tuple[int, int], ...]:
+    """Return the sides of a polygon, given by the numbers of their corners in the polygon."""
+    return tuple((corner, (corner + 1) % corners) for corner in range(corners))
+
+
 TORN = 0.5
 """Relative distance between the two positions that neighboring cells predict for their common side, above which the side is drawn as open.
 The distance is divided by the length from one cell through the side to the other. In a smooth deformation it is of second order in that
@@ -41,7 +47,8 @@ class CellMesh:
     nodes : ndarray, shape (k, d)
         Reference positions of the corners of cells.
     blocks : tuple of ndarray of int, each of shape (m, corners)
-        Nodes at the corners of triangles and quadrilaterals, or tetrahedra and hexahedra, in the order of VTK.
+        Nodes at the corners of triangles and quadrilaterals, or tetrahedra and hexahedra, in the order of VTK; or of polygons in the plane
+        with as many corners as the one with most, of which others repeat their last.
     """
 
     nodes: np.ndarray
@@ -99,12 +106,14 @@ class CellMesh:
     def sides(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the sides of all cells, cell by cell: nodes at their corners, shape (s, 2 or 4), and their cells, shape (s,).
 
-        A side is an edge of a cell in the plane, and a face in three dimensions, where a triangle repeats one of its nodes.
+        A side is an edge of a cell in the plane, and a face in three dimensions, where a triangle repeats one of its nodes. A polygon may
+        repeat its last corner; there it has no side.
         """
-        faces = [np.array(FACES[self.dimension, block.shape[1]]) for block in self.blocks]
-        corners = [block[:, face].reshape(-1, face.shape[1]) for block, face in zip(self.blocks, faces, strict=True)]
-        counts = np.repeat([len(face) for face in faces], [len(block) for block in self.blocks])
-        return np.concatenate(corners), np.repeat(np.arange(len(self)), counts)
+        faces = [np.array(FACES.get((self.dimension, block.shape[1]), _around(block.shape[1]))) for block in self.blocks]
+        corners = np.concatenate([block[:, face].reshape(-1, face.shape[1]) for block, face in zip(self.blocks, faces, strict=True)])
+        owners = np.repeat(np.arange(len(self)), np.repeat([len(face) for face in faces], [len(block) for block in self.blocks]))
+        long = corners[:, 0] != corners[:, 1]
+        return corners[long], owners[long]
 
     @cached_property
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
@@ -181,6 +190,8 @@ class CellMesh:
         face, corner = np.nonzero(split[corners[whole]])
         common, pairs = corners[whole][face, corner], beside[whole][face]
         one, other = (order[np.searchsorted(keys[order], cells * len(self.nodes) + common)] for cells in pairs.T)
+        again = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])  # corners that a polygon repeats
+        one, other = np.append(one, order[again]), np.append(other, order[again + 1])
         count, group = connected(len(entries), one, other)
         node_of_group = np.zeros(count, dtype=np.int64)
         node_of_group[group] = nodes

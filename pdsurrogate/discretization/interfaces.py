@@ -23,6 +23,11 @@ def _round_shapes(scene: Scene, reference: str | Region) -> Iterator:
             yield from _round_shapes(scene, member)
 
 
+def sides_of(places: np.ndarray, rounds: Sequence[Round]) -> np.ndarray:
+    """Number the sides of round interfaces on which places (k, d) lie, by the bits of one integer, shape (k,)."""
+    return (1 << np.arange(len(rounds))) @ np.array([each.distances(places) <= 0 for each in rounds])
+
+
 def divided_volumes(points: np.ndarray, volumes: np.ndarray, sides: np.ndarray, raster: np.ndarray, rounds: Sequence[Round]) -> np.ndarray:
     """Return volumes of the points of a lattice, shape (n,), so that the points on each side of round interfaces have its whole volume.
 
@@ -39,17 +44,12 @@ def divided_volumes(points: np.ndarray, volumes: np.ndarray, sides: np.ndarray, 
         Places in a cell, relative to its middle in units of its sides, that sample its parts.
     rounds : sequence of Round
     """
-
-    def sides_of(places: np.ndarray) -> np.ndarray:
-        """Number the sides of the interfaces on which places lie, by the bits of one integer."""
-        return (1 << np.arange(len(rounds))) @ np.array([each.distances(places) <= 0 for each in rounds])
-
     whole = np.isclose(volumes, sides.prod(), rtol=1e-9, atol=0)
     near = np.min([np.abs(each.distances(points)) for each in rounds], axis=0) < np.linalg.norm(sides) / 2
-    own, found = sides_of(points), volumes.copy()
+    own, found = sides_of(points, rounds), volumes.copy()
     for cell in np.flatnonzero(whole & near):
         places = points[cell] + raster * sides
-        numbers = sides_of(places)
+        numbers = sides_of(places, rounds)
         for other in np.setdiff1d(numbers, own[cell]):
             part = numbers == other
             heirs = np.flatnonzero(whole & (own == other))

@@ -5,16 +5,19 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
+import shapely
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from ..body import Body, CellMesh, Cells
+from ..body import Body, CellMesh, Cells, Round
+from ..body.cloud_cells import cubes, voronoi_cells
 from ..body.local_fit import REACH
 from ..scenes import Box, Circle, Ellipse, Mesh, Rectangle, Scene, SceneError, Sphere
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from ..scenes.solids import Prism
-from .interfaces import divided_volumes, round_interfaces
+from .clouds import nearest_volumes, relaxed_points
+from .interfaces import divided_volumes, round_interfaces, sides_of
 from .meshes import Sides, mesh_of
 from .planes import held_boundaries, reflected_edges, reflection_planes
 
@@ -97,13 +100,16 @@ def discretize(
         # large again.
         horizon = scene.horizon_ratio * (spacing if isinstance(scene.body, Mesh) else min(cell))
         cuts = _cuts(scene, horizon, cell, lower, upper)
-        whole = isinstance(scene.body, Mesh) or np.ptp(volumes) == 0
-        inside, rounds = None if whole else partial(_inside, scene), round_interfaces(scene) if interfaces else ()
+        lattice = not isinstance(scene.body, Mesh) and scene.body.arrangement == "lattice"
+        inside, rounds = partial(_inside, scene) if lattice and np.ptp(volumes) else None, round_interfaces(scene) if interfaces else ()
+        tessellate = None if lattice or isinstance(scene.body, Mesh) else _cells_around(scene)
         dividing = [] if isinstance(scene.body, Mesh) else [each for each in rounds if each.divides(horizon)]
-        if dividing:
+        if dividing and not lattice:
+            volumes = _volumes_by_side(scene, points, volumes, dividing)
+        elif dividing:
             volumes = divided_volumes(points, volumes, np.array(cell), _places_in_a_cell(scene.dimension)[1], dividing)
         of_mesh = groups, mesh_cells, faces
-        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, *of_mesh, inside=inside, rounds=rounds)
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, *of_mesh, inside, tessellate, rounds)
         if part_of is not None:
             body = part_of(body)
         _check_precuts(scene, body)
@@ -224,12 +230,59 @@ def _points_of(scene: Scene):
         of_mesh = corners.min(axis=0), corners.max(axis=0), groups, CellMesh.of_mesh(mesh.nodes, mesh.cells, kept)
         return points[kept], volumes[kept], spacing, (cell,) * scene.dimension, *of_mesh
     lower, upper = scene.body.bounds()
+    if scene.body.arrangement == "relaxed":
+        points, volumes = _relaxed(scene, Cells.near(lower, upper, scene.spacing))
+        spacing = float(volumes.mean() ** (1 / scene.dimension))
+        return points, volumes, spacing, (spacing,) * scene.dimension, lower, upper, {}, None
     cells = Cells.filling(lower, upper, scene.spacing)
     points = cells.centers()
     if isinstance(scene.body, Rectangle | Box) and not scene.holes:
         return points, np.full(len(points), cells.volume), cells.spacing, cells.sides, lower, upper, {}, None
     kept = _in_material(scene, points, _within_outline(scene, points))
     return *_material_of_cells(points, kept, cells, partial(material_at, scene)), cells.spacing, cells.sides, lower, upper, {}, None
+
+
+def _cells_around(scene: Scene) -> Callable[[np.ndarray, np.ndarray], CellMesh]:
+    """Return the function that makes the cells of a cloud in the body of a scene, see `Body`."""
+    outline = _sheet(scene)
+    return cubes if outline is None else lambda points, volumes: voronoi_cells(points, outline)
+
+
+def _sheet(scene: Scene) -> shapely.Geometry | None:
+    """Return the region that the body of a scene without a mesh fills in the plane, of exact area; None in three dimensions."""
+    if scene.dimension == 3:
+        return None
+    outline, *holes = (shapely.polygons(shape.boundary(np.full(2, scene.spacing))) for shape in (scene.body, *scene.holes))
+    return shapely.difference(outline, shapely.union_all(holes))
+
+
+def _relaxed(scene: Scene, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points and volumes of a cloud in the body of a scene, sampled in `cells`."""
+    centers, material = cells.centers(), partial(material_at, scene)
+    whole, cut = np.ones(len(centers), dtype=bool), np.empty(0, dtype=np.int64)
+    if not isinstance(scene.body, Rectangle | Box) or scene.holes:
+        kept = _in_material(scene, centers, _within_outline(scene, centers))
+        whole, cut = _whole_and_cut(centers, kept, np.array(cells.sides), material)
+    points, volumes = relaxed_points(cells, whole, cut, material, scene.spacing, scene.body.seed)
+    sheet = _sheet(scene) if len(cut) else None
+    return points, volumes if sheet is None else volumes * (sheet.area / volumes.sum())
+
+
+def _volumes_by_side(scene: Scene, points: np.ndarray, volumes: np.ndarray, rounds: Sequence[Round]) -> np.ndarray:
+    """Return volumes of the points of a cloud so that the points on each side of round interfaces have its whole volume.
+
+    A place belongs to the nearest of the points on its own side. `volumes` has the total volume, which does not change.
+    """
+    cells = Cells.near(*scene.body.bounds(), scene.spacing)
+    centers, own, found = cells.centers(), sides_of(points, rounds), np.empty(len(points))
+    for side in np.unique(own):
+
+        def part(places: np.ndarray, side: int = side) -> np.ndarray:
+            return material_at(scene, places) & (sides_of(places, rounds) == side)
+
+        whole, cut = _whole_and_cut(centers, part(centers), np.array(cells.sides), part)
+        found[own == side] = nearest_volumes(cells, whole, cut, part, points[own == side])
+    return found * (volumes.sum() / found.sum())
 
 
 def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray) -> tuple[float, float]:
@@ -335,15 +388,9 @@ def _material_of_cells(centers: np.ndarray, kept: np.ndarray, cells: Cells, mate
     boundary would be a staircase, whose steps carry no stress, and a hole would be larger than it is.
     """
     sides = np.array(cells.sides)
-    corners, raster = _places_in_a_cell(len(sides))
-    all_there, some_there = kept.copy(), kept.copy()
-    for corner in corners * sides:
-        there = material(centers + corner)
-        all_there &= there
-        some_there |= there
+    raster = _places_in_a_cell(len(sides))[1] * sides
+    all_there, cut = _whole_and_cut(centers, kept, sides, material)
     points, volumes = centers.copy(), np.where(all_there, cells.volume, 0.0)
-    raster = raster * sides
-    cut = np.flatnonzero(some_there & ~all_there)
     for some in np.array_split(cut, len(cut) * len(raster) // MOST_PLACES + 1):
         samples = centers[some, None] + raster
         there = material(samples.reshape(-1, len(sides))).reshape(samples.shape[:2])
@@ -362,6 +409,16 @@ def _material_of_cells(centers: np.ndarray, kept: np.ndarray, cells: Cells, mate
             np.add.at(sums, heirs, parts)
         points[heirs] = moments[heirs] / volumes[heirs, None]
     return points[whole], volumes[whole]
+
+
+def _whole_and_cut(centers: np.ndarray, kept: np.ndarray, sides: np.ndarray, material) -> tuple[np.ndarray, np.ndarray]:
+    """Return flags of the cells that lie in material, and the numbers of the cells that a boundary cuts, see `_material_of_cells`."""
+    all_there, some_there = kept.copy(), kept.copy()
+    for corner in _places_in_a_cell(len(sides))[0] * sides:
+        there = material(centers + corner)
+        all_there &= there
+        some_there |= there
+    return all_there, np.flatnonzero(some_there & ~all_there)
 
 
 def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:

@@ -167,6 +167,13 @@ def log_not_kept(folder: str, why: str) -> None:
     logger.warning("compiled code cannot be cached in %s, so every process compiles it again: %s", folder, why)
 
 
+def cache_folder(function: Callable) -> Path | None:
+    """Return the folder in which compiled code of the file of a function is cached; None if no folder can be written to."""
+    with suppress(RuntimeError):
+        return Path(FunctionCache(function)._cache_path)
+    return None
+
+
 def _enable_cache(compiled, function: Callable, digest: str | None = None, parallel: bool = False):
     # Without a source file (an interactive session) or a writable folder nothing is cached, and each process compiles anew.
     with suppress(RuntimeError):

@@ -80,7 +80,7 @@ def save(figure: Figure, path: Path) -> None:
 def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
     """Return the corners of cells in the plane after a displacement of the nodes (k, 2), shape (n, 4, 2); triangles repeat the last."""
     places = cells.nodes + displacement
-    return np.concatenate([places[block[:, [0, 1, 2, 3] if block.shape[1] == 4 else [0, 1, 2, 2]]] for block in cells.blocks])
+    return np.concatenate([places[block if block.shape[1] > 3 else block[:, [0, 1, 2, 2]]] for block in cells.blocks])
 
 
 def limits_of(values: np.ndarray, greatest: float = 0.0) -> Limits:

@@ -15,6 +15,9 @@ from ..materials.states import principal_stretches
 from ..ranks import Share
 from ..scenes import Probe, Units
 
+MOST_FITTED = 10_000
+"""Number of points of a cloud, evenly chosen, of which the roughness is computed; each needs a fit to some fifty others."""
+
 
 def strain_energy(force: InternalForce) -> float:
     """Return this rank's share of the stored energy of a body in the state that its force evaluated last; for a sheet per unit thickness.
@@ -27,21 +30,31 @@ def strain_energy(force: InternalForce) -> float:
     return float(force.stress_and_energy()[1] @ (force.body.volumes * force.body.share.own))
 
 
-def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def edge_displacements(
+    body: Body, displacements: np.ndarray, axis: int, box: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the displacements along `axis` of the two edges of a sheet that are normal to this axis.
 
-    Points form lines along the axis, one cell wide; the two outermost points of each line are extrapolated linearly to the outermost
-    coordinate of the body plus half a cell.
+    On a lattice the two outermost points of each line along the axis, one cell wide, are extrapolated linearly to the edge; on a cloud the
+    displacement at places a cell apart follows from a fit to the points around, see `fields_at`. `box` (2, 2) are the lower and the upper
+    corner of the sheet, which a cloud needs.
 
     Returns
     -------
     position, lower, upper : ndarray, shape (lines,)
         Coordinate of each line along the other axis, and the displacement of its lower and upper end.
     """
+    x, u = body.points[:, axis], displacements[:, axis]
+    if body.tessellate is not None:
+        low, high = box[:, 1 - axis]
+        count = round((high - low) / body.spacing)
+        along = low + (high - low) * (np.arange(count) + 0.5) / count
+        places = np.repeat(along, 2)[:, None].repeat(2, axis=1)
+        places[:, axis] = np.tile(box[:, axis], count)
+        return along, *(fields_at(body, places)[0][axis] @ u).reshape(-1, 2).T
     order, line = _lines_along(body, axis)
     lines = np.split(order, np.flatnonzero(np.diff(line)) + 1)
     first, second, before, last = np.array([points[[0, 1, -2, -1]] for points in lines if len(points) > 1]).T
-    x, u = body.points[:, axis], displacements[:, axis]
     low, high = x.min() - body.cell[axis] / 2, x.max() + body.cell[axis] / 2
 
     def continued(outer: np.ndarray, inner: np.ndarray, place: float) -> np.ndarray:
@@ -55,13 +68,18 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
 
     The roughness is the root mean square of the second differences of this displacement between neighboring points on lines along `axis`,
     divided by the greatest absolute value of the displacement.  For a smooth field of wavelength L the roughness is about
-    (2 pi cell/L)^2 / sqrt(2); for a mode that alternates from point to point it is 4.
+    (2 pi cell/L)^2 / sqrt(2); for a mode that alternates from point to point it is 4.  On a cloud four times the deviation of the
+    displacements of points (at most `MOST_FITTED`) from a fit to the points around replaces the second differences.
     """
-    order, line = _lines_along(body, axis)
-    u, x = displacements[order, 1 - axis], body.points[order, axis]
-    neighbors = (line[2:] == line[:-2]) & (np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis])
-    second = (u[2:] - 2 * u[1:-1] + u[:-2])[neighbors]
-    greatest = np.abs(u).max()
+    greatest = np.abs(displacements[:, 1 - axis]).max()
+    if body.tessellate is not None:
+        some = np.arange(0, len(body), -(-len(body) // MOST_FITTED))
+        second = 4 * (displacements[some] - fields_at(body, body.points[some])[0][1 - axis] @ displacements)[:, 1 - axis]
+    else:
+        order, line = _lines_along(body, axis)
+        u, x = displacements[order, 1 - axis], body.points[order, axis]
+        neighbors = (line[2:] == line[:-2]) & (np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis])
+        second = (u[2:] - 2 * u[1:-1] + u[:-2])[neighbors]
     return float(np.sqrt((second**2).mean()) / greatest) if len(second) and greatest > 0 else 0.0
 
 

@@ -10,7 +10,7 @@ from ..body import CellMesh
 from .files import MARK, replacing, write_text
 
 CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
-"""Names of the types of cells in meshio, by dimension and number of corners."""
+"""Names of the types of cells in meshio, by dimension and number of corners; others are polygons in the plane."""
 
 DISPLACEMENT = "displacement"
 EXACT = ("position", DISPLACEMENT, "volume")
@@ -42,7 +42,7 @@ def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str
     flat = ((0, 0), (0, 3 - cells.dimension))
     ends = np.cumsum([len(block) for block in cells.blocks])[:-1]
     data = {name: np.split(field.astype(_kind(name)), ends) for name, field in fields.items()}
-    blocks = [(CELL_TYPES[cells.dimension, block.shape[1]], block.astype(np.int32, copy=False)) for block in cells.blocks]
+    blocks = [(CELL_TYPES.get((cells.dimension, block.shape[1]), "polygon"), block.astype(np.int32, copy=False)) for block in cells.blocks]
     moved = {DISPLACEMENT: np.pad(nodes, flat).astype(np.float32)}
     mesh = meshio.Mesh(np.pad(cells.nodes, flat), blocks, point_data=moved, cell_data=data)
     with replacing(path) as temporary:
@@ -111,7 +111,7 @@ def read_state(path: Path) -> tuple[CellMesh, np.ndarray, dict[str, np.ndarray]]
 
     pieces = [meshio.read(piece) for piece in pieces_of(path)]
     kinds = [block.type for block in pieces[0].cells]
-    d = next(dimension for (dimension, _), name in CELL_TYPES.items() if name == kinds[0])
+    d = next((dimension for (dimension, _), name in CELL_TYPES.items() if name == kinds[0]), 2)
     begins = np.cumsum([0, *(len(piece.points) for piece in pieces[:-1])])
     blocks = [np.concatenate([piece.cells[k].data + begin for piece, begin in zip(pieces, begins, strict=True)]) for k in range(len(kinds))]
     fields = {name: np.concatenate([part for piece in pieces for part in piece.cell_data[name]]) for name in pieces[0].cell_data}

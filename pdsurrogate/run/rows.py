@@ -128,8 +128,8 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
         if run.loading.course.pushes(run.loaded, least):
             row["stability"] = "checked" if run.loaded.has_energy else "not checked"
         if declared.lateral is not None:
-            displacements = run.body.share.gather(run.positions - run.body.points)
-            row |= run.ranks.to_all(None if displacements is None else _lateral(run.whole, displacements, declared.lateral))
+            displacements, box = run.body.share.gather(run.positions - run.body.points), np.array(run.problem.scene.body.bounds())
+            row |= run.ranks.to_all(None if displacements is None else _lateral(run.whole, displacements, declared.lateral, box))
     if run.measures_cracks:
         row["cracks"] = crack_rows(run)
     if len(run.probes):
@@ -173,13 +173,13 @@ def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float 
     return float(np.linalg.norm(total + sum(loads.values())) / drive)
 
 
-def _lateral(body: Body, displacements: np.ndarray, axis: int) -> dict[str, float]:
-    """Return measurements of the lateral contraction of a rectangle along `axis`, which is perpendicular to the load.
+def _lateral(body: Body, displacements: np.ndarray, axis: int, box: np.ndarray) -> dict[str, float]:
+    """Return measurements of the lateral contraction of a rectangle, with the corners `box`, along `axis`, perpendicular to the load.
 
     They are, for the two edges normal to `axis`, half the mean decrease of their distance and the greatest displacement along `axis` on
     them; and the roughness (`measures.roughness`) of the displacements of all points along `axis`.
     """
-    _, low, high = measures.edge_displacements(body, displacements, axis)
+    _, low, high = measures.edge_displacements(body, displacements, axis, box)
     return {
         "lateral_displacement": float((low - high).mean() / 2),
         "greatest_lateral_displacement": float(max(np.abs(low).max(), np.abs(high).max())),

@@ -11,7 +11,7 @@ from ..arguments import suggestion
 from .amplitudes import amplitude_of
 from .regions import FACES, Region, edge_names, references_in, reserved_names
 from .shapes import Mesh
-from .solids import Prism
+from .solids import Extrusion, Prism
 from .strict_model import vectors_in
 from .tip_diameter import tip_diameter
 
@@ -24,8 +24,8 @@ MOST_INCREMENTS = 100_000
 
 def check_consistency(scene: Scene) -> None:
     """Raise ValueError if the parts of a scene, each valid alone, do not fit together, such as a shape of the plane in a solid body."""
-    checks = (_spacing, _dimension, _way_of_loading, _rigid_regions, _grips, _program, _thickness, _amplitudes, _probes, _regions)
-    for check in checks:
+    of_body = _spacing, _arrangement, _dimension
+    for check in (*of_body, _way_of_loading, _rigid_regions, _grips, _program, _thickness, _amplitudes, _probes, _regions):
         check(scene)
 
 
@@ -46,6 +46,20 @@ def _references(scene: Scene) -> Iterator[tuple[str, str | Region]]:
 def _spacing(scene: Scene) -> None:
     if scene.spacing is None and not isinstance(scene.body, Mesh):
         raise ValueError("spacing: must be a number, unless the body is a mesh, which has its own spacing")
+
+
+def _arrangement(scene: Scene) -> None:
+    """Raise ValueError if the lattice has a seed, or a shape that is no body an arrangement."""
+    if isinstance(scene.body, Mesh):
+        return
+    if scene.body.arrangement == "lattice" and scene.body.seed:
+        raise ValueError(f"body.seed: a lattice has no seed, {scene.body.seed} is for body.arrangement = 'relaxed'; leave it out")
+    shapes = [*_entries(scene, "holes")]
+    if isinstance(scene.body, Extrusion):
+        shapes += [("body.outline", scene.body.outline), *((f"body.holes.{number}", hole) for number, hole in enumerate(scene.body.holes))]
+    for key, shape in shapes:
+        if shape.arrangement != "lattice" or shape.seed:
+            raise ValueError(f"{key}: only the body has an arrangement and a seed of its points; leave them out")
 
 
 def _dimension(scene: Scene) -> None:
@@ -142,6 +156,8 @@ def _program(scene: Scene) -> None:
         where = "a step with dynamics" if scene.steps else "dynamics"
         raise ValueError(f"fracture: needs {where}, since a running crack is not in equilibrium")
     if scene.fracture is not None and scene.fracture.energy is not None:
+        if not isinstance(scene.body, Mesh) and scene.body.arrangement == "relaxed":
+            raise ValueError("fracture.energy: no diameter of a crack tip was measured for a relaxed body; give critical_stretch")
         tip_diameter(scene.plane, scene.horizon_ratio)  # for which force model, a run checks
 
 

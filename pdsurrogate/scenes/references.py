@@ -55,7 +55,9 @@ def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
         Stresses are scaled to the scene's shear modulus; displacements depend on the law by its ratio K/mu of bulk and shear modulus alone.
     """
     law, keys = scene.law(), {"body", "holes", "precuts", "grips", "materials"}
-    problem = scene.model_dump(mode="json", include=keys, exclude_none=True, by_alias=True)
+    points = {"arrangement", "seed"}
+    body_alone = {"body": points, "holes": {"__all__": points}}
+    problem = scene.model_dump(mode="json", include=keys, exclude=body_alone, exclude_none=True, by_alias=True)
     ratio = law.bulk_modulus / law.shear_modulus
     for case in [] if scene.holds else _cases():
         scale = law.shear_modulus / case["shear_modulus"]

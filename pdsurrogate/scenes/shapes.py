@@ -10,7 +10,10 @@ from pydantic import BeforeValidator, Field
 from scipy.spatial import cKDTree
 
 from ..body import encloses
-from .strict_model import Point, Positive, StrictModel
+from .strict_model import Point, Positive, StrictModel, Whole
+
+MOST_SEED = 2**63 - 1
+"""Greatest seed: the greatest integer of TOML."""
 
 FOOT_STEPS = 12
 """Number of steps toward the nearest point of an ellipse. Each reduces the error to a small part; twelve reach rounding at semi-axes in a
@@ -20,6 +23,14 @@ ratio of 10 (measured)."""
 class Shape(StrictModel):
     """Closed shape of a body or a hole, in the plane or in three dimensions.
 
+    Parameters
+    ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
+
     Attributes
     ----------
     dimension : int
@@ -27,6 +38,9 @@ class Shape(StrictModel):
     """
 
     dimension: ClassVar[int]
+
+    arrangement: Literal["lattice", "relaxed"] = "lattice"
+    seed: Annotated[Whole, Field(ge=0, le=MOST_SEED)] = 0
 
     @abstractmethod
     def contains(self, points: np.ndarray) -> np.ndarray:
@@ -121,6 +135,11 @@ class Rectangle(Outline):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"rectangle"}
         Name of the shape.
     size : pair of float
@@ -161,6 +180,11 @@ class Ellipse(Outline):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"ellipse"}
         Name of the shape.
     semi_axes : pair of float
@@ -208,6 +232,11 @@ class Circle(Outline):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"circle"}
         Name of the shape.
     radius : float
@@ -246,6 +275,11 @@ class Polygon(Outline):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"polygon"}
         Name of the shape.
     vertices : list of points

@@ -77,6 +77,11 @@ class Box(Prism):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"box"}
         Name of the shape.
     size : three floats
@@ -153,6 +158,11 @@ class Cylinder(Round):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     length : float
         Length along the axis. Unit: length.
     axis : {"x1", "x2", "x3"}
@@ -184,6 +194,11 @@ class Tube(Round):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     length : float
         Length along the axis. Unit: length.
     axis : {"x1", "x2", "x3"}
@@ -222,6 +237,11 @@ class Extrusion(Prism):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"extrusion"}
         Name of the shape.
     outline : Rectangle, Circle, Ellipse or Polygon
@@ -258,6 +278,11 @@ class Sphere(Solid):
 
     Parameters
     ----------
+    arrangement : {"lattice", "relaxed"}
+        How the points of a body lie: in rows along the axes, or in an irregular cloud without rows, so that the direction of a crack does
+        not depend on the axes. Holes leave it out.
+    seed : int
+        Number of the cloud of a relaxed body: other seeds give other clouds. Unit: none.
     shape : {"sphere"}
         Name of the shape.
     radius : float

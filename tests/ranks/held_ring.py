@@ -12,13 +12,19 @@ from pdsurrogate.materials import NeoHookean
 from pdsurrogate.ranks import communicator
 from pdsurrogate.stress_test.conformance import Deformation
 
-CASES = ("analytic", "stress"), ("bond-energy", "stress"), ("bond-energy", "strain"), ("nosb", "strain")
+CASES = (
+    ("analytic", "stress"),
+    ("bond-energy", "stress"),
+    ("bond-energy", "strain"),
+    ("nosb", "strain"),
+    ("bond-energy", "stress", "relaxed"),
+)
 KEYS = {"spacing": 0.1, "holes": [{"shape": "circle", "radius": 0.3}]}
 
 
-def digests(name, plane, ranks):
+def digests(ranks, name, plane, arrangement="lattice"):
     """Of the forces with both boundaries moved, and of the pair forces across them summed on the ranks."""
-    body = discretize(pds.load_scene("disc-torsion", {**KEYS, "plane": plane}))[0]
+    body = discretize(pds.load_scene("disc-torsion", {**KEYS, "plane": plane, "body.arrangement": arrangement}))[0]
     if ranks.size > 1:
         body = divided(body, ranks)
         assert len(body) < body.share.size
@@ -32,8 +38,13 @@ def digests(name, plane, ranks):
     outer &= body.share.own[body.bonds.first]
     reaction = body.share.total(force.pair_forces()[outer].sum(axis=0))
     digest = None if whole is None else hashlib.sha256(whole.tobytes()).hexdigest()
-    return {"case": f"{name}, {plane}", "forces": digest, "reaction": reaction.tolist(), "bonds": body.share.total(int(outer.sum()))}
+    return {
+        "case": f"{name}, {plane}, {arrangement}",
+        "forces": digest,
+        "reaction": reaction.tolist(),
+        "bonds": body.share.total(int(outer.sum())),
+    }
 
 
 def digests_of_cases():
-    return [digests(*case, communicator()) for case in CASES]
+    return [digests(communicator(), *case) for case in CASES]
