@@ -77,13 +77,13 @@ def test_a_scene_has_the_critical_stretch_of_its_diameter(force):
         ("tear", {}, "nosb", "nosb, plane=stress, horizon_ratio 3.15"),
         ("tear", {"horizon_ratio": 6.0}, "analytic", "plane=stress, horizon_ratio 6"),
         ("tear", {"horizon_ratio": 2.0}, "bond-energy", "plane=stress, horizon_ratio 2"),
-        ("tear", {"plane": "strain", "horizon_ratio": 2.2}, "ba-nosb", "ba-nosb, plane=strain, horizon_ratio 2.2"),
+        ("tear", {"plane": "strain", "horizon_ratio": 6.0}, "bond-energy", "plane=strain, horizon_ratio 6"),
         ("trousers", {"horizon_ratio": 1.5}, "bond-energy", "plane=space, horizon_ratio 1.5"),
         ("trousers", {}, "nosb", "nosb, plane=space, horizon_ratio 2.2"),
     ],
 )
 def test_a_fracture_energy_is_refused_where_the_tip_was_not_measured(scene, changes, force, here):
-    known = r"\(bond energy, plane=.*; bond force, plane=stress, horizon_ratio 2.2 to 5\)"
+    known = r"\(bond energy, plane=.*; bond force, plane=stress, horizon_ratio 2.2 to 5.*\)"
     with pytest.raises(pds.SceneError, match=rf"fracture\.energy .*{known}, not for {here}; set fracture\.critical_stretch"):
         pds.simulate(pds.load_scene(scene, {"fracture": {"energy": 274.0}} | changes), force)
 
