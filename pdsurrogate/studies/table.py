@@ -111,9 +111,9 @@ def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
 
 
 def means_of(rows: Iterable[dict[str, Any]], parameters: Iterable[str], over: Iterable[str]) -> list[dict[str, Any]]:
-    """Return mean and deviation of every numerical quantity over the successful runs whose parameters are equal apart from those in `over`.
+    """Return mean and deviation of numerical quantities over the successful runs whose parameters are equal apart from those in `over`.
 
-    Each row has the other parameters, the number of ``runs``, and the ``mean`` and (for two runs or more) the sample standard ``deviation``
+    Quantities that a run of such a group lacks are left out. Each row has the other parameters, the number of ``runs``, and the ``mean`` and (for two runs or more) the sample standard ``deviation``
     of each quantity, after its key and a dot.
     """
     kept = [key for key in parameters if key not in over]
@@ -126,7 +126,7 @@ def means_of(rows: Iterable[dict[str, Any]], parameters: Iterable[str], over: It
         means: dict[str, Any] = {key: group[0].get(key) for key in kept} | {"runs": len(group)}
         for key in columns_of(group):
             values = [row[key] for row in group if _is_number(row.get(key))]
-            if values and key not in (*kept, *over):
+            if len(values) == len(group) and key not in (*kept, *over):
                 means |= {f"{key}.mean": float(np.mean(values))}
                 means |= {f"{key}.deviation": float(np.std(values, ddof=1))} if len(values) > 1 else {}
         found.append(means)

@@ -227,6 +227,7 @@ def test_repeated_runs_have_a_table_of_means(tmp_path):
 def test_seeds_are_repetitions_and_failed_runs_are_not_in_the_mean():
     study = pds.Study(scene="tear", parameters={"body.seed": [1, 2, 3, 4], "force": ["neo-hookean"]})
     rows = [{"run": str(seed), "body.seed": seed, "force": "neo-hookean", "peak": 2.0 * seed, "failure": None} for seed in (1, 2, 3)]
+    rows[0] |= {"crack.path.stray": 0.1}  # the others have no path
     rows += [{"run": "4", "body.seed": 4, "force": "neo-hookean", "peak": 100.0, "failure": "lost"}]
     found = pds.studies.StudyResult(study, Path(), rows).means()
     assert found == [{"force": "neo-hookean", "runs": 3, "peak.mean": 4.0, "peak.deviation": 2.0}]
