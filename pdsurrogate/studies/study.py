@@ -102,8 +102,8 @@ class StudyResult:
         -------
         list of dict
             One row for every combination of the other parameters: these, the number of ``runs`` that succeeded, and for each quantity
-            that all of these have ``QUANTITY.mean`` and, from two runs on, the sample standard deviation ``QUANTITY.deviation``. Empty if the study repeats no
-            run.
+            that all of these have ``QUANTITY.mean`` and, from two runs on, the sample standard deviation ``QUANTITY.deviation``. Empty if
+            the study repeats no run.
 
         Examples
         --------

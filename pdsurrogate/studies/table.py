@@ -113,8 +113,8 @@ def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
 def means_of(rows: Iterable[dict[str, Any]], parameters: Iterable[str], over: Iterable[str]) -> list[dict[str, Any]]:
     """Return mean and deviation of numerical quantities over the successful runs whose parameters are equal apart from those in `over`.
 
-    Quantities that a run of such a group lacks are left out. Each row has the other parameters, the number of ``runs``, and the ``mean`` and (for two runs or more) the sample standard ``deviation``
-    of each quantity, after its key and a dot.
+    Quantities that a run of such a group lacks are left out. Each row has the other parameters, the number of ``runs``, and the ``mean``
+    and (for two runs or more) the sample standard ``deviation`` of each quantity, after its key and a dot.
     """
     kept = [key for key in parameters if key not in over]
     groups: dict[str, list[dict[str, Any]]] = {}
