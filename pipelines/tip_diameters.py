@@ -159,7 +159,7 @@ def pulls(case: dict, forces) -> np.ndarray:
 def released(case: dict, travel: float) -> float:
     """-dE/da at a travel: the works of the grips on two bodies whose precuts differ."""
     works = []
-    for precut in case.get("precut", PRECUT) + np.array([-OFFSET, OFFSET]) * (1 if case.get("high", 1) == 1 else 0.34):
+    for precut in case.get("precut", PRECUT) + np.array([-OFFSET, OFFSET]) / (1 if case.get("high", 1) == 1 else 3):
         levels = pds.simulate(strip(case, precut=float(precut) + 1e-3 / case["rows"], end=travel), case["model"], threads=1).levels
         forces = pulls(case, [level["forces"]["high"] for level in levels])
         works.append((precut, np.trapezoid([0.0, *forces], [0.0, *(level["t"] for level in levels)])))
