@@ -7,7 +7,7 @@ import typer
 from typer import Argument, Option
 
 from .. import studies
-from ..studies.study import FIGURE, TABLE
+from ..studies.study import FIGURE, MEANS, TABLE
 from .command import MaxTime
 from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, note, print_json, warn, writing
 
@@ -44,7 +44,8 @@ def study(
     for caution in result.cautions():
         warn(caution)
     print_json(result.rows)
-    note(f"Wrote {TABLE}{f' and {FIGURE}' if (result.folder / FIGURE).exists() else ''} of {len(result.rows)} runs in {folder}")
+    written = " and ".join(name for name in (TABLE, MEANS, FIGURE) if (result.folder / name).exists())
+    note(f"Wrote {written} of {len(result.rows)} runs in {folder}")
     if interrupted is not None:
         raise ended(INTERRUPTED, str(interrupted), WARNING)
     if result.failures:

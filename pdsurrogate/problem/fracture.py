@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 from ..scenes import Scene
-from ..scenes.tip_diameter import TIP_DIAMETER, tip_diameter
+from ..scenes.tip_diameter import TIP_DIAMETER, tip_diameter_in
 
 
 def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
@@ -26,8 +26,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
         Energy per unit area of crack in the undeformed state, in units of stress times length.
     horizon : float
     tip_diameter : float
-        Diameter in horizons. The default, 1.15, was measured in sheets with force models whose `family` is "bond force". For the force
-        model `bond-energy` in three dimensions take 1.2 with a horizon of 1.75 spacings, and 0.83 with one of 2.2.
+        Diameter in horizons. The default, 1.15, is that of sheets with force models whose `family` is "bond force". Diameters of other
+        cases are in `pdsurrogate/scenes/tip_diameters.json` and in the documentation (validation, crack tips).
 
     Returns
     -------
@@ -65,7 +65,7 @@ def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> 
     spec = scene.fracture
     if spec is None or spec.energy is None:
         return spec.critical_stretch if spec else None
-    return critical_stretch_of(law, spec.energy, horizon, tip_diameter(scene.plane, scene.horizon_ratio, family))
+    return critical_stretch_of(law, spec.energy, horizon, tip_diameter_in(scene, family))
 
 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:

@@ -14,7 +14,7 @@ from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
 from ..scenes import Part, Scene, SceneError
 from ..scenes.regions import label_of_region
-from ..scenes.tip_diameter import tip_diameter
+from ..scenes.tip_diameter import tip_diameter_in
 from .regions import BodyRegions
 
 LEAST_CELLS = 3
@@ -138,7 +138,7 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
         settings_of(scene).check(model.name, model.honored(scene.plane))
         model.check_material(scene.law())
         if scene.fracture is not None and scene.fracture.energy is not None:
-            tip_diameter(scene.plane, scene.horizon_ratio, model.family)
+            tip_diameter_in(scene, model.family)
     found = [model]
     for number, part in enumerate(scene.materials):
         with scene_errors(scene, f"materials.{number}{'.force' if part.force else ''}: "):

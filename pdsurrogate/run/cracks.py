@@ -147,6 +147,22 @@ def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
     return [places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist() for members in _groups(places, horizon)]
 
 
+def crack_path(outputs: list[dict]) -> dict[str, float] | None:
+    """Return the direction of the largest crack in the plane of x1 and x2, and how far it strays from a straight line.
+
+    The line is that of least squared distances through the places of the tip at the outputs; ``direction`` is its angle with the x1 axis
+    in degrees, from -90 to 90, and ``stray`` the greatest distance of a tip from it. None if the tip was at fewer than three places.
+    """
+    tips = np.array(list(dict.fromkeys(tuple(output["tip"]) for output in outputs if output["tip"])))
+    if len(tips) < 3:
+        return None
+    off = tips - tips.mean(axis=0)
+    line = np.linalg.svd(off, full_matrices=False)[2][0]
+    direction = np.degrees(np.arctan2(line[1], line[0])) % 180
+    distances = np.linalg.norm(off - np.outer(off @ line, line), axis=1)
+    return {"direction": float(direction - 180 * (direction > 90)), "stray": float(distances.max())}
+
+
 def starts_of_cracks(places: np.ndarray, events: np.ndarray, horizon: float) -> list[list[float]]:
     """Return the places where cracks began: one for each group of broken pairs linked by distances of up to a horizon.
 

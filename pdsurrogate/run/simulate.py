@@ -30,6 +30,7 @@ from ..scenes import Scene, SceneError, load_scene
 from ..solvers.conditions import FoldedOver
 from ..solvers.equilibrium import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.obstacles import Obstructed
+from .cracks import crack_path
 from .interruption import Interrupted, Interruption
 from .run import Progress, Run, Silent
 from .sensitivity import differentiate
@@ -327,7 +328,8 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         summary["dynamics"] = state.dynamics
     if state.crack is not None:
         summary["critical_stretch"] = run.problem.critical_stretch
-        summary["crack"] = state.crack | ({} if stress is None else {"peak": _peak(state.history)})
+        path = {"path": crack_path(state.crack["tips"])}
+        summary["crack"] = state.crack | path | ({} if stress is None else {"peak": _peak(state.history)})
     body, differentiated = run.body if run.whole is None else run.whole, partial(differentiate, run.problem.scene, run.problem.models)
     return Result(run.problem.scene, body, summary, state.history, run.states, state.convergence, differentiated)
 

@@ -13,7 +13,7 @@ from .regions import FACES, Region, edge_names, references_in, reserved_names
 from .shapes import Mesh
 from .solids import Extrusion, Prism
 from .strict_model import vectors_in
-from .tip_diameter import tip_diameter
+from .tip_diameter import tip_diameter_in
 
 if TYPE_CHECKING:
     from .model import Scene
@@ -156,9 +156,7 @@ def _program(scene: Scene) -> None:
         where = "a step with dynamics" if scene.steps else "dynamics"
         raise ValueError(f"fracture: needs {where}, since a running crack is not in equilibrium")
     if scene.fracture is not None and scene.fracture.energy is not None:
-        if not isinstance(scene.body, Mesh) and scene.body.arrangement == "relaxed":
-            raise ValueError("fracture.energy: no diameter of a crack tip was measured for a relaxed body; give critical_stretch")
-        tip_diameter(scene.plane, scene.horizon_ratio)  # for which force model, a run checks
+        tip_diameter_in(scene)  # for which force model, a run checks
 
 
 def _thickness(scene: Scene) -> None:

@@ -226,7 +226,8 @@ class Fracture(StrictModel):
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float, optional
         Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
-        tip, and the package rejects it if no diameter was measured for the force model, the plane and `horizon_ratio`. Unit: stress length.
+        tip, and the package rejects it if no diameter was measured for the force model, the plane, the arrangement of the points and
+        `horizon_ratio`. Unit: stress length.
     """
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None

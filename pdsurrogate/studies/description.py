@@ -20,6 +20,9 @@ MOST_RUNS = 100_000
 USUAL = ("uniform", "loguniform", "norm", "truncnorm", "lognorm", "triang", "randint")
 """Examples of distributions that the error message for an unknown distribution lists."""
 
+SEED = "body.seed"
+"""Parameter over whose values a study takes means unless it names others."""
+
 FORCE = "force"
 """Name of the parameter, in a study of a scene, that selects the force model instead of changing a key of the scene."""
 
@@ -182,7 +185,10 @@ class Study(StrictModel):
         Seed of the draw.
     quantities : tuple of str, optional
         Columns of the table: dotted keys of a run's ``summary.json``, or of the last entry of its ``levels``. By default the convergence,
-        stresses or forces, probes, evaluations and seconds.
+        stresses or forces, peak and path of a crack, probes, evaluations and seconds.
+    mean_over : tuple of str, optional
+        Parameters whose values repeat a run, such as seeds: a second table gives mean and deviation of every quantity over these runs. By
+        default ``body.seed``, if it is one of the `parameters`.
 
     See Also
     --------
@@ -206,6 +212,19 @@ class Study(StrictModel):
     samples: Annotated[Whole, Field(ge=1, le=MOST_RUNS)] | None = None
     seed: Annotated[Whole, Field(ge=0)] = 0
     quantities: Names | None = None
+    mean_over: Names | None = None
+
+    @property
+    def repeated(self) -> tuple[str, ...]:
+        """Parameters over which means are taken.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Study(scene="tear", parameters={"spacing": [0.1], "body.seed": [1, 2, 3]}).repeated
+        ('body.seed',)
+        """
+        return self.mean_over or tuple({SEED} & set(self.parameters))
 
     def model_post_init(self, context: Any) -> None:
         drawn = self.design in ("random", "latin-hypercube")
@@ -219,6 +238,7 @@ class Study(StrictModel):
                 f"{key}: applies to scenes only; put settings common to all fits in [fit]",
             ),
             (self.force is not None and FORCE in self.parameters, "force: is also a parameter; set it in one place only"),
+            *((key not in self.parameters, f"mean_over: {key!r} is not one of the parameters") for key in self.mean_over or ()),
             *((key in self.parameters, f"set.{key}: is also a parameter; set it in one place only") for key in self.set),
             (drawn and self.samples is None, f"samples: design={self.design} needs the number of samples"),
             (not drawn and self.samples, f"samples: design={self.design} uses every value of the lists; {to_draw}"),

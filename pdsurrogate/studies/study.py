@@ -18,9 +18,9 @@ from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, differences_from, oc
 from ..run.interruption import heard
 from .description import Study, load_study, parameters_of_runs
 from .runs import NOT_DONE, OUTCOME, FitTask, SceneTask, Workers, tasks_of
-from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, quantities_in, study_figure
+from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, means_of, quantities_in, study_figure
 
-TABLE, FIGURE, DESCRIPTION, RUNS = "study.csv", "study.png", "study.json", "runs"
+TABLE, MEANS, FIGURE, DESCRIPTION, RUNS = "study.csv", "study-means.csv", "study.png", "study.json", "runs"
 
 SECONDS_BETWEEN_TABLES = 10.0
 """Seconds between updates of the table on disk while runs end. Chosen: the whole table is written each time, which takes longer the more
@@ -50,7 +50,7 @@ class StudyResult:
     study : Study
         Description of the study.
     folder : Path
-        Folder with ``study.csv``, ``study.png`` and, in ``runs``, a folder for every run.
+        Folder with ``study.csv``, ``study.png``, for repeated runs ``study-means.csv``, and, in ``runs``, a folder for every run.
     rows : list of dict
         One row for every run, in the order of the design: ``run``, the name of its folder; parameters and quantities (columns of results)
         by their keys; and ``failure``, None for a run that succeeded.
@@ -94,6 +94,26 @@ class StudyResult:
         except ImportError:
             return self.rows
         return DataFrame(self.rows, columns=columns_of(self.rows))
+
+    def means(self) -> list[dict[str, Any]]:
+        """Return mean and deviation of every quantity over the runs that repeat each other, such as those that differ in their seed alone.
+
+        Returns
+        -------
+        list of dict
+            One row for every combination of the other parameters: these, the number of ``runs`` that succeeded, and for each quantity
+            that all of these have ``QUANTITY.mean`` and, from two runs on, the sample standard deviation ``QUANTITY.deviation``. Empty if
+            the study repeats no run.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> described = pds.Study(scene="tear", parameters={"body.seed": [1, 2]})
+        >>> rows = [{"run": name, "body.seed": seed, "stress": seed, "failure": None} for name, seed in (("a", 1), ("b", 2))]
+        >>> {key: round(value, 3) for key, value in pds.studies.StudyResult(described, None, rows).means()[0].items()}
+        {'runs': 2, 'stress.mean': 1.5, 'stress.deviation': 0.707}
+        """
+        return means_of(self.rows, self.study.parameters, self.study.repeated) if self.study.repeated else []
 
     @property
     def failures(self) -> list[dict[str, Any]]:
@@ -336,6 +356,10 @@ def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool)
 
 def _write(result: StudyResult) -> None:
     write_text(result.folder / TABLE, as_csv(result.rows))
+    if means := result.means():
+        write_text(result.folder / MEANS, as_csv(means))
+    else:
+        (result.folder / MEANS).unlink(missing_ok=True)
     if figure := result.figure():
         figures.save(figure, result.folder / FIGURE)
     else:

@@ -18,8 +18,9 @@ from ..scenes.reading import leaves
 from .description import Study
 
 _ALL = ("fraction_outside_domain", "n_force_evaluations", "seconds_total")
-OF_GRIPS = ("converged", "stretch", "nominal_stress", "peak_nominal_stress", "crack.broken_bonds", "crack.through", *_ALL)
-OF_STEPS = ("converged", "t", "forces", "moments", "probes.*.displacement", "crack.broken_bonds", "crack.through", *_ALL)
+_CRACK = ("crack.peak", "crack.path", "crack.broken_bonds", "crack.through")
+OF_GRIPS = ("converged", "stretch", "nominal_stress", "peak_nominal_stress", *_CRACK, *_ALL)
+OF_STEPS = ("converged", "t", "forces", "moments", "probes.*.displacement", *_CRACK, *_ALL)
 OF_FITS = ("on_surface.rms", "on_surface.max", "cross_validated_rms", "outcome.n_iter", "seconds_total")
 """Default columns of the tables of studies of scenes with grips, of scenes with steps, and of fits; only those with a value in some run are
 shown."""
@@ -42,7 +43,7 @@ KEYS_OF_LEVELS = (
     *("nominal_stress_grip", "nominal_stress_area", "nominal_stress_work_conjugate", "roughness", "residual", "evaluations", "method"),
     *("force_balance", "rigid", "contact", "cracks"),
 )
-KEYS_OF_CRACKS = ("start", "peak", "tips", "broken_bonds", "failed_points", "through")
+KEYS_OF_CRACKS = ("start", "peak", "path", "tips", "broken_bonds", "failed_points", "through")
 KEYS_OF_FITS = (
     *("material", "artifact", "stretch_range", "n_samples", "random_state", "on_surface", "off_surface", "by_strain", "at_rest"),
     *("least_slope", "least_slope_exact", "least_acoustic", "least_acoustic_exact", "least_curvature", "least_curvature_exact"),
@@ -109,9 +110,32 @@ def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
     return [*(column for column in tables.columns_of(rows) if column != FAILURE), FAILURE]
 
 
+def means_of(rows: Iterable[dict[str, Any]], parameters: Iterable[str], over: Iterable[str]) -> list[dict[str, Any]]:
+    """Return mean and deviation of numerical quantities over the successful runs whose parameters are equal apart from those in `over`.
+
+    Quantities that a run of such a group lacks are left out. Each row has the other parameters, the number of ``runs``, and the ``mean``
+    and (for two runs or more) the sample standard ``deviation`` of each quantity, after its key and a dot.
+    """
+    kept = [key for key in parameters if key not in over]
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        if row[FAILURE] is None:
+            groups.setdefault(json.dumps([row.get(key) for key in kept], default=str), []).append(row)
+    found = []
+    for group in groups.values():
+        means: dict[str, Any] = {key: group[0].get(key) for key in kept} | {"runs": len(group)}
+        for key in columns_of(group):
+            values = [row[key] for row in group if _is_number(row.get(key))]
+            if len(values) == len(group) and key not in (*kept, *over):
+                means |= {f"{key}.mean": float(np.mean(values))}
+                means |= {f"{key}.deviation": float(np.std(values, ddof=1))} if len(values) > 1 else {}
+        found.append(means)
+    return found
+
+
 def as_csv(rows: list[dict[str, Any]]) -> str:
     """Return the rows of a study's table as CSV; nested tables and lists are written as JSON, missing values as empty cells."""
-    columns = columns_of(rows)
+    columns = columns_of(rows) if any(FAILURE in row for row in rows) else tables.columns_of(rows)
     return tables.as_csv([{column: _cell(row.get(column)) for column in columns} for row in rows])
 
 

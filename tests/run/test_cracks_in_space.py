@@ -6,7 +6,6 @@ from stopping import Killed, KilledWhileBondsBreak
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.problem.fracture import critical_stretch_in
 from pdsurrogate.run import checkpoints, transient
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Scene, SceneError, load_scene
@@ -83,18 +82,6 @@ def test_a_crack_in_space_resumes_to_the_same_bits(torn, tmp_path, monkeypatch):
     assert resumed.summary["crack"] == torn.summary["crack"]
     np.testing.assert_array_equal(resumed.states[-1][1]["damage"], torn.states[-1][1]["damage"])
     np.testing.assert_array_equal(resumed.displacement(), torn.displacement())
-
-
-def test_a_fracture_energy_in_space_needs_a_horizon_at_which_the_tip_was_measured():
-    law = Scene.model_validate(STRIP).material.build()
-    for ratio, diameter in ((1.75, 1.2), (2.2, 0.83)):
-        scene = Scene.model_validate({**STRIP, "fracture": {"energy": 2.0}, "horizon_ratio": ratio})
-        found = critical_stretch_in(scene, law, 0.5, "bond energy")
-        assert homogeneous.uniaxial(law, found).energy_density * diameter * 0.5 == pytest.approx(2.0, rel=1e-9)
-    with pytest.raises(
-        ValueError, match=r"fracture.energy .*horizon_ratio 1.75; bond energy, plane=space, horizon_ratio 2.2.*not for plane=space"
-    ):
-        Scene.model_validate({**STRIP, "fracture": {"energy": 2.0}, "horizon_ratio": 3.0})
 
 
 def test_cuts_of_scenes_in_space():

@@ -16,6 +16,7 @@ from pdsurrogate.cli import app
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
 from pdsurrogate.run import account, checkpoints, transient
+from pdsurrogate.run.cracks import crack_path
 from pdsurrogate.run.damage import Damage
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.solvers.conditions import Loading
@@ -154,9 +155,32 @@ def test_the_crack_runs_straight_through(torn):
     assert np.abs(tips[:, 1] - 0.5).max() < 0.1
     assert tips[-1, 0] > 2.5
     assert [entry["tip"] for entry in crack["tips"] if entry["tips"]] == tips.tolist()
+    assert abs(crack["path"]["direction"]) < 3
+    assert crack["path"]["stray"] < 0.1
     assert (np.diff(tips[:, 0]) > -0.1).all()
     assert result.summary["peak_nominal_stress"] > max(level["nominal_stress"] for level in result.levels)
     assert [level["stretch"] for level in result.levels] == [1.1, 1.2]
+
+
+def test_the_path_of_a_crack_is_the_line_through_its_tips():
+    """Tips on a line at 150 degrees to x1, which is -30, and one beside it; the tip stands still at first, or is not there."""
+    along, beside = np.array([np.cos(np.radians(150)), np.sin(np.radians(150))]), np.array([0.5, np.sqrt(0.75)])
+    places = [[3.0, 1.0] + step * along for step in (0.0, 0.0, 1.0, 2.0, 3.0, 4.0)]
+    outputs = [{"tip": None}, *({"tip": place.tolist()} for place in places)]
+    found = crack_path(outputs)
+    assert found["direction"] == pytest.approx(-30, abs=1e-9)
+    assert found["stray"] < 1e-12
+    aside = {"tip": ([3.0, 1.0] + 2 * along + 0.5 * beside).tolist()}
+    moved = crack_path([*outputs, aside])
+    assert moved["direction"] == pytest.approx(-30, abs=1e-9)
+    assert moved["stray"] == pytest.approx(0.5 * 5 / 6, rel=1e-12)  # the line moves by a sixth toward it
+    assert crack_path(outputs[:4]) is None
+
+
+@pytest.mark.parametrize("angle", [0.0, 89.0, -89.0])
+def test_directions_of_cracks_lie_between_minus_and_plus_90_degrees(angle):
+    tips = [{"tip": [step * np.cos(np.radians(angle)), step * np.sin(np.radians(angle)), 0.0]} for step in range(3)]
+    assert crack_path(tips)["direction"] == pytest.approx(angle, abs=1e-9)
 
 
 def test_energy_is_accounted_for(torn):

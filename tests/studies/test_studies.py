@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.results.folder import FolderTaken
+from pdsurrogate.scenes import SceneError
 from pdsurrogate.studies.description import load_study, parameters_of_runs
 from pdsurrogate.studies.runs import Workers, tasks_of
 from pdsurrogate.studies.table import KEYS_OF_CRACKS, KEYS_OF_FITS, KEYS_OF_LEVELS, KEYS_OF_RUNS, label_of, quantities_in, study_figure
@@ -206,6 +207,33 @@ def test_a_run_has_no_quantities_that_are_not_known_before(scene, changes):
     assert set(summary) <= set(KEYS_OF_RUNS)
     assert {key for level in summary["levels"] for key in level} <= set(KEYS_OF_LEVELS)
     assert set(summary.get("crack", KEYS_OF_CRACKS)) == set(KEYS_OF_CRACKS)
+
+
+def test_repeated_runs_have_a_table_of_means(tmp_path):
+    """By hand: means and sample deviations over the moduli, for each spacing; the stress is proportional to the modulus."""
+    parameters = {"spacing": [0.5, 0.25], "material.shear_modulus": [1.0, 2.0, 6.0]}
+    done = pds.study({**TINY, "set": {"stretches": 1.2}, "parameters": parameters, "mean_over": "material.shear_modulus"}, tmp_path, jobs=1)
+    stresses = np.reshape([row["nominal_stress"] for row in done.rows], (2, 3))
+    means = done.means()
+    assert [(row["spacing"], row["runs"]) for row in means] == [(0.5, 3), (0.25, 3)]
+    np.testing.assert_allclose([row["nominal_stress.mean"] for row in means], stresses.sum(axis=1) / 3, rtol=1e-12)
+    expected = np.sqrt(((stresses - stresses.mean(axis=1, keepdims=True)) ** 2).sum(axis=1) / 2)
+    np.testing.assert_allclose([row["nominal_stress.deviation"] for row in means], expected, rtol=1e-12)
+    assert "material.shear_modulus.mean" not in means[0]
+    with (tmp_path / "study-means.csv").open() as file:
+        assert [float(row["nominal_stress.mean"]) for row in csv.DictReader(file)] == [row["nominal_stress.mean"] for row in means]
+
+
+def test_seeds_are_repetitions_and_failed_runs_are_not_in_the_mean():
+    study = pds.Study(scene="tear", parameters={"body.seed": [1, 2, 3, 4], "force": ["neo-hookean"]})
+    rows = [{"run": str(seed), "body.seed": seed, "force": "neo-hookean", "peak": 2.0 * seed, "failure": None} for seed in (1, 2, 3)]
+    rows[0] |= {"crack.path.stray": 0.1}  # the others have no path
+    rows += [{"run": "4", "body.seed": 4, "force": "neo-hookean", "peak": 100.0, "failure": "lost"}]
+    found = pds.studies.StudyResult(study, Path(), rows).means()
+    assert found == [{"force": "neo-hookean", "runs": 3, "peak.mean": 4.0, "peak.deviation": 2.0}]
+    assert pds.studies.StudyResult(pds.Study(scene="tear", parameters={"spacing": [0.1]}), Path(), rows[:1]).means() == []
+    with pytest.raises(SceneError, match=r"mean_over: 'body.seed' is not one of the parameters"):
+        pds.Study(scene="tear", parameters={"spacing": [0.1]}, mean_over=["body.seed"])
 
 
 def test_a_table_that_no_study_wrote_is_not_replaced(tmp_path):
