@@ -38,11 +38,16 @@ from .intrinsics import writes
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
 
+try:
+    import fcntl
+except ImportError:  # on Windows
+    fcntl = None
+
 logger = logging.getLogger(__name__)
 
-LONGEST_WAIT = 20.0
-"""Greatest number of seconds that a process waits for another one to compile a function. Chosen: a few times what the slowest function
-takes on a free core; a process that is killed while it compiles makes the next one wait for so long."""
+LONGEST_WAIT = 60.0
+"""Greatest number of seconds that a process waits for another one to compile a function. Chosen: ten times what the slowest function takes
+on a free core. The lock of a process that has ended is free; without locks a killed process makes the next one wait for so long."""
 
 # `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver detects a diverging run.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
@@ -67,14 +72,15 @@ class CacheFile(IndexDataCacheFile):
 
     def __init__(self, *arguments) -> None:
         super().__init__(*arguments)
-        self._mark, self._is_marked = Path(f"{self._index_path}.compiling"), False
+        self._mark, self._is_marked, self._lock = Path(f"{self._index_path}.compiling"), False, None
 
     def load(self, key):
         """Return the code stored under a key; wait for it if another process compiles the function, or return None if this one has to."""
         until = time.monotonic() + LONGEST_WAIT
         while (found := super().load(key)) is None and not self._has_mark() and time.monotonic() < until:
             time.sleep(0.02)
-        return found
+        # Another process may have stored the code between the look-up and the mark.
+        return found or super().load(key)
 
     def save(self, key, data):
         try:
@@ -82,9 +88,26 @@ class CacheFile(IndexDataCacheFile):
         finally:
             self._mark.unlink(missing_ok=True)
             self._is_marked = False
+            if self._lock is not None:
+                self._lock = self._lock.close()
 
     def _has_mark(self) -> bool:
-        """Return whether this process has marked the function as its own to compile, or the mark of another process is too old to wait."""
+        """Return whether this process has marked the function as its own to compile, or should not wait for another process.
+
+        The mark is a locked file, which is free again when its process ends. Where files cannot be locked, the mark is the file itself,
+        which another process respects for `LONGEST_WAIT`.
+        """
+        if fcntl is not None and self._lock is None:
+            with suppress(OSError):  # a folder that cannot be written to, or a file system without locks
+                lock = self._mark.open("a")
+                try:
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    lock.close()
+                    return False
+                self._lock = lock
+        if self._lock is not None:
+            return True
         try:
             self._mark.touch(exist_ok=self._is_marked)
         except OSError:  # the mark of another process, or a folder that cannot be written to

@@ -51,7 +51,7 @@ class State:
     steps : int
         Steps in dynamics.
     wasted : int
-        Number of force evaluations spent on increments of the loading that failed and were undone.
+        Number of force evaluations for the present planned increment of the loading since an attempt at it failed; 0 if none has failed.
     greatest_drive : float
         Greatest sum of the magnitudes of loads or reactions (`Equilibrium.drive`) of the outputs so far.
     crack : dict or None

@@ -9,7 +9,19 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
-from ..solvers.equilibrium import Equilibrium, EquilibriumSolver, NoEquilibrium, NotConverged, RanAway, TooSmall, Unbalanced, note_of_modes
+from ..solvers.equilibrium import (
+    Equilibrium,
+    EquilibriumSolver,
+    NoEquilibrium,
+    NotConverged,
+    OutOfPatience,
+    RanAway,
+    TooSmall,
+    Unbalanced,
+    falls,
+    note_of_modes,
+    window_of,
+)
 from ..solvers.increments import Increments
 from ..solvers.methods import SOLVERS
 from ..solvers.nearest_bonds import RESOLVED, is_rigid, strain_of, strain_rounding
@@ -32,13 +44,18 @@ increment fails.
 Where no equilibrium exists, a solver moves points that far within some ten evaluations, and would need thousands to fail by itself;
 equilibria beyond this distance are found with shorter increments too."""
 
-PATIENCE, LEAST_PATIENCE = 30, 2000
-"""Force evaluations allowed after a failed increment until one succeeds: a multiple of the mean of earlier successful increments, and a
-minimum. Close below a limit load the stiffness vanishes and solvers make no progress. Chosen: six halvings (`LEAST_SHARE`) of five times
-the usual cost; the minimum is for runs whose first increments were easy."""
+PATIENCE, LEAST_PATIENCE, MOST_SPENT = 6, 1.2, 7
+"""Force evaluations for a planned increment of which an attempt has failed, divided by the mean for the outputs of the run so far. A search
+whose residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more.
+When they have used the third number, the increment is halved no further. Chosen: an increment that fails then costs at most about ten
+outputs, and increments up to 99 % of a limit load are still found after a failure."""
 
-MOST_WASTED = 5000
-"""Force evaluations in failed increments beyond which the next failure ends a run: good runs need tens to some hundreds of them."""
+USUAL, LEAST = 100, 40
+"""Force evaluations assumed for an output of a run that has none yet, and the least mean for the outputs of a run: an easy output says
+little about the next one, and searches just below a limit load need hundreds even where they converge."""
+
+SHORT = 50
+"""Least number of evaluations of a search in which its residual must halve after a failed increment: the first ones are uneven."""
 
 FINE, COARSE = 1e-3, 1e-2
 """Tolerances of the solver in intermediate states, from which only the next increments start. Chosen: the error of the start is then small
@@ -112,7 +129,7 @@ class Equilibria:
             run.target = self._outputs[state.outputs + 1]
             run.report("level", state.stage, run.target)
             if self._increments is None:
-                self._last_output = run.positions.copy(), state.parameter
+                self._last_output, state.wasted = (run.positions.copy(), state.parameter), 0
                 largest = self._course.largest_increment(run.positions, state.parameter, run.target, self.stage.largest_increment)
                 self._increments = Increments(state.parameter, run.target, largest)
             equilibrium, self._increments = self._go_to_output(self._increments), None
@@ -147,34 +164,45 @@ class Equilibria:
 
     def _go_to_output(self, increments: Increments) -> Equilibrium | None:
         """Return the equilibrium at the next output, reached in increments; None if a bond would break on the way."""
-        run, ran_away, patience = self.run, None, np.inf
+        run, state, ran_away, told, usual = self.run, self.run.state, None, None, self._usual()
         while not increments.finished:
             self._accepted, began = _Accepted(run, self.solver), run.force.evaluations
             try:
-                equilibrium = self._follow(increments, patience)
+                equilibrium = self._follow(
+                    increments, max(PATIENCE * usual - state.wasted, LEAST_PATIENCE * usual) if state.wasted else np.inf
+                )
             except TooSmall:
                 self._accepted.restore(run, self.solver)
                 raise
             except FAILURES as error:
-                taken = run.force.evaluations - began
-                run.state.wasted += taken
-                patience = min(patience - taken, max(LEAST_PATIENCE, PATIENCE * np.mean(self._evaluations or 0)))
+                state.wasted += run.force.evaluations - began
                 if isinstance(error, RanAway) and ran_away is None:
                     ran_away = error  # with short increments from just below a limit load solvers fail in other ways
-                spent = patience <= 0 or run.state.wasted >= min(MOST_WASTED, run.problem.scene.solver.most_evaluations)
-                self._take_back(increments, error, ran_away or error, spent)
+                vague = isinstance(error, OutOfPatience) or (isinstance(error, NotConverged) and isinstance(told, RanAway))
+                told = told if vague and told is not None else error
+                spent = state.wasted >= min(MOST_SPENT * usual, run.problem.scene.solver.most_evaluations)
+                self._take_back(increments, error, ran_away or told, spent and increments.share < 1)
                 continue
-            ran_away, patience, taken, easy = None, np.inf, run.force.evaluations - began, True
+            ran_away, taken, easy = None, run.force.evaluations - began, True
             if self._course.adaptive:
                 run.earlier = self._accepted.parameter, self._accepted.arrays["positions"]
                 easy = not self._evaluations or taken <= HARD * np.mean(self._evaluations)
                 self._evaluations.append(taken)
-            if increments.accept(easy) and self._course.adaptive:
+            longer = increments.accept(easy)
+            state.wasted += taken if state.wasted else 0
+            if increments.whole:
+                state.wasted, told = 0, None
+            if longer and self._course.adaptive:
                 again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
-                run.note(run.state.parameter, reason=again)
+                run.note(state.parameter, reason=again)
             if run.damage is not None and run.body.share.any(len(run.damage.overstretched(run.force.positions)) > 0):
                 return None
         return equilibrium
+
+    def _usual(self) -> float:
+        """Return the mean number of force evaluations for an output of the run so far, or `USUAL` before the first one."""
+        done = [level["evaluations"] for level in self.run.state.levels if "evaluations" in level]
+        return max(LEAST, float(np.mean(done or USUAL)))
 
     def _follow(self, increments: Increments, patience: float) -> Equilibrium:
         """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations.
@@ -240,6 +268,8 @@ class Equilibria:
         if self._course.adaptive and state.parameter not in (state.begin, *(level["t"] for level in state.levels[-1:])):
             self._record_reached()
         what = f"the last equilibrium was found at {run.loading.at(state.parameter)}, and none beyond with increments down to {size:.2g}"
+        if spent:
+            what += f" in {state.wasted} force evaluations, as many as {MOST_SPENT} outputs take (more outputs come closer to the limit)"
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
 
     def _record_reached(self) -> None:
@@ -249,7 +279,7 @@ class Equilibria:
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
             before = run.positions.copy()
-            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, LEAST_PATIENCE)
+            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, LEAST_PATIENCE * self._usual())
             run.loads.check_path(run.target, run.target, before, run.positions)
             self._record(equilibrium)
         run.target = target
@@ -262,17 +292,19 @@ class Equilibria:
         Raise RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess of the increment. On the way write
         checkpoints and stop on request.
         """
-        run, began = self.run, self.run.force.evaluations
+        run, began, course, window = self.run, self.run.force.evaluations, [], window_of(self.run.body)
 
         def report(evaluations: int, residual: float) -> None:
             run.residual = residual
             logger.debug("%d evaluations, residual %.3g", began + evaluations, residual)
             energy = {"energy": run.strain_energy()} if run.force.has_energy else {}
-            run.note(target, evaluation=began + evaluations, residual=residual, **energy)
+            run.note(target, residual=residual, **energy)
             run.report("residual", evaluations, residual, tolerance)
             self._keep_or_stop(increments)
-            if evaluations > patience:
-                raise NotConverged(f"no equilibrium was found within {evaluations} force evaluations, after a longer increment had failed")
+            taken = run.force.evaluations - began
+            course.append((taken, residual))
+            if taken > patience and not falls(course, min(window, max(taken // 2, SHORT))):
+                raise OutOfPatience(f"no equilibrium was found within {taken} force evaluations, after a longer increment had failed")
             moved = run.body.share.greatest(np.abs(run.positions - guess)) if len(run.loads) > len(run.loads.obstacles) else 0.0
             if moved > self._farthest:
                 weak = note_of_modes(run.force, "so that small loads may already carry points away")

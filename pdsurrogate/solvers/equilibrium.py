@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..body import Body
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from ..ranks import Share
@@ -37,6 +38,11 @@ IDLE = 5
 fallen by a third. Chosen: a converging search gains a third in one or two evaluations, a search at the level of rounding never."""
 
 
+PERIODS, LEAST_WINDOW = 4, 200
+"""Force evaluations per spacing in the body's extent, and the least number, in which the residual of a converging search halves. Chosen:
+some two periods of the slowest mode in relaxation, which takes tens of evaluations per spacing in all."""
+
+
 def no_report(evaluations: int, residual: float) -> None:
     """Do nothing: default function of type `Report`, which a solver calls to report its progress."""
 
@@ -47,6 +53,10 @@ class NoEquilibrium(RuntimeError):
 
 class NotConverged(NoEquilibrium):
     """Error for a residual that did not fall below the tolerance."""
+
+
+class OutOfPatience(NoEquilibrium):
+    """Error for a search that a run has ended, because failed increments before it took many evaluations."""
 
 
 class Unbalanced(NotConverged):
@@ -71,6 +81,21 @@ class TooFar(NoEquilibrium):
 
 class RanAway(NoEquilibrium):
     """Error for a body that its loads displace very far within one increment, as happens beyond its limit load."""
+
+
+def window_of(body: Body) -> int:
+    """Return the number of force evaluations in which the residual of a converging search halves on a body."""
+    return max(LEAST_WINDOW, int(PERIODS * body.extent / body.spacing))
+
+
+def falls(course: list[tuple[int, float]], window: float) -> bool:
+    """Return whether a search converges: whether its least residual halves from one `window` of evaluations to the next.
+
+    `course` lists evaluations and residuals. A search that is shorter than a window counts as converging.
+    """
+    ages = [(course[-1][0] - number, residual) for number, residual in course]
+    before = min((residual for age, residual in ages if window <= age < 2 * window), default=np.inf)
+    return min((residual for age, residual in ages if age < window), default=0.0) < before / 2
 
 
 def note_of_modes(force: InternalForce, consequence: str) -> str:

@@ -47,6 +47,11 @@ class Increments:
         return self._done == self._count
 
     @property
+    def whole(self) -> bool:
+        """True if a planned increment has just been completed."""
+        return self._done.is_integer()
+
+    @property
     def ends(self) -> bool:
         """True if the present increment leads to the end value."""
         return self._done + self.share == self._count

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
-from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, no_report
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, falls, no_report, window_of
 from .nearest_bonds import strain_of_step
 from .stability import FrequencyEstimate
 from .tangent import TangentEquations
@@ -152,7 +152,7 @@ class EnergyMinimizer(QuasiNewton):
     NO_STEP = "no step along the direction of descent brings the energy down"
     needs_energy = True
 
-    # Each step lowers the energy, so the method need not give up before a run gives up an increment (`LEAST_PATIENCE`).
+    # Each step lowers the energy, so the method need not give up before a run gives up an increment.
     PATIENCE = 2_000
     # Fraction of the decrease of the energy by the slope that a step must reach (Armijo): the usual value, which refuses few steps.
     SUFFICIENT = 1e-4
@@ -192,6 +192,8 @@ class SteppingSolver(EquilibriumSolver):
     # In single precision a residual that has not fallen by a tenth for so many evaluations has reached its rounding error.
     # While it falls, the residual oscillates with the slowest mode, whose period is some hundreds of evaluations.
     PATIENCE = 3_000
+    # Evaluations in which the residual must halve (see `falls`).
+    window = np.inf
 
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
@@ -214,7 +216,7 @@ class SteppingSolver(EquilibriumSolver):
 
     def _iterate(self, force, positions, tolerance, began, report, least_drive, caution) -> Equilibrium:
         step, forces = self.prepare(force, positions, caution), np.empty_like(positions)
-        first, least, found = None, np.inf, 0
+        first, least, found, course = None, np.inf, 0, []
         self.begin(force, least_drive)
         while True:
             self.evaluate(force, positions, forces)
@@ -232,7 +234,9 @@ class SteppingSolver(EquilibriumSolver):
                 if residual <= tolerance:
                     raise TooSmall("the forces that drive the body are too small for single precision")
                 raise self.not_converged(force, least, evaluations, tolerance)
-            if evaluations >= self.most_evaluations:
+            if evaluations % 10 == 0:
+                course.append((evaluations, residual))
+            if evaluations >= self.most_evaluations or not falls(course, self.window):
                 raise self.not_converged(force, residual, evaluations, tolerance)
             step(forces)
 
@@ -335,6 +339,9 @@ class Automatic(EquilibriumSolver):
                 positions[:] = start
         most = max(self.LEAST_RELAXED, int(self.RELAXED * force.body.extent / force.body.spacing))
         self._sure.most_evaluations = min(self.most_evaluations, most)
+        # Pressure waves, which limit the step, are so many times faster than shear waves.
+        slow = np.sqrt(force.law.bulk_modulus / force.law.shear_modulus) if force.nearly_incompressible else 1.0
+        self._sure.window = slow * window_of(force.body)
         found = self._sure.solve(force, positions, tolerance, report, least_drive)
         return replace(found, evaluations=force.evaluations - began)
 

@@ -165,6 +165,32 @@ def test_of_several_processes_one_compiles_while_the_others_wait(tmp_path, twice
     assert not list(tmp_path.rglob("*.compiling"))
 
 
+def test_a_process_that_is_killed_while_it_compiles_makes_no_other_wait(tmp_path, twice):
+    """The next one waited for twenty seconds."""
+    pytest.importorskip("fcntl")
+    holds = """
+import time, numba
+from kept_by_a_test import twice
+from pdsurrogate.engine import compile as compile_module
+
+kernel = compile_module.kernel(twice)
+assert kernel._cache.load_overload((numba.float64,), kernel.targetctx) is None
+print("holds", flush=True)
+time.sleep(600)
+"""
+    holding = subprocess.Popen([sys.executable, "-c", holds], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    assert holding.stdout.readline() == "holds\n"
+    assert list(tmp_path.rglob("*.compiling"))
+    holding.kill()
+    holding.communicate()
+    began = time.monotonic()
+    kernel = compile_module.kernel(twice)
+    assert kernel._cache.load_overload((numba.float64,), kernel.targetctx) is None
+    assert time.monotonic() - began < compile_module.LONGEST_WAIT / 2
+    assert kernel(3.0) == 6.0
+    assert not list(tmp_path.rglob("*.compiling"))
+
+
 def test_a_full_disk_under_the_cache_is_done_without(twice, monkeypatch, caplog):
     """It ended the run with "could not write None"."""
 

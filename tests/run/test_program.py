@@ -9,7 +9,9 @@ from stopping import killed_with_levels
 
 import pdsurrogate as pds
 from pdsurrogate.run import transient
+from pdsurrogate.run.levels import LEAST
 from pdsurrogate.run.simulate import SimulationFailed, simulate
+from pdsurrogate.solvers.equilibrium import falls
 from pdsurrogate.solvers.increments import Increments, Motion
 
 SHEET = {"name": "sheet", "spacing": 0.1, "body": pds.shapes.Rectangle(size=(1.0, 0.8)), "material": "neo-hookean"}
@@ -170,17 +172,43 @@ def test_a_failure_says_how_far_the_loading_came():
 
 
 def test_a_load_beyond_its_maximum_ends_in_a_clear_failure():
-    """The pressure in a ring of this material has a maximum, 0.716 by the radial equation of equilibrium; on points 0.2 apart, less."""
+    """The pressure in a sphere of this material has a maximum, and the last equilibrium before it is recorded."""
     with pytest.raises(SimulationFailed, match=r"loads carry .* t = 0\..*loads\.0 to pressure = 0\.") as caught:
-        simulate(pds.load_scene("ring-pressure", spacing=0.2, steps=(0.3, 1.0)), "neo-hookean")
+        simulate(pds.load_scene("inflation", spacing=0.125, steps=(0.2, 0.4, 0.8, 1.6)))
     assert "prescribe displacements instead" in str(caught.value)
     result = caught.value.result
-    assert [level["step"] for level in result.levels] == [0, 1]
-    assert 0.6 < result.levels[-1]["t"] < 0.72
+    assert [level["step"] for level in result.levels] == [0, 1, 2, 3]
+    assert 0.8 < result.levels[-1]["t"] < 0.9
     assert result.levels[-1]["residual"] < 1e-6
-    assert len(result.states) == 2
+    assert len(result.states) == 4
     # A try beyond the maximum takes some ten evaluations; there were tens of thousands.
-    assert result.summary["n_force_evaluations"] < 5000
+    assert result.summary["n_force_evaluations"] < 1000
+
+
+def test_an_output_that_does_not_exist_costs_about_ten_good_ones():
+    """It cost a hundred; the number of evaluations is in the message."""
+    with pytest.raises(SimulationFailed, match=r"with increments down to .* in \d+ force evaluations, as many as 7 outputs take") as caught:
+        simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.2, 0.4, 0.6, 0.8)), "neo-hookean")
+    result = caught.value.result
+    good = sum(level["evaluations"] for level in result.levels[:3])
+    assert result.summary["n_force_evaluations"] - good < 12 * max(good / 3, LEAST)
+
+
+def test_outputs_just_below_the_greatest_load_are_found():
+    """The first attempts at them fail, and they take ten to thirty times the evaluations of the outputs before."""
+    result = simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.3, 0.5, 0.6, 0.66)), "analytic")
+    assert any("failure" in row for row in result.convergence)
+    assert result.levels[-1]["evaluations"] > 100
+
+
+def test_a_search_goes_on_while_its_residual_halves():
+    course = [(10 * number, 2.0 ** (-number / 4)) for number in range(1, 41)]
+    assert falls(course, 50)
+    assert not falls(course, 30)
+    assert falls(course[:3], 30)
+    assert falls([], 30)
+    assert falls(course, np.inf)
+    assert not falls([*course, *((400 + 10 * number, 1.0) for number in range(1, 11))], 50)
 
 
 def test_a_bond_that_would_break_hands_over_to_dynamics():
