@@ -37,7 +37,8 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner that suits a force; `free` (n, d) is 1 where a component may move, 0 where it is held."""
     body, moduli = force.body, force.stiffness_moduli
     obstacles = force.loads.obstacles if hasattr(force, "loads") else []
-    network, regions = (laplacian_of if force.nearly_incompressible else springs_of)(body, moduli), getattr(force, "rigid", ())
+    network = laplacian_of(body, moduli, force.corrected) if force.nearly_incompressible else springs_of(body, moduli)
+    regions = getattr(force, "rigid", ())
     if regions or obstacles or force.nearly_incompressible:
         inner = inverse_with_regions(network, free, regions) if regions else Preconditioner(inverse_of(network, free))
         found = _touching(force, obstacles, inner)
