@@ -45,8 +45,8 @@ MOST_FACTORIZED = {2: 300_000, 3: 5_000}
 entries grow as n log n in the plane, and as n^(4/3) in three dimensions."""
 
 STIFFENED = 9.0
-"""Increase of the stiffness of a spring at a point with corrected gradients, divided by the squared component of the point's mean bond along
-the spring: corrections amplify motions that alternate from layer to layer. The mean bond is 0.37 of the mean length at a flat face, whose
+"""Increase of the stiffness of a spring at a point with corrected gradients, divided by the squared component of its mean bond along the
+spring: corrections amplify motions that alternate from layer to layer. The mean bond is 0.37 of the mean length at a flat face, whose
 normal springs thus become 2.2 times as stiff. Chosen: with 11, bars of 4 and 6 points across (K = 100 mu) take a fifth more evaluations;
 with 7.3, a twisted cube of 8 points a side (K = 1000 mu) a tenth more."""
 
