@@ -194,22 +194,29 @@ class Interfaces:
         self._changes_by_jumps, by_columns = dyads @ sparse.diags_array(1 - is_image), dyads @ self._by_normals(images.T).T
         self._changes_back = self._by_normals(back) @ dyads.T
         self._jumps_by_columns = sparse.diags_array(-2.0 * volumes_held * is_image * growth) @ dyads.T
-        columns, changes = kinematics.gradients[:n].reshape(-1, d), self.changes[:n].reshape(-1, d)
-        images, on_ghosts = body.ghosts, kinematics.gradient_ghosts.of_gradients
-        at_rest = np.zeros((len(images), d)), np.zeros((len(images), d * d))
-        self.corrections = [
-            *self._product(self._one_sided, kinematics.positions, columns, add=True),
-            *self._product(jump, kinematics.positions, self.jumps),
-            *self._product(self._jumps_by_columns, columns, self.jumps, add=True),
-            self.jumps,
-            place_points.bind(self.jumps[:n], images.source, images.parity, at_rest[0], self.jumps, chunks=kinematics.chunks),
-            *self._product(-self._corrections, self.jumps, columns, add=True),
-        ]
-        self.continuation = [
-            *self._product(self._changes_by_jumps, self.jumps, changes),
-            *self._product(by_columns, columns, changes),
-            self.changes,
-            fill_matrices.bind(self.changes, *on_ghosts, 0.0, at_rest[1], chunks=kinematics.chunks),
+        self._jump, self._changes_by_columns = jump, by_columns
+        self.corrections, self.continuation = self.steps(kinematics.positions, kinematics.gradients, self.jumps, self.changes)
+
+    def steps(self, positions: np.ndarray, gradients: np.ndarray, jumps: np.ndarray, changes: np.ndarray) -> tuple[list[Step], list[Step]]:
+        """Return the steps `corrections` and `continuation` for given positions, or displacements; they write `jumps` and `changes`.
+
+        `gradients` (n + m, d d) are those of these positions, without and then with the corrections.
+        """
+        n, d, images, chunks = len(self._body), self._body.dimension, self._body.ghosts, self._kinematics.chunks
+        columns, of_changes = gradients[:n].reshape(-1, d), changes[:n].reshape(-1, d)
+        on_ghosts, at_rest = self._kinematics.gradient_ghosts.of_gradients, (np.zeros((len(images), d)), np.zeros((len(images), d * d)))
+        return [
+            *self._product(self._one_sided, positions, columns, add=True),
+            *self._product(self._jump, positions, jumps),
+            *self._product(self._jumps_by_columns, columns, jumps, add=True),
+            jumps,
+            place_points.bind(jumps[:n], images.source, images.parity, at_rest[0], jumps, chunks=chunks),
+            *self._product(-self._corrections, jumps, columns, add=True),
+        ], [
+            *self._product(self._changes_by_jumps, jumps, of_changes),
+            *self._product(self._changes_by_columns, columns, of_changes),
+            changes,
+            fill_matrices.bind(changes, *on_ghosts, 0.0, at_rest[1], chunks=chunks),
         ]
 
     def _by_normals(self, matrix) -> sparse.csr_array:
@@ -288,8 +295,10 @@ class Interfaces:
         within = (distance < body.spacing) & (portion_of[nearest] == number)
         return float(np.median(np.where(within.all(axis=1), most, within.argmin(axis=1))))
 
-    def steps_back(self, forces: np.ndarray, moments: np.ndarray, own_moments: np.ndarray) -> list[Step]:
-        """Return the steps that find `on_jumps` and `pulls`: the transpose of `corrections` and `continuation`.
+    def steps_back(
+        self, forces: np.ndarray, moments: np.ndarray, own_moments: np.ndarray, on_points: np.ndarray, pulls: np.ndarray
+    ) -> list[Step]:
+        """Return the steps that find forces such as `on_jumps` and `pulls`: the transpose of `corrections` and `continuation`.
 
         Parameters
         ----------
@@ -298,10 +307,12 @@ class Interfaces:
             in that motion; `moments` is overwritten.
         own_moments : ndarray, shape (n, d d)
             Derivative of the energy by the points' own gradients; terms of mirror images are added in place.
+        on_points, pulls : ndarray, shapes (n, d) and (n + m, d)
+            Receive the forces, see the attributes `on_jumps` and `pulls`.
         """
         n, d, ghosts, product, chunks = len(self._body), self._body.dimension, self._body.ghosts, self._product, self._kinematics.chunks
         on_jumps, theirs, columns = np.zeros_like(self.jumps), moments[:n].reshape(-1, d), own_moments.reshape(-1, d)
-        fold = [fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks) for each in (on_jumps, self.pulls)]
+        fold = [fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks) for each in (on_jumps, pulls)]
         return [
             fold_matrices.bind(moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks),
             moments,
@@ -313,9 +324,9 @@ class Interfaces:
             fold[0],
             *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
             on_jumps[:n],
-            *product(self._jump_back, on_jumps, self.on_jumps),
+            *product(self._jump_back, on_jumps, on_points),
             own_moments,
-            *product(-self._one_sided.T, columns, self.pulls, every=True),
+            *product(-self._one_sided.T, columns, pulls, every=True),
             fold[1],
         ]
 

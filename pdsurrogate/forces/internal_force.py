@@ -20,11 +20,6 @@ if TYPE_CHECKING:
     from .protocol import Portion
     from .volume_energy import LinearizedDilatation
 
-STIFFENED = 2.5
-"""Factor by which points with corrected gradients (correction=quadratic) count as stiffer in preconditioners: corrections amplify motions
-that alternate from layer to layer. A bar of 4 points across needs 200 evaluations with 1, 144 with 2, 174 with 4 and 231 with 8; a bonded
-cube of 8 points a side twisted at K = 1000 mu 189, 115, 92 and 107."""
-
 PROBE = 1e-5
 """Greatest displacement of a point, in spacings, in the central differences of `tangent_of`. Chosen: curvature and rounding
 leave errors of 1e-8 or less."""
@@ -75,8 +70,9 @@ class InternalForce:
         Term that reports the distance of the state from the training data: `domain_deviation`, `beyond_data`, `member_deviation`.
     stiffness_moduli : float or ndarray, shape (n,)
         Shear modulus that measures the stiffness around a point. With several materials it is the mean over the bonds of the point, where
-        each bond has the mean modulus of its two ends, since bonds across an interface stiffen all points that they reach. Points with
-        corrected gradients are stiffer by the factor `STIFFENED`.
+        each bond has the mean modulus of its two ends, since bonds across an interface stiffen all points that they reach.
+    corrected : ndarray of bool, shape (n,), or None
+        Points with corrected gradients, see `Kinematics`.
     force_scale : float or ndarray, shape (n,)
         Shear modulus that scales the force on a point. With several materials it is the greatest among the point and its neighbors, since
         forces and their rounding errors are that large.
@@ -109,9 +105,7 @@ class InternalForce:
             moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[self.portion_of]
             kinematics.interfaces = Interfaces(kinematics, self.portion_of, moduli, self.has_energy, settings.plane != "stress")
             self.stiffness_moduli, self.force_scale = self._moduli(moduli)
-        elif kinematics.corrected is not None:
-            self.stiffness_moduli = self.law.shear_modulus * np.where(kinematics.corrected, STIFFENED, 1.0)
-        self.interfaces = kinematics.interfaces
+        self.interfaces, self.corrected = kinematics.interfaces, kinematics.corrected
         binding = Binding(kinematics, portions, settings, self.precision, self.portion_of)
         self.terms = [kind(replace(binding, leads=number == 0)) for number, kind in enumerate(kinds)]
         self._further = np.empty_like(body.points) if len(kinds) > 1 else None

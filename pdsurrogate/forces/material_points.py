@@ -97,15 +97,34 @@ class MaterialPoints:
         self.volume_ratios, self.kept_ratios = np.ones(size), np.ones(len(own))
         self.places = sparse.csr_array((np.ones(size), (self.numbers, np.arange(size))), shape=(len(own), size))
         self.places_of_others = self.places @ sparse.diags_array((~own[self.numbers]).astype(float))
-        jumps, copy, ratios = kinematics.interfaces, partial(sparse_product, kinematics.chunks), self.volume_ratios[:, None]
-        self.seen = [
-            *copy(self.places.T, kinematics.positions, self.positions),
-            *copy(self.places.T, kinematics.gradients, self.gradients),
-            *copy(self.places_of_others.T @ sparse.diags_array(-jumps.depths), jumps.jumps, self.positions, add=True),
-            *copy(self.places_of_others.T, jumps.changes, self.gradients, add=True),
-            *copy(self.places.T, self.kept_ratios[:, None], ratios),
-        ]
+        copy, ratios, moved = partial(sparse_product, kinematics.chunks), self.volume_ratios[:, None], (self.positions, self.gradients)
+        places = kinematics.positions, kinematics.gradients, kinematics.interfaces.jumps, kinematics.interfaces.changes
+        self.seen = [*self.copies(*places, *moved), *copy(self.places.T, self.kept_ratios[:, None], ratios)]
         self._keep = copy(self.places, ratios, self.kept_ratios[:, None])
+
+    def copies(self, positions, gradients, jumps, changes, to_positions: np.ndarray, to_gradients: np.ndarray) -> list[BoundPass]:
+        """Return the passes that copy positions and gradients of a body of several materials, or their changes, as this material sees them.
+
+        The first four arrays have rows for the body's points and images; `jumps` and `changes` as in `Interfaces`. The last two have the
+        rows of this object and receive the copies.
+        """
+        copy, depths = partial(sparse_product, self._kinematics.chunks), self._kinematics.interfaces.depths
+        return [
+            *copy(self.places.T, positions, to_positions),
+            *copy(self.places.T, gradients, to_gradients),
+            *copy(self.places_of_others.T @ sparse.diags_array(-depths), jumps, to_positions, add=True),
+            *copy(self.places_of_others.T, changes, to_gradients, add=True),
+        ]
+
+    def sums(self, rows: np.ndarray, first: bool, *out: np.ndarray) -> list[BoundPass]:
+        """Return the passes that add values (k, c) to those of the body, and those at points of other materials to a second array as well.
+
+        If `first`, the passes overwrite the arrays.
+        """
+        places, chunks = (self.places, self.places_of_others), self._kinematics.chunks
+        return [
+            one for matrix, array in zip(places, out, strict=False) for one in sparse_product(chunks, matrix, rows, array, not first, first)
+        ]
 
     @cached_property
     def steps(self) -> list[BoundPass]:
@@ -171,8 +190,7 @@ def material_sums(
         rows = aligned_rows((size, values.shape[1]))
         add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity][kinematics.body.dimension]
         passes.append(add_up.bind(values, *pairs, float(part.unit), rows, chunks=kinematics.chunks))
-        for matrix, sums in zip((points.places, points.places_of_others), out, strict=False):
-            passes += sparse_product(kinematics.chunks, matrix, rows, sums, add=not first, every=first)
+        passes += points.sums(rows, first, *out)
     return passes
 
 

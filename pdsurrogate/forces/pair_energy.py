@@ -78,14 +78,16 @@ class PairEnergy(Term):
             seen_forces, seen_moments = (np.zeros_like(array) for array in (self._on_points, self._stresses))
             gather = material_sums(self.kinematics, self.materials, "moments", self._parts, self._stresses, seen_moments)
             gather += material_sums(self.kinematics, self.materials, "forces", self._parts, self._on_points, seen_forces)
-            further = self.kinematics.interfaces.steps_back(seen_forces, seen_moments, self._stresses[: len(body)])
+            interfaces = self.kinematics.interfaces
+            results = interfaces.on_jumps, interfaces.pulls
+            further = interfaces.steps_back(seen_forces, seen_moments, self._stresses[: len(body)], *results)
         to_points = [*gather, *self.shares.steps_to_points(self._stresses, self._on_points, self._unit, *further)]
         seen = [step for points in self.materials for step in points.seen]
         before, after = (seen, []) if self.volume is None else (self.volume.dilatation_steps, self.volume.steps)
         leading, after = self.kinematics.steps() if binding.leads else [], [*after, *(part.find for part in self._parts), *to_points]
         self._find_forces, self._find_all = (Steps(body.share, *first, *before, *after) for first in ([], leading))
         self._after, self._sums = (sum(isinstance(step, BoundPass) for step in steps) for steps in (after, to_points))
-        self.places, self.nearly_incompressible = bool(leading), whole and self.selective
+        self.places, self.nearly_incompressible = bool(leading), self.selective
 
     def find(self, out: np.ndarray) -> None:
         outside, invalid, without_force = self._run(self._find_all, out)

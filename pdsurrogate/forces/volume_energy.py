@@ -5,14 +5,16 @@ body has degrees of freedom. The mean over the bonds of a point is one condition
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
 from ..engine.block_arrays import BLOCK, aligned_rows, power_of_two
 from ..kernels import dilatation, selective_energy
-from ..kernels.ghosts import place_points
+from ..kernels.ghosts import fill_matrices, place_points
 from ..materials.response import volume_energy_block
 from .bond_shares import BondShares
+from .kinematics import pairs_of_points
 from .pair_passes import SelectivePairs
 from .smoothing import Smoothing
 from .steps import Steps, sparse_product
@@ -43,6 +45,8 @@ class VolumeEnergy:
         Smoothed volume ratios J_i in the state last evaluated.
     dilatation_steps : list
         Steps that compute `dilatations` from the deformation gradients; the counts that they return are pairs turned inside out.
+    places : ndarray of int, shape (n_bonds,)
+        For every directed bond, the index into `volumes` of its det F_ij in the motion of its first point's material.
     steps : list
         Steps that compute the pressures of the points and the volumetric energies from the dilatations.
     """
@@ -56,7 +60,8 @@ class VolumeEnergy:
             carries &= binding.portion_of[bonds.first] == binding.portion_of[bonds.second]
         self.smoothing = Smoothing(body, carries, breakable)
         means, self.dilatations, slopes = np.ones(n), np.ones(n), np.zeros(n)
-        shares_of_bonds = bonds.pointers, self._places(), shares.bond_shares
+        self.places = self._places()
+        shares_of_bonds = bonds.pointers, self.places, shares.bond_shares
         find_means = selective_energy.means_over_bonds.bind(*shares_of_bonds, volumes, 1.0, means, chunks=chunks)
         smooth = self.smoothing.bind(means, self.dilatations, chunks)
         # Points in the halo have bonds, and therefore neighbors, that this rank does not have.
@@ -118,7 +123,7 @@ class LinearizedDilatation:
     Parameters
     ----------
     volume : VolumeEnergy
-        Volumetric energy of a body of one material.
+        Volumetric energy of a body.
 
     Attributes
     ----------
@@ -128,54 +133,84 @@ class LinearizedDilatation:
     """
 
     def __init__(self, volume: VolumeEnergy) -> None:
-        kinematics, shares, (pairs,) = volume.binding.kinematics, volume.shares, volume.parts
-        body, chunks, first, second = kinematics.body, kinematics.chunks, pairs.points.first, pairs.points.second
-        bonds, ghosts = body.bonds, body.ghosts
-        self._volume, self._pairs, self._body, self._chunks = volume, pairs, body, chunks
-        d, n, total = body.dimension, len(body), len(body.all_points)
-        length = dilatation.record_length(d)
-        derivatives = aligned_rows((len(first), length), np.float32)
-        by_pair, means = np.zeros(len(first), dtype=np.float32), np.zeros(n, dtype=np.float32)
-        self._linearize = dilatation.volume_derivatives[d].bind(
-            kinematics.positions, kinematics.gradients, pairs.pairs, pairs.buffers, derivatives, chunks=chunks
-        )
-
+        kinematics, shares, interfaces = volume.binding.kinematics, volume.shares, volume.binding.kinematics.interfaces
+        body, chunks, whole = kinematics.body, kinematics.chunks, volume.binding.whole
+        bonds, ghosts, d, n, total = body.bonds, body.ghosts, body.dimension, len(body), len(body.all_points)
+        self._volume, self._body, self._chunks = volume, body, chunks
+        length, sizes = dilatation.record_length(d), [len(part.points.first) for part in volume.parts]
+        of_pairs, means, pressures = (np.zeros(size, dtype=np.float32) for size in (sum(sizes), n, total))
+        self._changes, self._values = np.zeros(n, dtype=np.float32), means
+        # Displacements and changes of gradients of points and ghosts, the forces on them, and the moments by their gradients.
         displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))
-        records, self._changes = aligned_rows((total, length), np.float32), np.zeros(n, dtype=np.float32)
+        self._forces, moments = np.zeros((total, d)), gradients  # the gradients are no longer needed when the forces are computed
+        (jumps, changes), seen = ((np.zeros((total, d)), np.zeros((total, d * d))) for _ in range(2)) if not whole else ((None, None), None)
+        self._beside = [] if whole else [np.zeros((n, d)), np.zeros((total, d))]
+        self._linearize, find, gather = [], [], []
+        for number, (part, by_pair) in enumerate(zip(volume.parts, np.split(of_pairs, np.cumsum(sizes)[:-1]), strict=True)):
+            points, size = part.points, len(part.points.positions)
+            derivatives, records = aligned_rows((len(by_pair), length), np.float32), aligned_rows((size, length), np.float32)
+            places = points.positions, points.gradients, part.pairs, part.buffers, derivatives
+            self._linearize.append(dilatation.volume_derivatives[d].bind(*places, chunks=chunks))
+            moved, on_points, theirs = (displacements, gradients), (self._forces, moments), pressures
+            pairs = shares.pairs_of_points
+            if not whole:
+                pairs = pairs_of_points(*(end[: len(points.pairs)] for end in (points.first, points.second)), size)
+                moved, on_points = ((np.zeros((size, d)), aligned_rows((size, d * d))) for _ in range(2))
+                theirs = np.zeros(size, dtype=np.float32)
+                find += points.copies(displacements, gradients, jumps, changes, *moved)
+                # Shares of ends in other materials are zero, so that their pressures do not count.
+                gather.append(partial(np.take, pressures, points.numbers, out=theirs))
+            find += [
+                dilatation.displacement_records.bind(*moved, records, chunks=chunks),
+                dilatation.volume_changes[d].bind(derivatives, records, pairs[0], points.second, by_pair, chunks=chunks),
+            ]
+            gather += [
+                dilatation.pair_pressures.bind(theirs, points.first, points.second, part.end_shares, by_pair, chunks=chunks),
+                dilatation.sum_pressures[d].bind(derivatives, by_pair, *pairs, *on_points, chunks=chunks),
+            ]
+            if not whole:
+                for rows, *out in zip(on_points, (self._forces, moments), seen, strict=True):
+                    gather += points.sums(rows, number == 0, *out)
+        corrections, continuation, further = [], [], []
+        if interfaces is not None:
+            corrections, continuation = interfaces.steps(displacements, gradients, jumps, changes)
+            further = interfaces.steps_back(*seen, moments[:n], *self._beside)
         images, of_ghosts = (ghosts.source, ghosts.parity, np.zeros_like(ghosts.parity)), kinematics.gradient_ghosts.of_gradients
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, displacements, chunks=chunks)
         self._find_changes = Steps(
             body.share,
             self._place,
             *kinematics.gradient_steps(displacements, gradients, 0.0),
+            *corrections,
             gradients[:n],
-            dilatation.displacement_records.bind(displacements, gradients, *of_ghosts, records, chunks=chunks),
-            dilatation.volume_changes[d].bind(derivatives, records, bonds.pair_pointers, second, by_pair, chunks=chunks),
-            selective_energy.means_over_bonds.bind(bonds.pointers, bonds.pair_of, shares.bond_shares, by_pair, 0.0, means, chunks=chunks),
+            fill_matrices.bind(gradients, *of_ghosts, 0.0, np.zeros((len(ghosts), d * d)), chunks=chunks),
+            *continuation,
+            *find,
+            selective_energy.means_over_bonds.bind(bonds.pointers, volume.places, shares.bond_shares, of_pairs, 0.0, means, chunks=chunks),
             means,
             volume.smoothing.bind(means, self._changes, chunks),
         )
-
-        self._values, pressures = means, np.zeros(total, dtype=np.float32)
-        self._forces = np.zeros((total, d))
-        # The gradients are no longer needed when the forces are computed.
         self._find_forces = Steps(
             body.share,
             means,
             volume.smoothing.bind(means, pressures, chunks),
             pressures[:n],
-            dilatation.pair_pressures.bind(pressures, first, second, pairs.end_shares, by_pair, chunks=chunks),
-            dilatation.sum_pressures[d].bind(derivatives, by_pair, *shares.pairs_of_points, self._forces, gradients, chunks=chunks),
-            *shares.steps_to_points(gradients, self._forces, 1.0),
+            *gather,
+            *shares.steps_to_points(moments, self._forces, 1.0, *further),
         )
-        self.stiffness = np.zeros(n)
+        # Rigid points do not change their volume: any stiffness will do.
+        self._rigid = np.zeros(n, dtype=bool) if whole else volume.binding.portion_of[:n] == len(volume.parts)
+        self.stiffness = body.volumes * max(part.unit for part in volume.parts)
 
     def take(self) -> None:
         """Compute the derivative D and `stiffness` at the state last evaluated."""
-        self._linearize()
+        for linearize in self._linearize:
+            linearize()
         self._volume.smoothing.take()
-        law = self._pairs.points.law
-        self.stiffness[:] = self._pairs.unit * self._body.volumes * law.volumetric(self._volume.dilatations, law.parameters)[2]
+        for part in self._volume.parts:
+            law, (_, own) = part.points.law, part.points.own
+            second = law.volumetric(self._volume.dilatations[own], law.parameters)[2]
+            self.stiffness[own] = part.unit * self._body.volumes[own] * second
 
     def changes(self, displacements: np.ndarray) -> np.ndarray:
         """Return the changes D u of the dilatations, shape (n,), for displacements u (n, d)."""
@@ -183,7 +218,7 @@ class LinearizedDilatation:
         self._body.share.fill(displacements)
         self._place.give("given", displacements)
         self._find_changes()
-        return self._changes.astype(float)
+        return np.where(self._rigid, 0.0, self._changes.astype(float))
 
     def forces(self, values: np.ndarray) -> np.ndarray:
         """Return D^T s, shape (n, d), vectors such as forces, for `values` s (n,) at the points; the cost is about that of `changes`."""
@@ -192,7 +227,7 @@ class LinearizedDilatation:
         unit = power_of_two(self._body.share.sum(np.abs(pressures)))
         np.divide(pressures, unit, out=self._values, casting="same_kind")
         self._find_forces()
-        return -unit * self._forces[: len(values)]
+        return -unit * sum((each[: len(values)] for each in self._beside), self._forces[: len(values)])
 
     def polynomial(self, coefficients: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return a function that applies a polynomial of the smoothing W to values (n,): the sum of c_k T_k(2 W^2 - I).

@@ -58,30 +58,14 @@ def volume_derivatives(algebra):
 
 
 @Pass
-def displacement_records(chunk, displacements, gradients, source, gradient_parity, gradient_reflection, records):
-    """Write the displacement and the change of the deformation gradient of every point and ghost into a row of `records`, (n + m, d + d d).
-
-    `gradients` holds the changes of the deformation gradients of the n points, and `displacements` has rows for the m ghosts, too. The
-    change of the gradient on a ghost is P G S, where G is the change on its `source`, P = diag(`gradient_parity`) and S =
-    diag(`gradient_reflection`).
-    """
+def displacement_records(chunk, displacements, gradients, records):
+    """Write the displacement of every point and ghost, and the change of its gradient, into a row of `records` (n + m, d + d d)."""
     total, dimension = displacements.shape
-    n = total - source.shape[0]
-    for i in share_of(n, chunk):
+    for i in share_of(total, chunk):
         for r in range(dimension):
             records[i, r] = np.float32(displacements[i, r])
         for r in range(dimension * dimension):
             records[i, dimension + r] = np.float32(gradients[i, r])
-    for g in share_of(source.shape[0], chunk):
-        for r in range(dimension):
-            records[n + g, r] = np.float32(displacements[n + g, r])
-        for c in range(dimension):
-            for r in range(dimension):
-                at = c * dimension + r
-                value = 0.0
-                for k in range(dimension):
-                    value += gradients[source[g], k * dimension + r] * gradient_reflection[g, k, c]
-                records[n + g, dimension + at] = np.float32(gradient_parity[g, r] * value)
 
 
 @ByDimension

@@ -44,6 +44,12 @@ MOST_FACTORIZED = {2: 300_000, 3: 5_000}
 """Greatest number of points, by dimension, for which a Laplacian is factorized; multigrid replaces larger factors, which fill in. Chosen:
 entries grow as n log n in the plane, and as n^(4/3) in three dimensions."""
 
+STIFFENED = 9.0
+"""Increase of the stiffness of a spring at a point with corrected gradients, divided by the squared component of its mean bond along the
+spring: corrections amplify motions that alternate from layer to layer. The mean bond is 0.37 of the mean length at a flat face, whose
+normal springs thus become 2.2 times as stiff. Chosen: with 11, bars of 4 and 6 points across (K = 100 mu) take a fifth more evaluations;
+with 7.3, a twisted cube of 8 points a side (K = 1000 mu) a tenth more."""
+
 RAISED = 4 / 3
 """Stiffness of the springs of a Laplacian that approximates the tangent of a nearly incompressible body, in the units of `ELONGATION`.
 
@@ -100,6 +106,8 @@ class NearestBonds:
         Stiffness of a spring against displacements along its bond and across it, in the units stated at `ELONGATION`, before scaling.
     every : ndarray of bool, shape (n,), optional
         Points of which all bonds have springs, without scaling.
+    corrected : ndarray of bool, shape (n,), optional
+        Points with corrected gradients, whose springs across the boundary layer are stiffer (`STIFFENED`).
 
     Attributes
     ----------
@@ -110,7 +118,15 @@ class NearestBonds:
     body
     """
 
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, along: float, across: float, every: np.ndarray | None = None) -> None:
+    def __init__(
+        self,
+        body: Body,
+        shear_moduli: float | np.ndarray,
+        along: float,
+        across: float,
+        every: np.ndarray | None = None,
+        corrected: np.ndarray | None = None,
+    ) -> None:
         bonds, points, share = body.bonds, body.all_points, body.share
         vector = points[bonds.second] - points[bonds.first]
         length = np.linalg.norm(vector, axis=1)
@@ -131,6 +147,8 @@ class NearestBonds:
         if every is not None:
             unscaled = every[bonds.first] | every[sources]
             scaled, near = np.where(unscaled, stiffness, scaled), near | unscaled
+        if corrected is not None:
+            scaled *= 1 + STIFFENED * _squared_lopsidedness(body, corrected)
         stiffness = scaled[near]
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
         self.coupled = along != across
@@ -200,6 +218,25 @@ class NearestBonds:
         return rows, columns, np.concatenate([values, -values * parity, values[within], -values[within]])
 
 
+def _squared_lopsidedness(body: Body, corrected: np.ndarray) -> np.ndarray:
+    """Return the squares of the components along each bond of the mean bonds of its `corrected` ends, in units of their mean length.
+
+    Means that point away from the bond do not count.
+    """
+    bonds, owners, n = body.bonds, body.bond_owners, len(body)
+    vectors = body.all_points[bonds.neighbors] - body.points[owners]
+    length = np.linalg.norm(vectors, axis=1)
+    weights = body.weigh(length) * body.all_volumes[bonds.neighbors]
+    lengths, *sums = (np.bincount(owners, weights * values, n)[corrected] for values in (length, *vectors.T))
+    means = np.zeros_like(body.all_points)
+    means[:n][corrected] = np.stack(sums, axis=1) / lengths[:, None]
+    body.share.fill(means)
+    along = body.all_points[bonds.second] - body.all_points[bonds.first]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    ends = (np.einsum("bi,bi->b", means[end], sign * along) for end, sign in ((bonds.first, 1), (bonds.second, -1)))
+    return sum(np.maximum(end, 0.0) ** 2 for end in ends)
+
+
 def springs_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
     """Return the network of springs of a body, along bonds and across them, that approximates its small-strain stiffness."""
     return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION)
@@ -217,12 +254,13 @@ def springs_beside_boundaries(body: Body, shear_moduli: float | np.ndarray) -> N
     return NearestBonds(body, shear_moduli, ELONGATION, SHEAR_SHARE * ELONGATION, every)
 
 
-def laplacian_of(body: Body, shear_moduli: float | np.ndarray) -> NearestBonds:
+def laplacian_of(body: Body, shear_moduli: float | np.ndarray, corrected: np.ndarray | None = None) -> NearestBonds:
     """Return the network of springs with the same stiffness, the constant `RAISED`, along and across bonds: a Laplacian per component.
 
-    The tangent of an incompressible neo-Hookean body in any state is such a Laplacian plus a contribution of the pressures.
+    The tangent of an incompressible neo-Hookean body in any state is such a Laplacian plus a contribution of the pressures. `corrected`
+    flags the points with corrected gradients.
     """
-    return NearestBonds(body, shear_moduli, RAISED, RAISED)
+    return NearestBonds(body, shear_moduli, RAISED, RAISED, corrected=corrected)
 
 
 def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:

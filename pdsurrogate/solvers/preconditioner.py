@@ -37,15 +37,15 @@ def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner that suits a force; `free` (n, d) is 1 where a component may move, 0 where it is held."""
     body, moduli = force.body, force.stiffness_moduli
     obstacles = force.loads.obstacles if hasattr(force, "loads") else []
-    if regions := getattr(force, "rigid", ()):
-        found = _touching(force, obstacles, inverse_with_regions(body, moduli, free, regions))
-    elif force.nearly_incompressible:
-        laplacian = _touching(force, obstacles, Preconditioner(inverse_of(laplacian_of(body, moduli), free)))
-        found = incompressible_inverse(force, laplacian)
-    elif obstacles:
-        found = _touching(force, obstacles, Preconditioner(inverse_of(springs_of(body, moduli), free)))
+    network = laplacian_of(body, moduli, force.corrected) if force.nearly_incompressible else springs_of(body, moduli)
+    regions = getattr(force, "rigid", ())
+    if regions or obstacles or force.nearly_incompressible:
+        inner = inverse_with_regions(network, free, regions) if regions else Preconditioner(inverse_of(network, free))
+        found = _touching(force, obstacles, inner)
     else:
-        found = Preconditioner(spring_solver_of(springs_of(body, moduli), free, SOLVED))
+        found = Preconditioner(spring_solver_of(network, free, SOLVED))
+    if force.nearly_incompressible:
+        found = incompressible_inverse(force, found)
     supports = getattr(force, "supports", ())
     return supported(found, supports, body.share) if supports and not obstacles else found
 
@@ -111,8 +111,10 @@ def incompressible_inverse(force: InternalForce, laplacian: Preconditioner) -> P
     laplacian : Preconditioner
         Exact or approximate inverse of A, symmetric and positive definite; A includes the stiffness of obstacles in contact.
     """
-    share, dilatation = force.body.share, force.linearized_dilatation()
-    compliance, unit = force.law.shear_modulus / force.law.bulk_modulus, force.law.shear_modulus * force.body.volumes
+    share, dilatation, unit = force.body.share, force.linearized_dilatation(), force.law.shear_modulus * force.body.volumes
+    for law, points in force.laws:
+        unit[points] = law.shear_modulus * force.body.volumes[points]
+    compliance = min(law.shear_modulus / law.bulk_modulus for law, _ in force.laws)
     inverse = dilatation.polynomial(_inverse_polynomial(compliance))
 
     def precondition(left: np.ndarray) -> np.ndarray:

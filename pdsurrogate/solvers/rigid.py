@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from ..body import Body
 from ..forces import InvalidState
 from .multigrid import factor_of
-from .nearest_bonds import Preconditioner, held_matrix, springs_of
+from .nearest_bonds import NearestBonds, Preconditioner, held_matrix
 
 MOST_STEPS = 30
 """Maximum number of Newton steps to place a rigid region by its held components; from the last state two or three suffice."""
@@ -189,13 +189,12 @@ class RigidRegion:
         forces[self.points] = carried
 
 
-def inverse_with_regions(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, regions: Sequence[RigidRegion]) -> Preconditioner:
-    """Return the preconditioner of a body with rigid regions: the inverse of the network `springs_of`, with regions that move rigidly.
+def inverse_with_regions(network: NearestBonds, free: np.ndarray, regions: Sequence[RigidRegion]) -> Preconditioner:
+    """Return the preconditioner of a body with rigid regions: the inverse of a network of springs, with regions that move rigidly.
 
     Parameters
     ----------
-    body : Body
-    shear_moduli : float or ndarray, shape (n,)
+    network : NearestBonds
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
     regions : sequence of RigidRegion
@@ -205,14 +204,14 @@ def inverse_with_regions(body: Body, shear_moduli: float | np.ndarray, free: np.
     columns, motions_free = [], []
     for region in regions:
         inside[region.points], kept[region.points] = True, 0
-        own = region.motions(body.points[region.points])
+        own = region.motions(network.body.points[region.points])
         motions = np.zeros((n, *own.shape[1:]))
         motions[region.points] = own
         columns.append(sparse.csr_array(motions.reshape(d * n, -1)))
         motions_free.append(np.full(own.shape[-1], float(region.free_motions(own).any())))
     by_motion = sparse.hstack([sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
     column = np.concatenate([kept.ravel(), *motions_free])
-    matrix = by_motion.T @ springs_of(body, shear_moduli).matrix(inside) @ by_motion
+    matrix = by_motion.T @ network.matrix(inside) @ by_motion
     factor = factor_of(held_matrix(matrix.tocsc(), column))
 
     def solve(forces: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.forces.interfaces import SIGHT
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.ranks import communicator
+from pdsurrogate.solvers.nearest_bonds import random_vector
 from pdsurrogate.stress_test.conformance import Deformation
 
 CASES = ("analytic", "stress"), ("bond-energy", "stress"), ("bond-energy", "strain"), ("bond-energy", "space")
@@ -47,7 +48,13 @@ def digests(name, plane, ranks, disc=False):
     across = within & (stiff[bonds.first] != stiff[np.where(within, bonds.second, bonds.first)])
     jumps = int(body.share.total(int((across * body.share.own[bonds.first]).sum())))
     found = {"case": f"{name}, {plane}, {disc}", "energy": energy, "beside": jumps}
-    for what, values in (("forces", forces), ("ratios", force.volume_ratios())):
+    fields = {"forces": forces, "ratios": force.volume_ratios()}
+    if force.nearly_incompressible:
+        dilatation = force.linearized_dilatation()
+        dilatation.take()
+        displacements = random_vector(body.share, np.ones_like(positions))
+        fields |= {"changes": dilatation.changes(displacements), "pulls": dilatation.forces(displacements[:, 0])}
+    for what, values in fields.items():
         whole = body.share.gather(np.ascontiguousarray(values))
         found[what] = None if whole is None else hashlib.sha256(whole.tobytes()).hexdigest()
     return found
