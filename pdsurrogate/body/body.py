@@ -110,6 +110,8 @@ class Body:
         ``inside(places)`` flags the places, shape (k, d), that lie in the body; cells in pictures and files then end at its boundary.
     rounds : sequence of Round, optional
         Circles or spheres on which the material changes; elsewhere interfaces between materials follow from the points.
+    outward : ndarray, shape (n, d), optional
+        Outward normals times areas of the free boundary, distributed to the points as loads on it are (`Surface.on_points`).
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
         the whole body.
@@ -144,6 +146,7 @@ class Body:
     faces: Mapping[str, str] = field(default_factory=dict)
     inside: Callable | None = None
     rounds: Sequence[Round] = ()
+    outward: np.ndarray | None = None
     share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
 

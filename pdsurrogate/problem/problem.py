@@ -11,6 +11,7 @@ from ..body.local_fit import text_of
 from ..discretization import check_size, discretize, grip_areas, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interfaces import SIGHT
+from ..forces.settings import BALANCED
 from ..materials import Law
 from ..ranks import ALONE, Communicator
 from ..scenes import Part, Scene
@@ -211,6 +212,9 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
         return surface_of(scene, whole[0], lower, upper).of_share(body.share)
 
     body, lower, upper = discretize(scene, share_of, all(model.mirrors_curves for model in models))
+    if scene.correction == BALANCED:
+        vars(body)["outward"] = surface().on_points(body.planes)
+        body.share.fill(body.outward)
     return _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
 
 
