@@ -1,4 +1,4 @@
-"""Gradients beside free boundaries with which a uniform stress exerts the boundary's load on every point (theory (73)-(75))."""
+"""Gradients beside free boundaries with which a uniform stress exerts the boundary's load on every point (theory (74)-(76))."""
 
 import numpy as np
 from scipy import sparse

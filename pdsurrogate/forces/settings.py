@@ -59,7 +59,7 @@ class ForceSettings:
     correction : {"tensor", "scalar", "none", "quadratic", "balanced"}, optional
         Correction of incomplete horizons: theory (21), the paper's (24)-(25), or nothing. By default "tensor" if the model allows it.
         "quadratic" makes the gradients of bond energies of solids exact for quadratic motions (theory (64)); "balanced" makes
-        a uniform stress exert the load of the boundary on the points beside it (theory (73)). Bonds then cannot break.
+        a uniform stress exert the load of the boundary on the points beside it (theory (74)). Bonds then cannot break.
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: from the polar decomposition, which is the default, or by the paper's (22)-(23).
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional

@@ -383,7 +383,7 @@ class Scene(StrictModel):
         Correction of incomplete horizons, near edges: for bond forces ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
         By default ``"tensor"`` if the force model supports it. For bond energies of solids, ``"quadratic"`` makes gradients exact for
         quadratic motions, theory (64). For bond energies, ``"balanced"`` makes strain and stress converge beside free and loaded
-        boundaries, theory (73).
+        boundaries, theory (74).
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
     precision : {"float32", "float64"}, optional

@@ -113,6 +113,17 @@ def test_momentum_is_balanced():
     np.testing.assert_allclose((positions[:, 0] * found[:, 1] - positions[:, 1] * found[:, 0]).sum(), 0, atol=1e-11 * scale)
 
 
+def test_the_moment_of_a_turned_plane_is_the_derivative_of_the_energy():
+    held, about = {"region": "left", "x1": 0.0, "x2": 0.0}, (1.0, 0.3)
+    turned = {"region": "right", "rotation": 20.0, "about": about}
+    keys = {**BLOCK, "prescribed": [held, turned], "precision": "float64", "solver": {"tolerance": 1e-8}, "correction": "balanced"}
+    steps = [0.98, 1.0, 1.02]
+    before, level, after = pds.simulate(pds.Scene(name="turned", material=RUBBER, spacing=0.1, steps=steps, **keys), "bond-energy").levels
+    force = level["forces"]["right"]
+    moment = level["moments"]["right"] - (about[0] * force[1] - about[1] * force[0])  # the result is about the origin
+    assert (after["energy"] - before["energy"]) / np.deg2rad(0.04 * 20) == pytest.approx(moment, rel=1e-4)
+
+
 def test_strains_of_a_ring_under_pressure_converge():
     """Lamé's solution under plane stress, at small strains; without the correction the error is 13 and 11 %."""
     pressure, mu, bulk = 1e-3, 1.5, 30.0
