@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ..ranks import Share
-from .ghosts import Mirror
+from .ghosts import HeldBoundary, Mirror
 
 IN_PLANE = 1e-6
 """Distance from a reflection plane, as a fraction of the body's extent, up to which a node lies in it. Chosen above the rounding of
@@ -121,11 +121,13 @@ class Surface:
         return np.linalg.norm(self.normals(), axis=1)
 
     def on_points(self, planes: Sequence[Mirror]) -> np.ndarray:
-        """Return the forces on the points, shape (n, d), of a unit tension on the undeformed boundary, except in reflection planes."""
+        """Return the forces on the points, shape (n, d), of a unit tension on the undeformed boundary, except where `planes` reflect."""
         forces, normals = np.zeros(self.nodes.shape), self.normals() / self.nodes.shape[1]
         corners = self.nodes[self.facets]
         for plane in planes:
-            if plane.axis is not None:
+            if isinstance(plane, HeldBoundary):
+                normals[self.parts == plane.name] = 0.0
+            else:
                 normals[(np.abs(corners[..., plane.axis] - plane.position) < IN_PLANE * np.ptp(self.nodes)).all(axis=1)] = 0.0
         for ends in self.facets.T:
             np.add.at(forces, ends, normals)

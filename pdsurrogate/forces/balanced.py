@@ -56,7 +56,8 @@ def balanced_changes(body: Body) -> np.ndarray:
     loaded = np.abs(body.outward).max(axis=1) > 0
     chosen = supported & (cKDTree(body.points[loaded]).query(body.points)[0] <= body.horizon) if loaded.any() else loaded
     curved = np.array([*(plane.axis is None for plane in body.planes), False])
-    chosen[owners[np.concatenate([np.zeros(n, dtype=bool), curved[ghosts.plane]])[ends]]] = False
+    beside = owners[np.concatenate([np.zeros(n, dtype=bool), curved[ghosts.plane]])[ends]]
+    chosen[beside], loads[beside] = False, 0.0
     rows = rows_of(body, "bonds")
     vectors = (body.all_points[ends] - body.points[owners]) / body.spacing
     directed = share.numbers[owners], body.names[ends] % share.size, signs[ends], vectors

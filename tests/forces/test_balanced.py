@@ -147,6 +147,24 @@ def test_strains_of_a_ring_under_pressure_converge():
     assert errors[1] < 0.65 * errors[0]
 
 
+def test_a_curved_held_boundary_carries_no_load():
+    """A free hole in a disc whose outline is held by images, against Lamé's solution; with loads on the outline energy was 22 % too low."""
+    pressure, mu, bulk, inner, outer = 1e-3, 1.5, 30.0, 0.5, 1.5
+    keys = {"body": {"shape": "circle", "radius": outer}, "holes": [{"shape": "circle", "radius": inner}], "spacing": 0.1}
+    held = [{"region": "outline", "x1": 0.0, "x2": 0.0}]
+    loads = [{"region": "holes", "pressure": pressure, "thickness": "undeformed"}]
+    scene = pds.Scene(
+        name="hole", material=RUBBER, steps=[1.0], prescribed=held, loads=loads, correction="balanced", precision="float64", **keys
+    )
+    result = pds.simulate(scene, "bond-energy")
+    young = 9 * bulk * mu / (3 * bulk + mu)
+    poisson = young / (2 * mu) - 1
+    # u = A r + B/r, zero at the outer radius.
+    slope = pressure * (1 - poisson**2) / young / ((1 + poisson) + (1 - poisson) * (outer / inner) ** 2)
+    displacement = slope * (outer**2 / inner - inner)
+    assert result.levels[-1]["energy"] == pytest.approx(np.pi * inner * pressure * displacement, rel=0.03)
+
+
 def test_what_cannot_be_balanced_is_refused():
     with pytest.raises(ValueError, match="correction=balanced: bonds cannot break with it; use correction=none"):
         ForceSettings(correction="balanced", breakable=True)
