@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -333,14 +334,14 @@ def ring_states(pressure: float, plane: str) -> Callable[[np.ndarray], tuple[np.
     return states
 
 
-def edges(plane: str, spacing: float) -> Errors:
+def edges(plane: str, spacing: float, **more) -> Errors:
     """Greatest error of F and of P within a horizon of the edges, over the greatest F - I and P of the ring: the radial equation."""
     # The ring stays where it is by the symmetry of its points; these supports carry nothing.
     supports = {"east": ((1.5, 0.0), "x2"), "west": ((-1.5, 0.0), "x2"), "north": ((0.0, 1.5), "x1"), "south": ((0.0, -1.5), "x1")}
     held = [{"region": {"near": place}, "name": name, component: 0.0} for name, (place, component) in supports.items()]
     # In plane strain the thickness does not change.
     loads = [{"region": "holes", "pressure": 0.3, **({"thickness": "undeformed"} if plane == "stress" else {})}]
-    result, _, count = ran(spacing=spacing, plane=plane, loads=loads, prescribed=held, **RING)
+    result, _, count = ran(spacing=spacing, plane=plane, loads=loads, prescribed=held, **RING, **more)
     places, fields = result.body.points, result.states[-1][1]
     radius = np.linalg.norm(places, axis=1)
     axes = np.zeros((len(places), 3, 3))
@@ -370,13 +371,34 @@ def edges_plane_strain(spacing: float) -> Errors:
     return edges("strain", spacing)
 
 
+BALANCED = {"correction": "balanced"}
+
+
+@row("F and P in the ring in plane stress with correction = balanced", (0.1, 0.05, 0.025), **EDGES)
+def edges_plane_stress_balanced(spacing: float) -> Errors:
+    """As `edges_plane_stress`."""
+    return edges("stress", spacing, **BALANCED)
+
+
+@row("F and P in the ring in plane strain with correction = balanced", (0.1, 0.05, 0.025), **EDGES)
+def edges_plane_strain_balanced(spacing: float) -> Errors:
+    """As `edges_plane_strain`."""
+    return edges("strain", spacing, **BALANCED)
+
+
+@row("thick sphere with correction = balanced", (1 / 8, 1 / 16, 1 / 24), inner_displacement="0.8 at 1/16")
+def thick_sphere_balanced(spacing: float) -> Errors:
+    """As `thick_sphere`."""
+    yield from thick_sphere(spacing, **BALANCED)
+
+
 def compare_corrected(found: dict[str, dict]) -> None:
     """Enter the present figures of rows without a correction as "before" in the rows of the same bodies with it."""
     for name in found:
-        plain = found.get(name.removesuffix("-corrected"), {})
-        for quantity, points in found[name].items() if name.endswith("-corrected") else ():
+        plain = re.sub("-(corrected|balanced)$", "", name)
+        for quantity, points in found[name].items() if plain != name else ():
             for key, entries in points.items():
-                entries["before"] = plain.get(quantity, {}).get(key, {}).get("now")
+                entries["before"] = found.get(plain, {}).get(quantity, {}).get(key, {}).get("now")
 
 
 HEADER = ["case", "quantity", "aim (%)", "spacing", "before (%)", "now (%)", "evaluations before", "now"]

@@ -112,6 +112,8 @@ class Body:
         ``tessellate(points, volumes)`` returns the cells, a `CellMesh`, around points that lie on no lattice and come from no mesh.
     rounds : sequence of Round, optional
         Circles or spheres on which the material changes; elsewhere interfaces between materials follow from the points.
+    outward : ndarray, shape (n, d), optional
+        Outward normals times areas of the free boundary, distributed to the points as loads on it are (`Surface.on_points`).
     share : Share
         Share of a larger body to which these points belong, if several ranks (parallel processes) divide a run; by default the points are
         the whole body.
@@ -147,6 +149,7 @@ class Body:
     inside: Callable | None = None
     tessellate: Callable[[np.ndarray, np.ndarray], CellMesh] | None = None
     rounds: Sequence[Round] = ()
+    outward: np.ndarray | None = None
     share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
 

@@ -10,6 +10,11 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ..ranks import Share
+from .ghosts import HeldBoundary, Mirror
+
+IN_PLANE = 1e-6
+"""Distance from a reflection plane, as a fraction of the body's extent, up to which a node lies in it. Chosen above the rounding of
+coordinates in single precision that meshes may have."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +119,19 @@ class Surface:
     def areas(self) -> np.ndarray:
         """Return the areas of the facets in the reference state, in the plane their lengths, shape (f,)."""
         return np.linalg.norm(self.normals(), axis=1)
+
+    def on_points(self, planes: Sequence[Mirror]) -> np.ndarray:
+        """Return the forces on the points, shape (n, d), of a unit tension on the undeformed boundary, except where `planes` reflect."""
+        forces, normals = np.zeros(self.nodes.shape), self.normals() / self.nodes.shape[1]
+        corners = self.nodes[self.facets]
+        for plane in planes:
+            if isinstance(plane, HeldBoundary):
+                normals[self.parts == plane.name] = 0.0
+            else:
+                normals[(np.abs(corners[..., plane.axis] - plane.position) < IN_PLANE * np.ptp(self.nodes)).all(axis=1)] = 0.0
+        for ends in self.facets.T:
+            np.add.at(forces, ends, normals)
+        return self.interpolation.T @ forces
 
     def followed(self) -> np.ndarray:
         """Return flags of the nodes that have enough points near them to define their motion, shape (k,)."""

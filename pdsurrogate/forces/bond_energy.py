@@ -15,7 +15,7 @@ from ..materials import PLANES, Law, plane_stress
 from .pair_energy import PairEnergy
 from .pair_passes import EnergyDerivatives
 from .protocol import CompiledBondForce, Domain, ForceModel, by_blocks
-from .settings import OUTSIDE_POLICIES, PRECISIONS, QUADRATIC
+from .settings import BALANCED, OUTSIDE_POLICIES, PRECISIONS, QUADRATIC
 from .term import Term
 
 
@@ -93,7 +93,7 @@ class EnergyModel(ForceModel):
         return honors | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
     def honored(self, plane: str) -> Mapping[str, tuple]:
-        return {**self.honors, "correction": ("none", QUADRATIC)} if plane == "space" else self.honors
+        return {**self.honors, "correction": ("none", BALANCED, *((QUADRATIC,) if plane == "space" else ()))}
 
     def terms(self, plane: str) -> tuple[type[Term], ...]:
         return (PairEnergy,)

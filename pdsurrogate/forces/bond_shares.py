@@ -3,11 +3,12 @@
 import numpy as np
 
 from ..body.body import pointers_to
+from ..body.ghosts import symmetric
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels.ghosts import fold_matrices, fold_vectors
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
-from .kinematics import Kinematics, entries_of, pairs_of_points
+from .kinematics import Kinematics, entries_of, matrices, pairs_of_points
 from .steps import Step
 
 
@@ -165,7 +166,7 @@ class BondShares:
         own, others = (
             add_node_forces[d].bind(moments, *bonds, unit, first, self._node_parts, forces, chunks=chunks) for bonds, first in of_both
         )
-        before = *before, *kinematics.moment_steps(moments)
+        before = *before, *kinematics.moment_steps(moments), *kinematics.pull_steps(moments, forces, unit)
         if not len(ghosts):
             return [moments, *before, weigh, own]
         fold = fold_matrices.bind(moments, *kinematics.gradient_ghosts.of_gradients, chunks=chunks)
@@ -183,4 +184,16 @@ class BondShares:
         sum_moments[d](moments, *pairs, 1.0, found)
         sum_pair_forces[d](forces, *pairs, unit, on_ghosts)
         add_node_forces[d](stresses, *self._of_ghosts, unit, n, self._node_parts, on_ghosts)
+        if (changed := self._kinematics.changed_bonds) is not None:
+            np.subtract.at(on_ghosts, self._body.bonds.neighbors[changed[0]], unit * self.pulls(stresses, *changed[1:]))
         return on_ghosts[n:], found[n:]
+
+    def pulls(self, stresses: np.ndarray, owners: np.ndarray, changes: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the energy by the ends of bonds whose weights in gradients of their `owners` are changed, (k, d).
+
+        `stresses` are those after `steps_to_points`: moments of the points, weighed by their shapes.
+        """
+        points, places = np.unique(owners, return_inverse=True)
+        shapes = symmetric(self._kinematics.inverse_shape[points])
+        moments = matrices(stresses[points]) @ np.linalg.inv(shapes) * self._body.volumes[points, None, None]
+        return np.einsum("bij,bj->bi", moments[places], changes)

@@ -11,9 +11,10 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from ..body import Body
+from .balanced import balanced_changes
 from .interfaces import YIELDING, Interfaces
 from .kinematics import Kinematics
-from .settings import QUADRATIC, ForceSettings
+from .settings import BALANCED, QUADRATIC, ForceSettings
 from .term import Binding, Release
 
 if TYPE_CHECKING:
@@ -96,7 +97,8 @@ class InternalForce:
         self.law = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
         self.laws = [(portion.law, portion.points) for portion in portions]
         self.precision = max(portion.model.usual_precision(settings) for portion in portions)
-        self._kinematics = kinematics = Kinematics(body, self.precision, settings.plane, settings.correction == QUADRATIC)
+        changes = balanced_changes(body) if settings.correction == BALANCED else None
+        self._kinematics = kinematics = Kinematics(body, self.precision, settings.plane, settings.correction == QUADRATIC, changes)
         kinds = portions[0].model.terms(settings.plane)
         self.has_energy = all(kind.has_energy for kind in kinds)
         self.portion_of = None if isinstance(portions[0].points, slice) else _numbers_of(body, portions)

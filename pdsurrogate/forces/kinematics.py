@@ -1,6 +1,7 @@
 """Positions, shape tensors and deformation gradients of the points of a body and of their mirror images."""
 
 import math
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -40,6 +41,8 @@ class Kinematics:
     plane : {"stress", "strain", "space"}
     quadratic : bool
         Whether gradients at incomplete horizons are corrected to be exact for quadratic motions.
+    changes : ndarray, shape (n_bonds, d), optional
+        Changes of the weights of directed bonds in the gradients of their first points.
 
     Attributes
     ----------
@@ -57,6 +60,8 @@ class Kinematics:
         Ghosts with the continuation that is used for deformation gradients and derivatives by these.
     interfaces : Interfaces or None
         Interfaces between materials, in a body of several.
+    changed_bonds : tuple of ndarray, or None
+        Numbers of the directed bonds with changed weights, their first points, and the changes (k, d); None if no weights are changed.
     corrected : ndarray of bool, shape (n,), or None
         Points with corrected gradients; None if no gradients are corrected.
     changes : int
@@ -65,7 +70,9 @@ class Kinematics:
         Whether `gradients` belong to `positions`.
     """
 
-    def __init__(self, body: Body, precision: str, plane: str = "stress", quadratic: bool = False) -> None:
+    def __init__(
+        self, body: Body, precision: str, plane: str = "stress", quadratic: bool = False, changes: np.ndarray | None = None
+    ) -> None:
         self.body, self.plane = body, plane
         bonds, points, d = body.bonds, body.all_points, body.dimension
         total = len(points)
@@ -79,7 +86,10 @@ class Kinematics:
         self.supported = np.zeros(total, dtype=np.uint8)
         find_shapes(body, np.arange(len(body), dtype=np.uint32), self.weighted_bonds, self.inverse_shape, self.supported)
 
-        self._correction, self.corrected = None, None
+        self._correction, self.corrected, self.changed_bonds = None, None, None
+        if changes is not None:
+            numbers = np.flatnonzero(np.abs(changes).max(axis=1))
+            self.changed_bonds = numbers, body.bond_owners[numbers], changes[numbers]
         if quadratic:
             weights = self.gradient_weights(self.weighted_bonds, self.inverse_shape)
             self._correction = quadratic_correction(body, weights, self.supported[: len(body)])
@@ -162,7 +172,8 @@ class Kinematics:
         bonds = self.body.bonds
         arrays = bonds.pointers, bonds.neighbors, self.weighted_bonds, self.inverse_shape
         form = deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
-        return [form] if self._correction is None else [form, gradients, *self._added(self._correction, gradients)]
+        changed = self._changed(lambda changes, columns: sparse_product(self.chunks, changes, positions, columns, add=True), gradients)
+        return [form, *changed] if self._correction is None else [form, *changed, gradients, *self._added(self._correction, gradients)]
 
     def moment_steps(self, moments: np.ndarray) -> list[Step]:
         """Return the steps that turn derivatives of the energy by corrected gradients into those by the gradients before correction.
@@ -176,6 +187,21 @@ class Kinematics:
             block = self.body.share.with_rows_of_others(self._correction[row::d, column::d].tocsr())
             matrix += sparse.kron(block, sparse.coo_array(([1.0], ([row], [column])), shape=(d, d)), format="csr")
         return [*self._added(matrix.T, moments), moments]
+
+    def pull_steps(self, moments: np.ndarray, forces: np.ndarray, unit: float) -> list[Step]:
+        """Return the steps that add the forces that derivatives by gradients, `moments` by columns, exert through `changed_bonds`."""
+        return self._changed(lambda changes, columns: sparse_product(self.chunks, -unit * changes.T, columns, forces, add=True), moments)
+
+    def _changed(self, product: Callable, gradients: np.ndarray) -> list[Step]:
+        """Return the steps of a `product` of the matrix (n d, n + m) of changed weights and the columns of gradients; none without."""
+        if self.changed_bonds is None:
+            return []
+        d, columns = self.body.dimension, gradients[: len(self.body)].reshape(-1, self.body.dimension)
+        numbers, owners, changes = self.changed_bonds
+        rows = (d * owners[:, None] + np.arange(d)).ravel()
+        ends = np.repeat(np.concatenate([self.body.bonds.neighbors[numbers], owners]), d)
+        entries = np.concatenate([changes, -changes]).ravel(), (np.tile(rows, 2), ends)
+        return product(sparse.csr_array(entries, shape=(len(columns), len(self.body.all_points))), columns)
 
     def _added(self, matrix, gradients: np.ndarray) -> list[BoundPass]:
         """Return the passes that add to gradients at the points a matrix (n d, n d) times their columns."""

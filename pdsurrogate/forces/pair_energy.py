@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ..body.ghosts import symmetric
 from ..engine.block_arrays import aligned_rows
 from ..engine.passes import BoundPass
 from ..kernels import bond_energy
@@ -155,16 +154,13 @@ class PairEnergy(Term):
         return forces if changed is None else forces + changed[pairs]
 
     def _from_one_side(self) -> np.ndarray | None:
-        """Return corrections of the forces of all pairs where interfaces omit bonds from gradients, shape (n_pairs, d); None if none do."""
+        """Return corrections of the forces of all pairs where bonds are omitted from gradients or have changed weights; None if none do."""
         interfaces, bonds, body = self.kinematics.interfaces, self.body.bonds, self.body
-        if interfaces is None or interfaces.one_sided_bonds is None:
+        found = self.kinematics.changed_bonds if interfaces is None else interfaces.one_sided_bonds
+        if found is None:
             return None
-        numbers, owners, changes = interfaces.one_sided_bonds
-        # The moments of the points as they were before their shapes weighed them.
-        points, places = np.unique(owners, return_inverse=True)
-        shapes = symmetric(self.kinematics.inverse_shape[points])
-        moments = matrices(self._stresses[points]) @ np.linalg.inv(shapes) * body.volumes[points, None, None]
-        pulls = np.einsum("bij,bj->bi", moments[places], changes)
+        numbers, owners, changes = found
+        pulls = self._unit * self.shares.pulls(self._stresses, owners, changes)
         pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
         changed = np.stack([np.bincount(bonds.pair_of[numbers], pull, len(bonds.first)) for pull in pulls.T], axis=1)
         outer = self.kinematics.outer_pairs

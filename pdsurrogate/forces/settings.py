@@ -21,9 +21,12 @@ from the polar decomposition; None for the polar decomposition itself."""
 QUADRATIC = "quadratic"
 """Correction of deformation gradients at incomplete horizons (`pdsurrogate.forces.quadratic`)."""
 
+BALANCED = "balanced"
+"""Correction of deformation gradients beside free boundaries (`pdsurrogate.forces.balanced`)."""
+
 SETTINGS = {
     "precision": PRECISIONS,
-    "correction": (*CORRECTIONS, QUADRATIC),
+    "correction": (*CORRECTIONS, QUADRATIC, BALANCED),
     "rotation": tuple(ROTATIONS),
     "outside": tuple(OUTSIDE_POLICIES),
     "breakable": (True,),
@@ -53,9 +56,10 @@ class ForceSettings:
     ----------
     precision : {"float32", "float64"}, optional
         Precision of the compiled pass over the bonds; positions, sums and the states of the points are always in double precision.
-    correction : {"tensor", "scalar", "none", "quadratic"}, optional
+    correction : {"tensor", "scalar", "none", "quadratic", "balanced"}, optional
         Correction of incomplete horizons: theory (21), the paper's (24)-(25), or nothing. By default "tensor" if the model allows it.
-        "quadratic" makes the gradients of bond energies of solids exact for quadratic motions (theory (64)); bonds then cannot break.
+        "quadratic" makes the gradients of bond energies of solids exact for quadratic motions (theory (64)); "balanced" makes
+        a uniform stress exert the load of the boundary on the points beside it (theory (78)). Bonds then cannot break.
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: from the polar decomposition, which is the default, or by the paper's (22)-(23).
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional
@@ -89,8 +93,8 @@ class ForceSettings:
             key, value = field.name, getattr(self, field.name)
             if value not in (field.default, *SETTINGS[key]):
                 raise ValueError(f"{key} must be one of {', '.join(map(str, SETTINGS[key]))}, not {value!r}")
-        if self.correction == QUADRATIC and self.breakable:
-            raise ValueError("correction=quadratic: bonds cannot break with it; use correction=none, or leave out fracture")
+        if self.correction in (QUADRATIC, BALANCED) and self.breakable:
+            raise ValueError(f"correction={self.correction}: bonds cannot break with it; use correction=none, or leave out fracture")
 
     def check(self, name: str, honors: Mapping[str, tuple]) -> None:
         """Check that a model can honor all settings that are given.

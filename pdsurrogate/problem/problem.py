@@ -11,6 +11,7 @@ from ..body.local_fit import text_of
 from ..discretization import check_size, discretize, grip_areas, held_at_points, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interfaces import SIGHT
+from ..forces.settings import BALANCED
 from ..materials import Law
 from ..ranks import ALONE, Communicator
 from ..scenes import Part, Scene
@@ -226,6 +227,9 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Commun
     curves = all(model.mirrors_curves for model in models)
     # Bond forces do not know where in a cell the interface lies: they gain nothing by divided cells.
     body, lower, upper = discretize(scene, share_of, curves, all(model.family == "bond energy" for model in models))
+    if scene.correction == BALANCED:
+        vars(body)["outward"] = surface().on_points(body.planes)
+        body.share.fill(body.outward)
     problem = _on_body(scene, models, whole[0], BodyRegions(scene, body, lower, upper, surface), ranks)
     if models:
         warn_of_points(scene, problem.held_at_points)

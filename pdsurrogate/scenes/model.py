@@ -380,10 +380,11 @@ class Scene(StrictModel):
         Horizon divided by the smaller side of a cell; by default 3.15 in the plane, as in the paper, and 1.75 for solids. Unit: none.
     weight : str
         Weight of a bond of length l at the horizon d: ``"inverse"`` is d/l, as in the paper; ``"constant"`` is 1; ``"linear"`` is 1 - l/d.
-    correction : {"tensor", "scalar", "none", "quadratic"}, optional
+    correction : {"tensor", "scalar", "none", "quadratic", "balanced"}, optional
         Correction of incomplete horizons, near edges: for bond forces ``"tensor"`` is theory (21), ``"scalar"`` is the paper's (24)-(25).
         By default ``"tensor"`` if the force model supports it. For bond energies of solids, ``"quadratic"`` makes gradients exact for
-        quadratic motions, theory (64).
+        quadratic motions, theory (64). For bond energies, ``"balanced"`` makes strain and stress converge beside free and loaded
+        boundaries, theory (78).
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: that of the polar decomposition, which is the default, or the paper's (22)-(23).
     precision : {"float32", "float64"}, optional
@@ -445,7 +446,7 @@ class Scene(StrictModel):
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = Field(None, validate_default=True)
     weight: Annotated[str, AfterValidator(_known_weight)] = "inverse"
-    correction: Literal["tensor", "scalar", "none", "quadratic"] | None = None
+    correction: Literal["tensor", "scalar", "none", "quadratic", "balanced"] | None = None
     rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
     outside: Literal["fallback", "warn", "raise", "extrapolate"] | None = None

@@ -19,12 +19,14 @@ def cut(starts, ends):
     return sides & (np.maximum(starts[:, 0], ends[:, 0]) < 0.4)
 
 
-def measured(row, steps, ranks, **settings):
+def measured(row, steps, ranks, outward=None, **settings):
     """Forces, energy and positions, on the first rank of the whole body."""
     subject, d = Subject(row.reference, plane=row.plane), 3 if row.plane == "space" else 2
     whole = notched(d, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),), separates=cut)
     body = divided(whole, ranks) if ranks.size > 1 else whole
     share = body.share
+    if outward is not None:
+        vars(body)["outward"] = outward(whole)[share.numbers]
     force = subject.model.bind(body, subject.law, ForceSettings(plane=row.plane, **settings))
     positions = DEFORMED(body.points)
     forces = np.empty_like(positions)
@@ -56,3 +58,16 @@ def arrays(steps, names=(), **settings):
 def corrected(steps, name):
     """What is measured of a solid's model with corrected gradients."""
     return arrays(steps, (name,), correction="quadratic")
+
+
+def pulled(body):
+    """Loads of a uniform tension on the outermost layers, which the weights of gradients are changed for."""
+    places = body.points - body.points.mean(axis=0)
+    outermost = np.abs(places) > np.abs(places).max(axis=0) - 0.6 * body.spacing
+    outermost[places[:, 0] < 0, 0] = False
+    return np.where(outermost, np.sign(places) * body.spacing ** (body.dimension - 1), 0.0)
+
+
+def balanced(steps, names):
+    """What is measured of models of bond energies with balanced gradients."""
+    return arrays(steps, names, correction="balanced", outward=pulled)

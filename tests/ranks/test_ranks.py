@@ -95,6 +95,17 @@ def test_corrected_gradients_have_the_same_bits(ranks, number):
 
 
 @several
+@pytest.mark.parametrize("number", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_balanced_gradients_have_the_same_bits(ranks, number):
+    models = "bond-energy", "bond-energy of solids"
+    alone = ranks.loaded(1, "balanced", 30, models, module="every_model")[0]["value"]
+    plain = ranks.loaded(1, "arrays", 30, models, module="every_model")[0]["value"]
+    for model in models:
+        assert np.abs(alone[f"{model}: forces"] - plain[f"{model}: forces"]).max() > 1e-6
+    check_bits(alone, ranks(number, "balanced", 30, models, module="every_model")[0]["value"], models)
+
+
+@several
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [2, 3, 4])
 def test_forces_and_steps_of_every_model_have_the_same_bits(number):
