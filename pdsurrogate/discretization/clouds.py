@@ -72,7 +72,7 @@ def relaxed_points(
     seed : int
         Number of the cloud; other seeds give other clouds.
     """
-    samples = _Samples.of(cells, whole, cut, material)
+    samples = Samples.of(cells, whole, cut, material)
     n = max(1, round(samples.total * samples.volume / spacing ** len(cells.counts)))
     path = _path_of(samples, n, seed) if n >= LEAST_KEPT else None
     found = None if path is None else _kept(path)
@@ -88,7 +88,7 @@ def nearest_volumes(
     cells: Cells, whole: np.ndarray, cut: np.ndarray, material: Callable[[np.ndarray], np.ndarray], points: np.ndarray
 ) -> np.ndarray:
     """Return the volumes of a part of the body nearest to each of its points, shape (n,); for the part see `relaxed_points`."""
-    samples = _Samples.of(cells, whole, cut, material)
+    samples = Samples.of(cells, whole, cut, material)
     places = np.zeros((len(points), 3))
     places[:, : points.shape[1]] = np.rint((points - np.array(cells.lower)) / np.array(cells.sides) * UNITS)
     sorted_places, sums = samples.sums(places)
@@ -98,7 +98,7 @@ def nearest_volumes(
 
 
 @dataclass(frozen=True)
-class _Samples:
+class Samples:
     """Samples of a body: a raster in each cell of a grid, of which those in material count.
 
     Attributes
@@ -118,7 +118,7 @@ class _Samples:
     masks: np.ndarray
 
     @classmethod
-    def of(cls, cells: Cells, whole: np.ndarray, cut: np.ndarray, material: Callable[[np.ndarray], np.ndarray]) -> _Samples:
+    def of(cls, cells: Cells, whole: np.ndarray, cut: np.ndarray, material: Callable[[np.ndarray], np.ndarray]) -> Samples:
         """Return the samples of a body; for the arguments see `relaxed_points`."""
         d, sides, centers = len(cells.counts), np.array(cells.sides), cells.centers()
         width = SAMPLES[d]
@@ -198,7 +198,7 @@ class _Samples:
         return points, sums.sum(axis=0)
 
 
-def _path_of(samples: _Samples, n: int, seed: int) -> Path | None:
+def _path_of(samples: Samples, n: int, seed: int) -> Path | None:
     """Return the file that keeps a cloud, beside the compiled code; None if no folder can be written to."""
     folder = cache_folder(relaxed_points)
     settings = FORMAT, UNITS, METRIC, GROUP, STEPS, n, seed, samples.cells.counts, samples.cells.sides

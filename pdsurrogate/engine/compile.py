@@ -193,7 +193,7 @@ def log_not_kept(folder: str, why: str) -> None:
 def cache_folder(function: Callable) -> Path | None:
     """Return the folder in which compiled code of the file of a function is cached; None if no folder can be written to."""
     with suppress(RuntimeError):
-        return Path(FunctionCache(function)._cache_path)
+        return Path(FunctionCache(function).cache_path)
     return None
 
 

@@ -96,7 +96,7 @@ def test_a_cloud_is_kept_and_made_again_where_its_file_is_damaged(tmp_path, monk
             data[len(data) // 2] ^= 1
             path.write_bytes(data)
         else:
-            monkeypatch.setattr(clouds._Samples, "start", lambda *_: pytest.fail("made again"))
+            monkeypatch.setattr(clouds.Samples, "start", lambda *_: pytest.fail("made again"))
         body = discretize(square())[0]
         np.testing.assert_array_equal(body.points, made.points)
         np.testing.assert_array_equal(body.volumes, made.volumes)
