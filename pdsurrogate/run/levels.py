@@ -50,7 +50,7 @@ whose residual does not fall ends when all attempts together have used the first
 When they have used the third number, the increment is halved no further. Chosen: an increment that fails then costs at most about ten
 outputs, and increments up to 99 % of a limit load are still found after a failure."""
 
-USUAL, LEAST = 300, 40
+USUAL, LEAST = 200, 40
 """Force evaluations assumed for an output of a run that has none yet, and the least mean for the outputs of a run: an easy output says
 little about the next one, and searches just below a limit load need hundreds even where they converge."""
 

@@ -416,6 +416,11 @@ class Mesh(StrictModel):
     dimension: Literal[2, 3] = 2
 
 
+ENDS = 1e-9
+"""Part of a cut's length beside its ends in which a segment does not cross it: one that meets an end exactly does not, whatever the unit of
+length and the rounding."""
+
+
 class Precut(StrictModel):
     """Straight cut in the plane: the body has no bonds that cross it.
 
@@ -471,7 +476,9 @@ class Precut(StrictModel):
         apart = np.flatnonzero(sides[0] != sides[1])
         crossing = np.zeros(len(starts), dtype=bool)
         origin, direction = starts[apart], ends[apart] - starts[apart]
-        crossing[apart] = (_cross(direction, a - origin) >= 0) != (_cross(direction, b - origin) >= 0)
+        # Place on the cut where the segment meets its line: 0 at the start, 1 at the end.
+        place = _cross(direction, origin - a) / _cross(direction, along)
+        crossing[apart] = (place > ENDS) & (place < 1 - ENDS)
         return crossing
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

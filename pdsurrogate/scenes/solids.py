@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from .shapes import AnyOutline, Circle, Ellipse, Mesh, Outline, Polygon, Precut, Rectangle, Shape, nearest_on_sphere, with_shape
+from .shapes import ENDS, AnyOutline, Circle, Ellipse, Mesh, Outline, Polygon, Precut, Rectangle, Shape, nearest_on_sphere, with_shape
 from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictModel
 
 
@@ -485,7 +485,7 @@ class ParallelogramCut(FlatCut):
 
     def covers(self, places: np.ndarray) -> np.ndarray:
         shares = (places - np.array(self.corner)) @ np.linalg.pinv(np.array(self.sides))
-        return ((shares >= 0) & (shares <= 1)).all(axis=1)
+        return ((shares > ENDS) & (shares < 1 - ENDS)).all(axis=1)
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         found, corner, normal = [], np.array(self.corner), self.plane()[1]
@@ -528,7 +528,7 @@ class DiscCut(FlatCut):
         return np.array(self.center), normal / np.linalg.norm(normal), self.radius
 
     def covers(self, places: np.ndarray) -> np.ndarray:
-        return np.linalg.norm(places - np.array(self.center), axis=1) <= self.radius
+        return np.linalg.norm(places - np.array(self.center), axis=1) < (1 - ENDS) * self.radius
 
     def edge(self, pitch: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         center, normal, radius = self.plane()

@@ -348,3 +348,24 @@ def test_where_a_mesh_is_too_coarse_nobody_is_told_to_take_a_smaller_spacing(tmp
     with pytest.raises(pds.SceneError, match="use a finer mesh, of cells of about one size") as caught:
         run_of(body=mesh, prescribed=({"region": "left", **CLAMPED}, {"region": "right", "x1": 0.1}))
     assert "smaller spacing" not in str(caught.value)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e-3, 3.7, 1e6])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_bonds_that_a_precut_breaks_do_not_depend_on_the_unit_of_length(dimension, unit):
+    """Diagonal bonds meet its end, halfway between columns of points, exactly: rounding must not decide which of them it breaks."""
+
+    def bonds(unit):
+        if dimension == 2:
+            body, cut = {"shape": "rectangle", "size": [3 * unit, unit]}, {"start": [0, unit / 2], "end": [1.5 * unit, unit / 2]}
+        else:
+            body = {"shape": "box", "size": [3 * unit, unit, 0.4 * unit]}
+            cut = {"corner": [0, unit / 2, 0], "sides": [[1.5 * unit, 0, 0], [0, 0, 0.4 * unit]]}
+        described = {"name": "cut", "spacing": 0.1 * unit, "body": body, "precuts": [cut], "stretches": [1.5]}
+        material = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
+        grips = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
+        return discretize(pds.Scene.model_validate({**described, "material": material, "grips": grips}))[0].bonds
+
+    ours, usual = bonds(unit), bonds(1.0)
+    np.testing.assert_array_equal(ours.first, usual.first)
+    np.testing.assert_array_equal(ours.second, usual.second)
