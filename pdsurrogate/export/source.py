@@ -1,4 +1,4 @@
-"""What is exported: the energy of a law or of an artifact, the facts that a reader needs, and states by which a file is checked."""
+"""Sources of exported files: the energy of a law or an artifact, the facts that a reader needs, and states that check the file."""
 
 from dataclasses import dataclass
 

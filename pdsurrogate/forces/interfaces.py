@@ -35,8 +35,9 @@ converges for a material a hundred times as stiff.
 """
 
 ROUND_REACH = 1.5
-"""The same radius for interfaces that are circles or spheres. Chosen: the force on a strip around a disc of 5 cells' radius, three times as
-stiff as the strip, has an error of 0.2 %; it was 0.5 % with `REACH`, since the function fitted is less accurate far from the place."""
+"""Radius in horizons, as `REACH`, for interfaces that are circles or spheres. Chosen: the force on a strip around a disc of 5 cells'
+radius, three times as stiff as the strip, has an error of 0.2 %; it was 0.5 % with `REACH`, since the function fitted is less accurate far
+from the place."""
 
 FARTHEST = 1.5
 """Greatest distance, in horizons, at which an interface is assigned to a point. The point is bonded to points beyond the interface, the

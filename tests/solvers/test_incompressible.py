@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from probes import assert_dilatation_is_linearized
 from scipy import sparse
 
 from pdsurrogate.body import Body, ReflectionPlane
@@ -41,17 +42,7 @@ def test_the_linearized_dilatation_is_the_derivative_of_the_volume_ratios(dimens
     """Against central differences, of which the cubic part in space leaves 1e-10, in single precision; so the transpose."""
     force = block(5, dimension, 100, jitter=0.1)
     positions, random = deformed(force), np.random.default_rng(4)
-    dilatation = force.linearized_dilatation()
-    dilatation.take()
-    moved, values, ratios = random.standard_normal(positions.shape), random.standard_normal(len(positions)), []
-    for sign in (1, -1):
-        force.place(positions + sign * 1e-6 * moved)
-        ratios.append(force.volume_ratios())
-    change = dilatation.changes(moved)
-    np.testing.assert_allclose(change, (ratios[0] - ratios[1]) / 2e-6, rtol=0, atol=1e-6 * np.abs(change).max())
-    assert np.vdot(dilatation.forces(values), moved) == pytest.approx(
-        values @ change, abs=1e-6 * np.linalg.norm(values) * np.linalg.norm(change)
-    )
+    assert_dilatation_is_linearized(force, positions, random)
 
 
 def test_the_preconditioner_solves_what_it_says():

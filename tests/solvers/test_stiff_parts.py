@@ -4,6 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from probes import assert_dilatation_is_linearized
 from stopping import InterruptedAtLevel
 
 import pdsurrogate as pds
@@ -356,17 +357,7 @@ def test_the_dilatation_of_several_materials_is_linearized_across_their_interfac
     force, loaded = problem.bind()
     positions = force.body.points + 0.02 * force.body.spacing * random.uniform(-1, 1, force.body.points.shape) * problem.loading.free
     loaded(positions, np.empty_like(positions))
-    dilatation = force.linearized_dilatation()
-    dilatation.take()
-    moved, values, ratios = random.standard_normal(positions.shape), random.standard_normal(len(positions)), []
-    for sign in (1, -1):
-        force.place(positions + sign * 1e-6 * moved)
-        ratios.append(force.volume_ratios())
-    change = dilatation.changes(moved)
-    np.testing.assert_allclose(change, (ratios[0] - ratios[1]) / 2e-6, rtol=0, atol=1e-6 * np.abs(change).max())
-    assert np.vdot(dilatation.forces(values), moved) == pytest.approx(
-        values @ change, abs=1e-6 * np.linalg.norm(values) * np.linalg.norm(change)
-    )
+    assert_dilatation_is_linearized(force, positions, random)
 
 
 def test_nearly_incompressible_rubber_between_rigid_parts_takes_few_evaluations():
