@@ -6,6 +6,7 @@ python pipelines/compare_commits.py OLD NEW --speed       every force model in s
 python pipelines/compare_commits.py OLD NEW --materials   bodies of two materials, in a sheet and in a solid, in turns
 python pipelines/compare_commits.py OLD NEW --runs        whole runs of sections 6.2 and 6.5, in turns
 python pipelines/compare_commits.py OLD NEW --compile     first evaluation and first run with an empty cache
+python pipelines/compare_commits.py OLD NEW --start       processor time of the help, of a refused scene and of a small run, in turns
 
 Each commit is checked out into a temporary folder and run there in processes of its own with this Python, so that both must run on what is
 installed.  Costs are medians over turns in which both commits are timed one after the other.
@@ -16,6 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -307,6 +309,30 @@ def compare_compile(paths: list[Path], turns: int) -> None:
         print(f"{what:24} {old:8.1f} {new:8.1f} s")
 
 
+STARTED = {
+    "help": ["--help"],
+    "scene that is refused": ["run", "uniaxial", "--set", "spacings=0.1"],
+    "run of 300 points": ["run", "uniaxial", "--set", "spacing=0.1"],
+}
+"""Arguments of the command whose processor time is compared."""
+
+
+def compare_start(paths: list[Path], turns: int) -> None:
+    """Medians of the processor seconds of whole commands, in the user's and in the system's time, with warm caches."""
+    for what, words in STARTED.items():
+        found = {path: [] for path in paths}
+        for turn in range(turns + 1):
+            for path in paths:
+                before = resource.getrusage(resource.RUSAGE_CHILDREN)
+                environment = {**os.environ, "PYTHONPATH": str(path), "PYTHONDONTWRITEBYTECODE": ""}
+                subprocess.run([sys.executable, "-m", "pdsurrogate", *words], cwd=path, env=environment, capture_output=True, check=False)
+                after = resource.getrusage(resource.RUSAGE_CHILDREN)
+                if turn:  # the first one fills the caches
+                    found[path].append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        old, new = (median(found[path]) for path in paths)
+        print(f"{what:24} {old:8.2f} {new:8.2f} s", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("commits", nargs=2, metavar="COMMIT")
@@ -316,6 +342,7 @@ def main() -> None:
     parser.add_argument("--materials", action="store_true")
     parser.add_argument("--runs", action="store_true")
     parser.add_argument("--compile", action="store_true")
+    parser.add_argument("--start", action="store_true")
     parser.add_argument("--turns", type=int, default=15)
     arguments = parser.parse_args()
     with checkouts(arguments.commits) as paths:
@@ -331,6 +358,8 @@ def main() -> None:
             compare_runs(paths, arguments.turns)
         if arguments.compile:
             compare_compile(paths, min(arguments.turns, 5))
+        if arguments.start:
+            compare_start(paths, arguments.turns)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import joblib
 import numpy as np
 
 from ..arguments import check_path, suggestion
@@ -449,6 +448,8 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     """
     if trust is not True:
         raise ArtifactError("loading a pipeline executes code from its file; pass trust=True if you trust the author of the artifact")
+    import joblib  # here, because simulations load no pipeline, and the import would take a tenth of the time of a start
+
     folder = find_artifact(reference)
     return joblib.load(io.BytesIO(_checked_payload(folder, load_card(folder), PIPELINE)))
 
@@ -519,6 +520,8 @@ def save_artifact(folder: str | Path, card: dict, surrogate: Surrogate, pipeline
             np.savez(temporary / MEMBERS, **arrays)
             contents[MEMBERS] = "the same of every member of the committee, by its number"
         if pipeline is not None:
+            import joblib  # here, as above
+
             joblib.dump(pipeline, temporary / PIPELINE, compress=0, protocol=4)
             contents[PIPELINE] = "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit trust"
         payloads = {name: _describe(temporary / name, what) for name, what in contents.items()}

@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from ..ranks import Halo, Share
 from .cell_mesh import CellMesh
@@ -169,7 +169,7 @@ class Body:
         if self.weight not in WEIGHT_FUNCTIONS:
             raise ValueError(f"unknown weight function {self.weight!r}; there are {', '.join(WEIGHT_FUNCTIONS)}")
         if self.cell is None and self.mesh_cells is None:  # those of a grid or a mesh lie apart
-            _check_apart(cKDTree(points), COINCIDING * self.horizon)
+            _check_apart(scipy.spatial.cKDTree(points), COINCIDING * self.horizon)
         object.__setattr__(self, "points", points)
         if self.share is None:
             object.__setattr__(self, "share", Share.whole(len(points)))
@@ -540,7 +540,7 @@ class Bonds:
         if estimate > MOST_BONDS:
             raise ValueError(f"a horizon of {reach:.3g} spacings makes {estimate:.1g} bonds, more than {MOST_BONDS:.1g}; reduce it")
         # The tolerance includes points at exactly the horizon, whose computed distance may exceed it by rounding.
-        tree = cKDTree(points)
+        tree = scipy.spatial.cKDTree(points)
         _check_apart(tree, COINCIDING * body.horizon)
         pairs = tree.query_pairs(body.horizon * WITH_ROUNDING, output_type="ndarray")
         # Sorting one number per pair is five times as fast as sorting two.
@@ -607,7 +607,7 @@ def _with_partners(body: Body, first: np.ndarray, second: np.ndarray) -> tuple[n
     return first[kept], second[kept]
 
 
-def _check_apart(points: cKDTree, least: float) -> None:
+def _check_apart(points: scipy.spatial.cKDTree, least: float) -> None:
     """Raise ValueError if two points are nearer to each other than `least`."""
     distances, numbers = points.query(points.data, k=2, distance_upper_bound=least)
     nearest = int(distances[:, 1].argmin())

@@ -1,8 +1,8 @@
 """Cells around the points of a cloud, which lie on no lattice: Voronoi polygons in the plane, cubes in three dimensions."""
 
 import numpy as np
+import scipy
 import shapely
-from scipy.spatial import Voronoi
 
 from .cell_mesh import CORNERS, CellMesh
 
@@ -21,7 +21,7 @@ def voronoi_cells(points: np.ndarray, outline: shapely.Geometry) -> CellMesh:
     piece with or nearest to the point remains.
     """
     middle, size = (points.min(axis=0) + points.max(axis=0)) / 2, np.ptp(points, axis=0).max() + 1e-300
-    around = Voronoi(np.concatenate([points, middle + FAR * size * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])]))
+    around = scipy.spatial.Voronoi(np.concatenate([points, middle + FAR * size * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])]))
     regions = [around.regions[number] for number in around.point_region[: len(points)]]
     cells = shapely.polygons([shapely.linearrings(around.vertices[region]) for region in regions])
     shapely.prepare(outline)

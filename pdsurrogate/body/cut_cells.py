@@ -3,8 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import lsmr
+import scipy
 
 from .cell_mesh import CellMesh
 
@@ -68,9 +67,9 @@ def cut_cells(lattice: CellMesh, volumes: np.ndarray, cell: np.ndarray, inside: 
             break
         normals = _normals(nodes, sides)
         slopes = _along(slopes * free[block], normals[block])
-        matrix = sparse.csr_array((slopes.ravel(), columns, rows), shape=(len(block), nodes.size))
+        matrix = scipy.sparse.csr_array((slopes.ravel(), columns, rows), shape=(len(block), nodes.size))
         # The least change of the nodes that makes up for what is missing, in a measure in which steps across the boundary are long.
-        change = lsmr(matrix, asked - found, atol=1e-4, btol=1e-4)[0]
+        change = scipy.sparse.linalg.lsmr(matrix, asked - found, atol=1e-4, btol=1e-4)[0]
         nodes = nodes + free * _along(change.reshape(nodes.shape), normals)
     return CellMesh(nodes, (_begun_convex(nodes, lattice.blocks[0]),))
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from ..ranks import Communicator, Rows, Share, bisected, bond_counts
 from .body import Body
@@ -45,7 +45,7 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     reach = halo * body.horizon * WITH_ROUNDING
     lower, upper = body.points[own].min(axis=0) - 2 * reach, body.points[own].max(axis=0) + 2 * reach
     near = np.flatnonzero(((body.points >= lower) & (body.points <= upper)).all(axis=1))
-    distance, _ = cKDTree(body.points[own]).query(body.points[near], distance_upper_bound=2 * reach)
+    distance, _ = scipy.spatial.cKDTree(body.points[own]).query(body.points[near], distance_upper_bound=2 * reach)
     numbers = near[distance <= reach]
     share = Share(numbers, owners[numbers], n, ranks)
     groups = {name: share.local(np.sort(members)) for name, members in body.groups.items()}

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from itertools import combinations_with_replacement
 
 import numpy as np
-from scipy import sparse
-from scipy.spatial import cKDTree
+import scipy
 
 from .body import Body
 from .ghosts import Ghosts, ReflectionPlane
@@ -63,7 +62,7 @@ cut neighbor extend half a cell farther.
 
 def interpolation(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
-) -> tuple[sparse.csr_array, tuple[sparse.csr_array, ...]]:
+) -> tuple[scipy.sparse.csr_array, tuple[scipy.sparse.csr_array, ...]]:
     """Return matrices that map positions of a body's points to positions and deformation gradients at given places.
 
     A quadratic field is fitted to the points around a place that no hole or cut separates from it: quadratic motions are exact, with their
@@ -96,7 +95,7 @@ def interpolation(
 
 def fields_at(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
-) -> tuple[tuple[sparse.csr_array, ...], tuple[sparse.csr_array, ...]]:
+) -> tuple[tuple[scipy.sparse.csr_array, ...], tuple[scipy.sparse.csr_array, ...]]:
     """Return matrices that interpolate displacements and tensors of a body's points to given places, one matrix for every component.
 
     They are the ``values`` of `interpolation`, except near a plane of symmetry in three dimensions. There the fits of tensors and of the
@@ -137,12 +136,12 @@ def fields_at(
 
 def _polynomials(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None, mirrors: Sequence[ReflectionPlane] = ()
-) -> list[sparse.csr_array]:
+) -> list[scipy.sparse.csr_array]:
     """Return the matrices from fields at points and images to values, and derivatives along the axes, at places; see `interpolation`.
 
     `mirrors` are the reflection planes in which points have images.
     """
-    distance, nearest = cKDTree(body.points).query(places)
+    distance, nearest = scipy.spatial.cKDTree(body.points).query(places)
     far = distance > OUTSIDE * body.cell.max()
     if far.any():
         place = int(np.argmax(distance))
@@ -159,7 +158,7 @@ def _polynomials(
     return [_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True)]
 
 
-def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[sparse.csr_array, ...]:
+def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[scipy.sparse.csr_array, ...]:
     """Return the maps from the motion of points to the motion of nodes (k, d) on the boundary, for `Following.rows`.
 
     A linear field is fitted to the points beside a node along the normals of the sides that meet there. Where these are too few, as in a
@@ -183,7 +182,7 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[s
         normals[on_plane[:, None] & flat] = np.nan
         normals[on_plane, :, plane.axis] *= 0.0
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    changed = sparse.diags_array(np.isin(np.arange(len(nodes)), beside, invert=True).astype(float), format="csr") @ rows
+    changed = scipy.sparse.diags_array(np.isin(np.arange(len(nodes)), beside, invert=True).astype(float), format="csr") @ rows
     changed.eliminate_zeros()
     found = []
     for component in range(body.dimension):
@@ -192,7 +191,7 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[s
     return tuple(found)
 
 
-def _on_boundary(body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Sequence[ReflectionPlane] = ()) -> sparse.csr_array:
+def _on_boundary(body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Sequence[ReflectionPlane] = ()) -> scipy.sparse.csr_array:
     """Return the map from points to boundary nodes; see `boundary_rows`.
 
     It is fitted to points, and images in the planes `mirrors`, along the normals of a node, or around the node where that fails.
@@ -234,12 +233,12 @@ class _Images:
         self.signs = np.concatenate([np.ones(body.points.shape), ghosts.reflection])
 
 
-def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = None) -> sparse.csr_array:
+def _folded(rows: scipy.sparse.csr_array, images: _Images, signs: np.ndarray | None = None) -> scipy.sparse.csr_array:
     """Turn a map from points and images, `rows`, into a map from points: an image has its source's value times `signs` (default 1)."""
     if len(images.source) == images.count:
         return rows
     signs = np.ones(len(images.source)) if signs is None else signs
-    return rows @ sparse.csr_array((signs, (np.arange(len(signs)), images.source)), shape=(len(signs), images.count))
+    return rows @ scipy.sparse.csr_array((signs, (np.arange(len(signs)), images.source)), shape=(len(signs), images.count))
 
 
 def too_few(body: Body) -> str:
@@ -247,16 +246,16 @@ def too_few(body: Body) -> str:
     return "fewer than three, or in one row" if body.dimension == 2 else "fewer than four, or in one layer"
 
 
-def empty_rows(rows: sparse.csr_array) -> np.ndarray:
+def empty_rows(rows: scipy.sparse.csr_array) -> np.ndarray:
     """Return flags of the rows of a sparse matrix that have no entries."""
     return np.diff(rows.indptr) == 0
 
 
-def _filled(rows: sparse.csr_array, others: sparse.csr_array, numbers: np.ndarray) -> sparse.csr_array:
+def _filled(rows: scipy.sparse.csr_array, others: scipy.sparse.csr_array, numbers: np.ndarray) -> scipy.sparse.csr_array:
     """Return `rows` with ``others[k]`` added to row ``numbers[k]``, which must be empty in `rows`."""
     if not len(numbers):
         return rows
-    into = sparse.csr_array((np.ones(len(numbers)), (numbers, np.arange(len(numbers)))), shape=(rows.shape[0], len(numbers)))
+    into = scipy.sparse.csr_array((np.ones(len(numbers)), (numbers, np.arange(len(numbers)))), shape=(rows.shape[0], len(numbers)))
     return (rows + into @ others).tocsr()
 
 
@@ -273,7 +272,7 @@ class _Surroundings:
         images = _Images(body, mirrors)
         points, self.source = images.points, images.source
         self.shape, self.cell, self.reach = (len(places), len(points)), body.cell.max(), _reach(body)
-        near = cKDTree(places).sparse_distance_matrix(cKDTree(points), self.reach, output_type="ndarray")
+        near = scipy.spatial.cKDTree(places).sparse_distance_matrix(scipy.spatial.cKDTree(points), self.reach, output_type="ndarray")
         near = near[np.lexsort((near["j"], near["i"]))]
         weights = 1 - (near["v"] / self.reach) ** 2
         if normals is not None:
@@ -304,7 +303,7 @@ class _Surroundings:
     def _total(self, terms: np.ndarray) -> np.ndarray:
         return np.bincount(self.place, terms, self.shape[0])
 
-    def fit(self, degree: int) -> tuple[sparse.csr_array, ...]:
+    def fit(self, degree: int) -> tuple[scipy.sparse.csr_array, ...]:
         """Return matrices from values at points to value and derivatives at places, by a least-squares polynomial of a degree.
 
         A place has an empty matrix row if the points near it are too few or lie on a line (in space also: in a plane), or, from degree 2,
@@ -327,9 +326,9 @@ class _Surroundings:
         kept = told[self.place]
         pointers = np.concatenate([[0], np.cumsum(np.bincount(self.place[kept], minlength=self.shape[0]))])
 
-        def rows(coefficient: int) -> sparse.csr_array:
+        def rows(coefficient: int) -> scipy.sparse.csr_array:
             entries = self.weights * (inverse[self.place, coefficient] * terms).sum(axis=1)
-            return sparse.csr_array((entries[kept], self.point[kept], pointers), shape=self.shape)
+            return scipy.sparse.csr_array((entries[kept], self.point[kept], pointers), shape=self.shape)
 
         return rows(0), *(rows(1 + axis) / self.reach for axis in range(dimension))
 

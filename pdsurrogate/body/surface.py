@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import sparse
-from scipy.spatial import cKDTree
+import scipy
 
 from ..ranks import Share
 from .ghosts import HeldBoundary, Mirror
@@ -28,7 +27,7 @@ class Following:
         of the points, and the map of the component across it does not.
     """
 
-    rows: tuple[sparse.csr_array, ...]
+    rows: tuple[scipy.sparse.csr_array, ...]
 
     def __matmul__(self, vectors: np.ndarray) -> np.ndarray:
         """Return vectors at the places (k, d) from vectors at the points (n, d); with a single map, values of any shape (n, ...)."""
@@ -152,7 +151,7 @@ class Surface:
             return nearest
         middles = corners.mean(axis=1)
         extent = np.linalg.norm(corners - middles[:, None], axis=2).max()
-        near = cKDTree(places).sparse_distance_matrix(cKDTree(middles), reach + extent, output_type="ndarray")
+        near = scipy.spatial.cKDTree(places).sparse_distance_matrix(scipy.spatial.cKDTree(middles), reach + extent, output_type="ndarray")
         place, facet = near["i"], near["j"]
         distances = _distances_to_segments if corners.shape[1] == 2 else _distances_to_triangles
         np.minimum.at(nearest, place, distances(places[place], *corners[facet].transpose(1, 0, 2)))

@@ -1,8 +1,8 @@
 """Boundary of a plane body from closed polygons (chains of facets) of its outline and holes, which may cross or touch each other."""
 
 import numpy as np
+import scipy
 import shapely
-from scipy.spatial import cKDTree
 
 from ..ranks.share import connected
 
@@ -15,7 +15,7 @@ def same_places(places: np.ndarray, tolerance: float) -> np.ndarray:
 
     Two places are in one cluster if a chain of places joins them in which neighbors lie within `tolerance` of each other.
     """
-    _, labels = connected(len(places), *cKDTree(places).query_pairs(tolerance, output_type="ndarray").T)
+    _, labels = connected(len(places), *scipy.spatial.cKDTree(places).query_pairs(tolerance, output_type="ndarray").T)
     _, first = np.unique(labels, return_index=True)
     return first[labels]
 

@@ -5,9 +5,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
+import scipy
 import shapely
-from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
 
 from ..body import Body, CellMesh, Cells, Round
 from ..body.cloud_cells import cubes, voronoi_cells
@@ -359,7 +358,7 @@ def _inside(scene: Scene, places: np.ndarray) -> np.ndarray:
 def contained(scene: Scene, body: Body, places: np.ndarray) -> np.ndarray:
     """Return flags of the places (k, d) that lie in the body of a scene; of a mesh, those within 3/4 of a spacing of its points."""
     if isinstance(scene.body, Mesh):
-        return cKDTree(body.points).query(places)[0] <= 0.75 * body.spacing
+        return scipy.spatial.cKDTree(body.points).query(places)[0] <= 0.75 * body.spacing
     return _inside(scene, places)
 
 
@@ -402,7 +401,7 @@ def _material_of_cells(centers: np.ndarray, kept: np.ndarray, cells: Cells, mate
     if not len(whole):
         whole, slivers = slivers, whole
     if len(slivers):
-        _, nearest = cKDTree(points[whole]).query(points[slivers])
+        _, nearest = scipy.spatial.cKDTree(points[whole]).query(points[slivers])
         heirs = whole[nearest]
         moments = volumes[:, None] * points
         for sums, parts in ((volumes, volumes[slivers]), (moments, moments[slivers])):
@@ -475,7 +474,9 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
     there = material_at(scene, lattice).reshape(counts)
     if there.all():
         return lambda starts, ends: np.zeros(len(starts), dtype=bool)
-    near = distance_transform_edt(there, sampling=pitch) <= REACH * horizon / 2 + cell.max()  # of the middle of a bond, or of a fit
+    near = (
+        scipy.ndimage.distance_transform_edt(there, sampling=pitch) <= REACH * horizon / 2 + cell.max()
+    )  # of the middle of a bond, or of a fit
     around = CLEARANCE * cell * _directions(scene.dimension)
     shares = np.linspace(0, 1, int(np.ceil(horizon / (STEP * cell.min()))) + 2)[1:-1]
 

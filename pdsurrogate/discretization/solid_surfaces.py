@@ -11,7 +11,7 @@ import math
 from itertools import pairwise, product
 
 import numpy as np
-from scipy.spatial import ConvexHull, Delaunay
+import scipy
 
 from ..body import Surface, encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
@@ -163,7 +163,7 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
     else:
         golden = (1 + math.sqrt(5)) / 2
         corners = np.array([np.roll([0.0, one, golden * other], turn) for turn in range(3) for one in (-1, 1) for other in (-1, 1)])
-        faces = corners[np.unique(np.sort(ConvexHull(corners).simplices, axis=1)[:, ::-1], axis=0)]
+        faces = corners[np.unique(np.sort(scipy.spatial.ConvexHull(corners).simplices, axis=1)[:, ::-1], axis=0)]
         # The greatest of the projected sides is 1.3 times the even division of the arc, and the arc 1.107 radii.
         count, whole = max(3, math.ceil(2.5 * sphere.radius / cell.min())), 20
     inward = np.linalg.det(faces) < 0
@@ -307,7 +307,7 @@ def _triangulated(
     lattice = lattice[~np.isfinite(outline.distances(lattice, AWAY))]
     for _ in range(MOST_ROUNDS):
         places = np.concatenate([nodes, lattice])
-        found = Delaunay(places).simplices
+        found = scipy.spatial.Delaunay(places).simplices
         edges = np.sort(np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]]), axis=1)
         ends = np.sort(sides, axis=1)
         missing = np.flatnonzero(~np.isin(ends[:, 0] * len(places) + ends[:, 1], edges[:, 0] * len(places) + edges[:, 1]))

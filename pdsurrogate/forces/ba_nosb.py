@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from ..body.body import pointers_to
 from ..body.ghosts import WITH_ROUNDING, symmetric
@@ -51,7 +51,7 @@ class BondAssociatedStress(Term):
         bond_pointers = pointers_to(owners, total)
 
         # Tables: all points within the horizon; of an image, those that exist.
-        near = cKDTree(points).query_ball_point(points[n:], body.horizon * WITH_ROUNDING)
+        near = scipy.spatial.cKDTree(points).query_ball_point(points[n:], body.horizon * WITH_ROUNDING)
         around_images = np.array([[i, j] for i, others in enumerate(near, n) for j in others if j != i], dtype=np.int64).reshape(-1, 2)
         self._table = np.concatenate([bonds.neighbors, around_images[:, 1].astype(np.uint32)])
         table_owners = np.concatenate([owners[: len(bonds.neighbors)], around_images[:, 0]])

@@ -1,9 +1,9 @@
 """Gradients beside free boundaries with which a uniform stress exerts the boundary's load on every point (theory (78)-(80))."""
 
+from __future__ import annotations
+
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
-from scipy.spatial import cKDTree
+import scipy
 
 from ..body import Body, rows_of
 from .bond_shares import BondShares
@@ -54,7 +54,7 @@ def balanced_changes(body: Body) -> np.ndarray:
         np.subtract.at(loads, sources[points], signs[points] * forces)
 
     loaded = np.abs(body.outward).max(axis=1) > 0
-    chosen = supported & (cKDTree(body.points[loaded]).query(body.points)[0] <= body.horizon) if loaded.any() else loaded
+    chosen = supported & (scipy.spatial.cKDTree(body.points[loaded]).query(body.points)[0] <= body.horizon) if loaded.any() else loaded
     curved = np.array([*(plane.axis is None for plane in body.planes), False])
     beside = owners[np.concatenate([np.zeros(n, dtype=bool), curved[ghosts.plane]])[ends]]
     chosen[beside], loads[beside] = False, 0.0
@@ -77,25 +77,27 @@ def _least_changes(owners, ends, signs, vectors, factors, loads, chosen) -> np.n
         return found
     count, axes, x, own = len(bonds), np.arange(d), vectors[bonds], owners[bonds]
 
-    def on_points(points: np.ndarray, blocks: np.ndarray) -> sparse.csr_array:
+    def on_points(points: np.ndarray, blocks: np.ndarray) -> scipy.sparse.csr_array:
         row, column = np.broadcast_arrays(d * points[:, None, None] + axes[:, None], d * np.arange(count)[:, None, None] + axes)
-        return sparse.csr_array((blocks.ravel(), (row.ravel(), column.ravel())), shape=(n * d, count * d))
+        return scipy.sparse.csr_array((blocks.ravel(), (row.ravel(), column.ravel())), shape=(n * d, count * d))
 
     exerted = on_points(ends[bonds], signs[bonds][:, :, None] * factors[own]) - on_points(own, factors[own])
     # Projection onto changes that keep the gradients of affine motions: their sum over a point's bonds, times the vectors, vanishes.
     places = (np.repeat(np.arange(count), d), (d * own[:, None] + axes).ravel())
-    affine = sparse.csr_array((x.ravel(), places), shape=(count, n * d))
+    affine = scipy.sparse.csr_array((x.ravel(), places), shape=(count, n * d))
     moments = np.where(chosen[:, None, None], 0.0, np.eye(d))
     np.add.at(moments, own, x[:, :, None] * x[:, None])
-    inverse = sparse.bsr_array((np.linalg.inv(moments), np.arange(n), np.arange(n + 1)), shape=(n * d, n * d))
-    projection = sparse.kron(sparse.eye_array(count) - affine @ inverse @ affine.T, sparse.eye_array(d), format="csr")
+    inverse = scipy.sparse.bsr_array((np.linalg.inv(moments), np.arange(n), np.arange(n + 1)), shape=(n * d, n * d))
+    projection = scipy.sparse.kron(scipy.sparse.eye_array(count) - affine @ inverse @ affine.T, scipy.sparse.eye_array(d), format="csr")
     exerted = exerted @ projection
     equations, diagonal = exerted @ exerted.T, exerted.multiply(exerted).sum(axis=1)
     touched = np.flatnonzero(diagonal > 0)
     equations, wanted = equations[touched][:, touched].tocsc(), loads.ravel()[touched]
-    regular = REGULARIZATION * diagonal.mean() * sparse.eye_array(len(touched), format="csc")
+    regular = REGULARIZATION * diagonal.mean() * scipy.sparse.eye_array(len(touched), format="csc")
     # Where the volumes of cells differ from that of the body, the loads have a part that no change exerts; it does not enter the result.
-    factor = splu(equations + regular, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    factor = scipy.sparse.linalg.splu(
+        equations + regular, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
     forces = np.zeros(len(touched))
     for _ in range(REFINEMENTS):
         forces += factor.solve(wanted - equations @ forces)

@@ -1,11 +1,12 @@
 """Jumps of the deformation gradient at interfaces between materials, and the motion of each material continued beyond them."""
 
+from __future__ import annotations
+
 from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from scipy import sparse
-from scipy.spatial import cKDTree
+import scipy
 
 from ..body import Body, Round
 from ..body.ghosts import WITH_ROUNDING
@@ -140,8 +141,8 @@ class Interfaces:
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])])
-        jumps, mirrored, growth = sparse.lil_array((n, n)), sparse.lil_array((n, n)), np.ones(n)
-        tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
+        jumps, mirrored, growth = scipy.sparse.lil_array((n, n)), scipy.sparse.lil_array((n, n)), np.ones(n)
+        tree, everywhere = scipy.spatial.cKDTree(body.points), scipy.spatial.cKDTree(body.all_points)
         for i in near[share.own[near]]:
             found = (quadratic and _round_beside(body, everywhere, portion_of, i)) or _interface_beside(body, everywhere, portion_of, i)
             if quadratic and (found is None or found[3] > ASTRAY):
@@ -179,7 +180,7 @@ class Interfaces:
         d = body.dimension
         self.on_jumps, self.pulls = np.zeros((n, d)), np.zeros((total, d))
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        self._one_sided, self._product = sparse.csr_array((n * d, total)), partial(sparse_product, kinematics.chunks)
+        self._one_sided, self._product = scipy.sparse.csr_array((n * d, total)), partial(sparse_product, kinematics.chunks)
         weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
@@ -188,13 +189,13 @@ class Interfaces:
         self._corrections = self._on_columns(weights, owners[across], bonds.neighbors[across])
         self.jumps, self.changes = np.zeros((total, d)), np.zeros((total, d * d))
         # The matrix that spreads slopes along the normals to columns of gradients; the products with columns are its transpose.
-        dyads = self._by_normals(sparse.diags_array((self.depths[:n] > 0).astype(float)))
+        dyads = self._by_normals(scipy.sparse.diags_array((self.depths[:n] > 0).astype(float)))
         images, back = self._with_transpose(mirrored)
         is_image = (images.diagonal() != 0).astype(float)
         # Along the normal an image has the gradient of the softer material at the mirrored place, as a clamp's has.
-        self._changes_by_jumps, by_columns = dyads @ sparse.diags_array(1 - is_image), dyads @ self._by_normals(images.T).T
+        self._changes_by_jumps, by_columns = dyads @ scipy.sparse.diags_array(1 - is_image), dyads @ self._by_normals(images.T).T
         self._changes_back = self._by_normals(back) @ dyads.T
-        self._jumps_by_columns = sparse.diags_array(-2.0 * volumes_held * is_image * growth) @ dyads.T
+        self._jumps_by_columns = scipy.sparse.diags_array(-2.0 * volumes_held * is_image * growth) @ dyads.T
         self._jump, self._changes_by_columns = jump, by_columns
         self.corrections, self.continuation = self.steps(kinematics.positions, kinematics.gradients, self.jumps, self.changes)
 
@@ -220,26 +221,26 @@ class Interfaces:
             fill_matrices.bind(changes, *on_ghosts, 0.0, at_rest[1], chunks=chunks),
         ]
 
-    def _by_normals(self, matrix) -> sparse.csr_array:
+    def _by_normals(self, matrix) -> scipy.sparse.csr_array:
         """Return the matrix (n d, n) that maps vectors at points to columns of gradients: v (x) normal, spread by a matrix (n, n)."""
-        entries = sparse.coo_array(matrix)
+        entries = scipy.sparse.coo_array(matrix)
         return self._on_columns(entries.data[:, None] * self.normals[entries.col], entries.row, entries.col)[:, : len(self._body)]
 
-    def _with_transpose(self, matrix: sparse.lil_array) -> tuple[sparse.csr_array, sparse.csr_array]:
+    def _with_transpose(self, matrix: scipy.sparse.lil_array) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
         """Return a matrix (n, n), filled in the rows of this rank's own points only, and a transpose.
 
         The transpose is that of the matrix with its rows of halo points (points of other ranks) filled in by their owners.
         """
         return matrix.tocsr(), self._body.share.with_rows_of_others(matrix.tocsr()).T.tocsr()
 
-    def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> sparse.csr_array:
+    def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> scipy.sparse.csr_array:
         """Return the matrix (n d, n + m) that maps values at points and ghosts to columns of gradients at points.
 
         The k bonds from `owners` to `others` have the weights (k, d) in the gradients of `owners`.
         """
         d, n, total = self._body.dimension, len(self._body), len(self._body.all_points)
         rows = (d * owners.astype(np.int64)[:, None] + np.arange(d)).ravel()
-        return sparse.csr_array((weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total))
+        return scipy.sparse.csr_array((weights.ravel(), (rows, np.repeat(others, d))), shape=(n * d, total))
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
         """Return those directed bonds `across` interfaces that the gradient and energy of their first point omit (`left_out`).
@@ -292,7 +293,7 @@ class Interfaces:
         inwards = (np.arange(most) + 0.5) * body.spacing
         faces = body.points[beside] + self.depths[beside, None] * self.normals[beside]
         places = faces[:, None] - inwards[:, None] * self.normals[beside, None]
-        distance, nearest = cKDTree(body.all_points).query(places)
+        distance, nearest = scipy.spatial.cKDTree(body.all_points).query(places)
         within = (distance < body.spacing) & (portion_of[nearest] == number)
         return float(np.median(np.where(within.all(axis=1), most, within.argmin(axis=1))))
 
@@ -317,7 +318,7 @@ class Interfaces:
         return [
             fold_matrices.bind(moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks),
             moments,
-            *product(sparse.diags_array(-self.depths), forces, on_jumps, every=True),
+            *product(scipy.sparse.diags_array(-self.depths), forces, on_jumps, every=True),
             *product(-self._changes_by_jumps.T, theirs, on_jumps, add=True),
             *product(self._changes_back, theirs, columns, add=True),
             own_moments,
@@ -332,7 +333,7 @@ class Interfaces:
         ]
 
 
-def _round_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
+def _round_beside(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
     """Return the circle or sphere next to point i on which the material changes, None if there is none; `tree` holds points and ghosts."""
     rounds = [each for each in body.rounds if each.radius > LEAST_RADIUS * body.spacing]
     if not rounds:
@@ -347,7 +348,7 @@ def _round_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> 
     return depth, normal, int(portion_of[beyond]), 0.0, rounds[nearest]
 
 
-def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
+def _interface_beside(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, i: int) -> Near | None:
     """Return the interface near point i as the plane that divides the volume around the point as the two materials there do.
 
     `tree` holds all points and ghosts. Return None if there are not exactly two materials, or no such plane lies in front of the point.
@@ -381,7 +382,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
     return (float(depth), normal, int(kinds[0]), float(astray), None) if depth > 0 else None
 
 
-def _nearest_softer(body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int) -> Near | None:
+def _nearest_softer(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int) -> Near | None:
     """Return the interface near point i, placed half a spacing before the nearest points of a much softer material.
 
     `tree` holds all points and ghosts. Return None if no much softer material (`YIELDING`) lies within the horizon of the point.

@@ -1,5 +1,7 @@
 """Internal force on the points of a body, the object that solvers evaluate: the sum of the terms of a force model."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -8,7 +10,7 @@ from operator import add
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator
+import scipy
 
 from ..body import Body
 from .balanced import balanced_changes
@@ -91,7 +93,7 @@ class InternalForce:
         Number of evaluations that `seconds` covers.
     """
 
-    def __init__(self, body: Body, portions: Sequence["Portion"], settings: ForceSettings) -> None:
+    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
         settings.check_body(body)
         self.body, self.portions, self.breakable, self.plane = body, portions, settings.breakable, settings.plane
         self.law = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
@@ -274,11 +276,11 @@ class InternalForce:
         """Return the stored energy per unit thickness in the state last evaluated, for a force that `has_energy`."""
         return reduce(add, (term.energy() for term in self.terms))
 
-    def tangent(self, positions: np.ndarray) -> LinearOperator:
+    def tangent(self, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
         """Return minus the derivative of the forces at positions (n, d), see `tangent_of`."""
         return tangent_of(self, positions)
 
-    def linearized_dilatation(self) -> "LinearizedDilatation":
+    def linearized_dilatation(self) -> LinearizedDilatation:
         """Return the derivative of the points' volume ratios by the positions, for a force that is `nearly_incompressible`."""
         return self.terms[0].linearized_dilatation()
 
@@ -329,7 +331,7 @@ class InternalForce:
         return outside / max(1, self.evaluations * pairs)
 
 
-def tangent_of(force: "InternalForce", positions: np.ndarray) -> LinearOperator:
+def tangent_of(force: InternalForce, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
     """Return minus the derivative of an internal or loaded force at positions (n, d), in a body that is not divided among ranks.
 
     The operator is of shape (n d, n d), in the order of ``positions.ravel()``; with an energy it is symmetric. A product is a central
@@ -357,7 +359,7 @@ def tangent_of(force: "InternalForce", positions: np.ndarray) -> LinearOperator:
         return ((behind - ahead) / (2 * step)).ravel()
 
     adjoint = multiply if force.has_energy else None
-    return LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
+    return scipy.sparse.linalg.LinearOperator((positions.size, positions.size), multiply, adjoint, dtype=float)
 
 
 def released_by(force: InternalForce, motion: np.ndarray) -> float | None:
@@ -380,7 +382,7 @@ def released_by(force: InternalForce, motion: np.ndarray) -> float | None:
     return None if None in parts else sum(parts)
 
 
-def _numbers_of(body: Body, portions: Sequence["Portion"]) -> np.ndarray:
+def _numbers_of(body: Body, portions: Sequence[Portion]) -> np.ndarray:
     """Return the material (index into `portions`) of every point and ghost; ``len(portions)`` for rigid points, which have none."""
     found = np.full(len(body.all_points), len(portions))
     for number, portion in enumerate(portions):

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from ..body import Body
 from ..body.body import pointers_to
@@ -182,10 +182,10 @@ class Kinematics:
         """
         if self._correction is None:
             return []
-        d, matrix = self.body.dimension, sparse.csr_array(self._correction.shape)
+        d, matrix = self.body.dimension, scipy.sparse.csr_array(self._correction.shape)
         for row, column in np.ndindex(d, d):
             block = self.body.share.with_rows_of_others(self._correction[row::d, column::d].tocsr())
-            matrix += sparse.kron(block, sparse.coo_array(([1.0], ([row], [column])), shape=(d, d)), format="csr")
+            matrix += scipy.sparse.kron(block, scipy.sparse.coo_array(([1.0], ([row], [column])), shape=(d, d)), format="csr")
         return [*self._added(matrix.T, moments), moments]
 
     def pull_steps(self, moments: np.ndarray, forces: np.ndarray, unit: float) -> list[Step]:
@@ -201,13 +201,13 @@ class Kinematics:
         rows = (d * owners[:, None] + np.arange(d)).ravel()
         ends = np.repeat(np.concatenate([self.body.bonds.neighbors[numbers], owners]), d)
         entries = np.concatenate([changes, -changes]).ravel(), (np.tile(rows, 2), ends)
-        return product(sparse.csr_array(entries, shape=(len(columns), len(self.body.all_points))), columns)
+        return product(scipy.sparse.csr_array(entries, shape=(len(columns), len(self.body.all_points))), columns)
 
     def _added(self, matrix, gradients: np.ndarray) -> list[BoundPass]:
         """Return the passes that add to gradients at the points a matrix (n d, n d) times their columns."""
         columns = gradients[: len(self.body)].reshape(-1, self.body.dimension)
         changes = np.zeros_like(columns)
-        changed = sparse.diags_array((np.diff(sparse.csr_array(matrix).indptr) > 0).astype(float))
+        changed = scipy.sparse.diags_array((np.diff(scipy.sparse.csr_array(matrix).indptr) > 0).astype(float))
         return [*sparse_product(self.chunks, matrix, columns, changes), *sparse_product(self.chunks, changed, changes, columns, add=True)]
 
     def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
@@ -95,8 +95,8 @@ class MaterialPoints:
         size, d = len(self.numbers), body.dimension
         self.positions, self.gradients = aligned_rows((size, d)), aligned_rows((size, d * d))
         self.volume_ratios, self.kept_ratios = np.ones(size), np.ones(len(own))
-        self.places = sparse.csr_array((np.ones(size), (self.numbers, np.arange(size))), shape=(len(own), size))
-        self.places_of_others = self.places @ sparse.diags_array((~own[self.numbers]).astype(float))
+        self.places = scipy.sparse.csr_array((np.ones(size), (self.numbers, np.arange(size))), shape=(len(own), size))
+        self.places_of_others = self.places @ scipy.sparse.diags_array((~own[self.numbers]).astype(float))
         copy, ratios, moved = partial(sparse_product, kinematics.chunks), self.volume_ratios[:, None], (self.positions, self.gradients)
         places = kinematics.positions, kinematics.gradients, kinematics.interfaces.jumps, kinematics.interfaces.changes
         self.seen = [*self.copies(*places, *moved), *copy(self.places.T, self.kept_ratios[:, None], ratios)]
@@ -112,7 +112,7 @@ class MaterialPoints:
         return [
             *copy(self.places.T, positions, to_positions),
             *copy(self.places.T, gradients, to_gradients),
-            *copy(self.places_of_others.T @ sparse.diags_array(-depths), jumps, to_positions, add=True),
+            *copy(self.places_of_others.T @ scipy.sparse.diags_array(-depths), jumps, to_positions, add=True),
             *copy(self.places_of_others.T, changes, to_gradients, add=True),
         ]
 

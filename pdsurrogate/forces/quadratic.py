@@ -1,9 +1,11 @@
 """Correction of deformation gradients at points with incomplete horizons: exact for every quadratic motion (theory (64), (65))."""
 
+from __future__ import annotations
+
 from itertools import combinations_with_replacement
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from ..body import Body
 
@@ -26,7 +28,7 @@ TOGETHER = 4_000
 """Number of points whose weights are computed together. Chosen: with 26 neighbors each, their arrays take some 20 MB."""
 
 
-def quadratic_correction(body: Body, weights: np.ndarray, supported: np.ndarray) -> sparse.csr_array:
+def quadratic_correction(body: Body, weights: np.ndarray, supported: np.ndarray) -> scipy.sparse.csr_array:
     """Return the matrix C (n d, n d) of corrections to deformation gradients, whose columns are the rows of a vector (n d, d).
 
     The gradient (theory (1)) of a point at a boundary is that of the material some cells inside. The corrected gradients are the sum of
@@ -53,7 +55,7 @@ def quadratic_correction(body: Body, weights: np.ndarray, supported: np.ndarray)
     chosen = body.share.own & (supported > 0) & (np.abs(errors).max(axis=(1, 2)) > LOPSIDED)
     entries = np.flatnonzero(chosen[owners] & (bonds.neighbors < n))
     entries = entries[supported[bonds.neighbors[entries]] > 0]
-    counts, found = np.bincount(owners[entries], minlength=n), sparse.csr_array((n * d, n * d))
+    counts, found = np.bincount(owners[entries], minlength=n), scipy.sparse.csr_array((n * d, n * d))
     starts = np.cumsum(counts) - counts
     for count in np.unique(counts[chosen & (counts > 0)]):
         alike = np.flatnonzero(chosen & (counts == count))
@@ -63,7 +65,7 @@ def quadratic_correction(body: Body, weights: np.ndarray, supported: np.ndarray)
             added, good = _least_weights(errors[around], offsets, (first, second))
             axes, places = np.arange(d), (points[good, None, None, None], around[good, :, None, None])
             into, of = np.broadcast_arrays(d * places[0] + axes, d * places[1] + axes[:, None])
-            found += sparse.csr_array((added[good].ravel(), (into.ravel(), of.ravel())), shape=found.shape)
+            found += scipy.sparse.csr_array((added[good].ravel(), (into.ravel(), of.ravel())), shape=found.shape)
     return found
 
 

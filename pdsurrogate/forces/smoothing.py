@@ -1,7 +1,9 @@
 """Smoothing of the dilatations of the points, theory (50)."""
 
+from __future__ import annotations
+
 import numpy as np
-from scipy import sparse
+import scipy
 
 from ..body import Body
 from ..body.body import pointers_to
@@ -91,11 +93,11 @@ class Smoothing:
         for single, exact in zip(self._single, (self._weights, self._own), strict=True):
             single[:] = exact
 
-    def matrix(self) -> sparse.csr_array:
+    def matrix(self) -> scipy.sparse.csr_array:
         """Return the weights as a sparse matrix W, shape (n, n): ``W @ values`` are smoothed values."""
         n = len(self._own)
-        neighbors = sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
-        return neighbors + sparse.diags_array(self._own, format="csr")
+        neighbors = scipy.sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
+        return neighbors + scipy.sparse.diags_array(self._own, format="csr")
 
     def renew(self, carries: np.ndarray) -> None:
         """Update the weights after bonds have broken; `carries` flags the pairs that still carry force."""

@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import TypeAlias
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from ..engine.passes import BoundPass, Chain
 from ..engine.threads import Chunks
@@ -46,7 +46,7 @@ def sparse_product(chunks: Chunks, matrix, values: np.ndarray, out: np.ndarray, 
 
     It changes the rows in which the matrix has entries, or all if `every`.
     """
-    matrix = sparse.csr_array(matrix)
+    matrix = scipy.sparse.csr_array(matrix)
     matrix.eliminate_zeros()
     matrix.sort_indices()
     pointers, width = matrix.indptr.astype(np.int64), values.shape[1]

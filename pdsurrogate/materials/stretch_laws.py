@@ -5,7 +5,7 @@ from functools import cache, cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from scipy.integrate import lebedev_rule
+import scipy
 
 from ..kernels.elementary import chain_energy, exponential, inverse_langevin, select
 from .law import PrincipalStretchLaw, check_number
@@ -234,7 +234,7 @@ def directions() -> np.ndarray:
     The stretch of a chain depends on squares only, so directions that differ by signs are merged. The remaining directions are
     unchanged by permutations of the three axes, which the symmetry of an isotropic law requires.
     """
-    points, weights = lebedev_rule(DEGREE)
+    points, weights = scipy.integrate.lebedev_rule(DEGREE)
     squares, place = np.unique(np.round(points.T**2, 14), axis=0, return_inverse=True)
     total = np.bincount(place.ravel(), weights)
     return np.column_stack([total / total.sum(), squares / squares.sum(axis=1, keepdims=True)])

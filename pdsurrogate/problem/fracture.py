@@ -1,7 +1,7 @@
 """Fracture: the bond stretch at which bonds break, from a fracture energy, and the fracture energy from a tear test."""
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
@@ -140,4 +140,4 @@ def _stretch_at(law: Law, quantity: str, wanted: float, what: str) -> float:
             excess(upper)
         except ValueError:
             raise ValueError(f"{law.name} reaches its limit at the stretch {lower:.3g}, before it reaches {what}") from None
-    return float(brentq(excess, 1.0, upper, xtol=1e-12))
+    return float(scipy.optimize.brentq(excess, 1.0, upper, xtol=1e-12))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from ..body import Body
 from ..discretization import contained
@@ -83,7 +83,7 @@ class Front:
 
         In between it decreases smoothly, theory (75).
         """
-        distance, nearest = cKDTree(self.places).query(points, distance_upper_bound=reach)
+        distance, nearest = scipy.spatial.cKDTree(self.places).query(points, distance_upper_bound=reach)
         share = np.clip(2 - 2 * distance / reach, 0, 1)
         return (share**2 * (3 - 2 * share))[:, None] * self.outward[np.minimum(nearest, len(self.places) - 1)]
 
@@ -135,7 +135,7 @@ class Fronts:
         starts = np.repeat(places, MOST_RINGS, axis=0)
         for cut in others:
             free &= np.array([not cut.crosses(starts, starts + radius * ring.reshape(starts.shape)).any() for radius in radii])
-        near = [cKDTree(front.places).query(one.places)[0].min() for one in fronts if one is not front]
+        near = [scipy.spatial.cKDTree(front.places).query(one.places)[0].min() for one in fronts if one is not front]
         room = min([front.length if front.straight else front.length / 2, *near])
         fit = np.cumprod(free & (radii <= room)).astype(bool)
         return float(radii[fit][-1]) if fit.any() else None
@@ -146,7 +146,9 @@ class Fronts:
         edge = precut.edge(PITCH * body.spacing)
         within = self._inside(edge[0] + body.spacing / 4 * edge[1])  # an end at the boundary is no front
         places, outward, lengths = (rows[within] for rows in edge)
-        count, part = connected(len(places), *cKDTree(places).query_pairs(1.5 * PITCH * body.spacing, output_type="ndarray").T)
+        count, part = connected(
+            len(places), *scipy.spatial.cKDTree(places).query_pairs(1.5 * PITCH * body.spacing, output_type="ndarray").T
+        )
         return [self._front(precut, places[part == one], outward[part == one], lengths[part == one]) for one in range(count)]
 
     def _front(self, precut: AnyPrecut, places: np.ndarray, outward: np.ndarray, lengths: np.ndarray) -> Front:

@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy import sparse
-from scipy.spatial import cKDTree
+import scipy
 
 from ..body import Body, Following
 from ..body.local_fit import text_of
@@ -89,7 +88,7 @@ def bar_rigid_regions(loading: Loading, rigid: Mapping[str, np.ndarray], ends: S
     """
     body, times = loading.body, np.unique([np.linspace(*ends, REACHES) for ends in pairwise([0.0, *ends])])
     for number, one in enumerate(loading.loads.obstacles if rigid else ()):
-        of_points, nodes = cKDTree(body.points).query(one.surface.nodes)[1], one.surface.nodes
+        of_points, nodes = scipy.spatial.cKDTree(body.points).query(one.surface.nodes)[1], one.surface.nodes
         one.barred = {name: np.flatnonzero(np.isin(of_points, points)) for name, points in rigid.items()}
         for name, places in one.barred.items():
             deepest = [-one.gaps(nodes[places], one.amplitude(t))[0].min(initial=0.0) for t in times]
@@ -129,21 +128,25 @@ def _nodes_of(body: Body, regions: BodyRegions) -> ContactNodes:
     # Row i of the shape functions is that of the Gauss point near corner i.
     shape = GAUSS[d] * np.eye(d) + (1 - GAUSS[d]) / (d - 1) * (1 - np.eye(d))
     columns = np.repeat(edges, d, axis=0).ravel()
-    gauss = sparse.csr_array(
+    gauss = scipy.sparse.csr_array(
         (np.tile(shape.ravel(), len(edges)), columns, d * np.arange(len(columns) // d + 1)), shape=(d * len(edges), len(used))
     )
     beside = np.flatnonzero(corner & share.own & np.isfinite(surface.distances(body.points, body.cell.max())))
     numbers = share.joined(share.numbers[beside], beside)
     order = np.argsort(numbers)
     rows = np.searchsorted(numbers[order], share.numbers[beside])
-    themselves = sparse.csr_array((np.ones(len(beside)), (rows, beside)), shape=(len(numbers), len(body)))
+    themselves = scipy.sparse.csr_array((np.ones(len(beside)), (rows, beside)), shape=(len(numbers), len(body)))
     nodes = surface.nodes[used]
-    maps = tuple(sparse.vstack([of_nodes, gauss @ of_nodes, themselves], format="csr") for of_nodes in surface.interpolation[used].rows)
+    maps = tuple(
+        scipy.sparse.vstack([of_nodes, gauss @ of_nodes, themselves], format="csr") for of_nodes in surface.interpolation[used].rows
+    )
     places = np.vstack([nodes, gauss @ nodes, share.joined(body.points[beside], beside)[order]])
     sides = share.joined(body.volumes[beside] / body.spacing, beside)[order]
     areas = np.concatenate([areas, np.repeat(of_facets[at_edge] / d, d), sides])
     first = len(places) - len(sides)
-    distance, nearest = cKDTree(places[first:]).query(nodes[facets].mean(axis=1)) if len(sides) else (np.full(len(facets), np.inf), 0)
+    distance, nearest = (
+        scipy.spatial.cKDTree(places[first:]).query(nodes[facets].mean(axis=1)) if len(sides) else (np.full(len(facets), np.inf), 0)
+    )
     stops = np.where(distance < body.cell.max(), first + nearest, -1)
     return ContactNodes(share, Following(maps), places, areas, facets, bonded, stops, body.spacing)
 

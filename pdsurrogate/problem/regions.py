@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from ..body import Body, Surface
 from ..body.local_fit import text_of, too_few
@@ -213,7 +213,7 @@ class BodyRegions:
         at = np.array([place], dtype=float)
         surface = self.surface()
         if not surface.encloses(at)[0] and not np.isfinite(surface.distances(at, RIM * self.body.cell.max())[0]):
-            distance, point = cKDTree(self.body.points).query(at[0])
+            distance, point = scipy.spatial.cKDTree(self.body.points).query(at[0])
             nearest = f"its nearest point is {point} at {text_of(self.body.points[point])}, {distance:.3g} away"
             raise ValueError(f"{key}: {text_of(at[0])} lies outside the body; {nearest}")
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+import scipy
 
 from .communicator import ALONE, Communicator
 
@@ -216,7 +214,7 @@ class Share:
         """
         if not self.divided:
             return rows
-        found = (rows.tocsc()[:, self.numbers] @ sparse.diags_array(self._weights)).tocsr()
+        found = (rows.tocsc()[:, self.numbers] @ scipy.sparse.diags_array(self._weights)).tocsr()
         found.eliminate_zeros()
         return found
 
@@ -232,7 +230,7 @@ class Share:
         places[self.numbers] = np.arange(len(self.numbers))
         row, column = places[row], places[column]
         here = (row >= 0) & (column >= 0)
-        return sparse.csr_array((value[here], (row[here], column[here])), shape=rows.shape)
+        return scipy.sparse.csr_array((value[here], (row[here], column[here])), shape=rows.shape)
 
     def beside_halo(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Return the numbers of the bonds, given by their ends, with an end that is a halo point or an image (mirrored point).
@@ -255,13 +253,13 @@ def connected(n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.nd
     Bonds join the points `first` to the points `second`. Only the bonds given here count: ranks do not communicate, unlike in
     `Share.pieces`.
     """
-    graph = sparse.coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(n, n))
-    return connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(n, n))
+    return scipy.sparse.csgraph.connected_components(graph, directed=False)
 
 
 def bond_counts(points: np.ndarray, radius: float, chosen: slice = slice(None)) -> np.ndarray:
     """Return, for each chosen point, the number of points within a radius, itself included, which measures the cost of computing it."""
-    counted = cKDTree(points).query_ball_point(points[chosen], radius, return_length=True)
+    counted = scipy.spatial.cKDTree(points).query_ball_point(points[chosen], radius, return_length=True)
     return np.asarray(counted, dtype=float)
 
 

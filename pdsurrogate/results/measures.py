@@ -1,12 +1,14 @@
 """Measures of a deformed body: energy, displacements of the edges, fields on the points and at probes."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from ..arguments import suggestion
 from ..body import Body, fields_at
@@ -356,7 +358,7 @@ class Probes:
         }
 
 
-def _read(rows: Sequence[sparse.csr_array], values: np.ndarray) -> np.ndarray:
+def _read(rows: Sequence[scipy.sparse.csr_array], values: np.ndarray) -> np.ndarray:
     """Return the m components of a field at a probe, from the values at the points, shape (n, m).
 
     `rows` has a sparse row of weights, shape (1, n), for each component; weights differ by component at planes of symmetry.

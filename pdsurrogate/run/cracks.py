@@ -3,7 +3,7 @@
 import logging
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from ..forces import InvalidState
 from ..ranks.share import connected
@@ -192,7 +192,7 @@ def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:
     """Return groups of places (k, d), linked by chains of distances of up to a horizon: the numbers of each, the largest group first."""
     if not len(places):
         return []
-    near = cKDTree(places).query_pairs(horizon, output_type="ndarray")
+    near = scipy.spatial.cKDTree(places).query_pairs(horizon, output_type="ndarray")
     count, group = connected(len(places), *near.T)
     order = np.argsort(-np.bincount(group), kind="stable")[:count]
     return [np.flatnonzero(group == number) for number in order]

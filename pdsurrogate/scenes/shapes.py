@@ -5,9 +5,9 @@ from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+import scipy
 import shapely
 from pydantic import BeforeValidator, Field
-from scipy.spatial import cKDTree
 
 from ..body import encloses
 from .strict_model import Point, Positive, StrictModel, Whole
@@ -359,7 +359,7 @@ def _crossing(corners: np.ndarray) -> str | None:
     if not wrong:
         return None
     places = shapely.get_coordinates(wrong[0])
-    crossings = places[cKDTree(corners).query(places)[0] > 1e-9 * extent]
+    crossings = places[scipy.spatial.cKDTree(corners).query(places)[0] > 1e-9 * extent]
     if len(crossings):
         return f"crosses itself at ({crossings[0, 0]:.4g}, {crossings[0, 1]:.4g})"
     return f"runs around itself more than once, or crosses itself at a corner, near ({places[0, 0]:.4g}, {places[0, 1]:.4g})"

@@ -1,9 +1,11 @@
 """Loads: dead forces on the boundary, in the volume and on points, and pressures that follow the boundary (theory (42)-(46))."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator
+import scipy
 
 from ..body import Body
 from ..body.surface import Following, Surface
@@ -398,7 +400,7 @@ class LoadedForce:
         F = self.internal.deformation_gradients()
         return self.internal.volume_ratios() / (F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0])
 
-    def tangent(self, positions: np.ndarray) -> LinearOperator:
+    def tangent(self, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
         """Return minus the derivative of internal force plus loads at positions (n, d), see `tangent_of`."""
         return tangent_of(self, positions)
 

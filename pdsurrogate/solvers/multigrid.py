@@ -1,10 +1,11 @@
 """Solvers of linear systems: a multigrid cycle for Laplacians of scattered points, and conjugate gradients for operators."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.linalg import splu
+import scipy
 
 from ..engine.block_arrays import power_of_two
 from ..engine.passes import Chain
@@ -24,9 +25,9 @@ FEW = 1_500
 18 MB at most, even if it fills in completely."""
 
 
-def factor_of(matrix: sparse.sparray):
+def factor_of(matrix: scipy.sparse.sparray):
     """Return the sparse factorization, without pivoting, of a symmetric positive definite matrix: an object with a method `solve`."""
-    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return scipy.sparse.linalg.splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 class Multigrid:
@@ -53,7 +54,7 @@ class Multigrid:
     Vanek, Mandel and Brezina, Computing 56 (1996) 179-196.
     """
 
-    def __init__(self, matrix: sparse.csr_array, points: np.ndarray, spacing: float, free: np.ndarray, width: int = 1) -> None:
+    def __init__(self, matrix: scipy.sparse.csr_array, points: np.ndarray, spacing: float, free: np.ndarray, width: int = 1) -> None:
         # Powers of two scale the values into the range of single precision, in any units, without rounding.
         self._unit = power_of_two(matrix.diagonal().mean())
         matrix = matrix / self._unit
@@ -69,8 +70,8 @@ class Multigrid:
             kept, box = np.unique(_boxes(points[rows], spacing), return_inverse=True)
             if 2 * len(kept) > len(rows):
                 break
-            constant = sparse.csr_array((np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept)))
-            prolongation = (constant - sparse.diags_array(relaxation) @ (matrix @ constant)).tocsr()
+            constant = scipy.sparse.csr_array((np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept)))
+            prolongation = (constant - scipy.sparse.diags_array(relaxation) @ (matrix @ constant)).tocsr()
             self._levels.append(_Level(prolongation.shape[1], held))
             self._levels[-2].bind(matrix, relaxation, prolongation, self._levels[-1])
             matrix = (prolongation.T @ (matrix @ prolongation)).tocsr()
@@ -130,7 +131,7 @@ class _Level:
         self.right, self.found, self.rest, self.first = np.zeros((4, count, held), dtype=np.float32)
         self.down = self.up = self.take_rest = None
 
-    def bind(self, matrix: sparse.csr_array, relaxation: np.ndarray, prolongation: sparse.csr_array, coarser: "_Level") -> None:
+    def bind(self, matrix: scipy.sparse.csr_array, relaxation: np.ndarray, prolongation: scipy.sparse.csr_array, coarser: _Level) -> None:
         """Create the passes `down`, `up` and `take_rest` between this level and the next coarser one.
 
         `relaxation` (n,) is the factor on the residual in a step of Jacobi's method, and `prolongation` the matrix that maps a solution of
@@ -163,7 +164,7 @@ def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
     return np.ravel_multi_index(tuple(cells.T), tuple(counts))
 
 
-def _rows(matrix: sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _rows(matrix: scipy.sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return row pointers, column numbers and values of a sparse matrix, converted to the types that the compiled passes take."""
     return matrix.indptr.astype(np.uint64), matrix.indices.astype(np.uint32), matrix.data.astype(np.float32)
 

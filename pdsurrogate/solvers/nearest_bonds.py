@@ -3,10 +3,12 @@
 For a body divided among ranks the inverse is approximate: it combines overlapping parts of the body and affine motions of each part.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from ..body import Body
 from ..body.body import sums_at_points
@@ -170,7 +172,7 @@ class NearestBonds:
             forces += (self._excess * np.einsum("bi,bi->b", self._along, changes))[:, None] * self._along
         return sums_at_points(len(self.body), self.first, self.second, forces, -1)
 
-    def matrix(self, rigid: np.ndarray | None = None) -> sparse.csc_array:
+    def matrix(self, rigid: np.ndarray | None = None) -> scipy.sparse.csc_array:
         """Return the stiffness matrix of all components, held or free, shape (d n, d n), with the components of a point in sequence.
 
         Springs between two points that are True in `rigid`, shape (n,), are omitted.
@@ -182,10 +184,10 @@ class NearestBonds:
         rows, columns, values = self._entries(blocks, self._parity()[:, None])
         rows, columns = d * rows[:, None, None] + np.arange(d)[:, None], d * columns[:, None, None] + np.arange(d)
         places = [np.broadcast_to(numbers, values.shape).ravel() for numbers in (rows, columns)]
-        matrix = sparse.coo_array((values.ravel(), places), shape=(d * len(self.body),) * 2).tocsc()
+        matrix = scipy.sparse.coo_array((values.ravel(), places), shape=(d * len(self.body),) * 2).tocsc()
         return (matrix + matrix.T) / 2
 
-    def systems(self, free: np.ndarray) -> list[tuple[list[int], sparse.sparray]]:
+    def systems(self, free: np.ndarray) -> list[tuple[list[int], scipy.sparse.sparray]]:
         """Return the stiffness matrix in parts that are not coupled, as pairs of component numbers and the matrix of these components.
 
         A network with `coupled` components has one part, with all components in one `matrix`. Otherwise a part consists of the components
@@ -199,7 +201,7 @@ class NearestBonds:
         for kind in range(kinds.max() + 1):
             components = np.flatnonzero(kinds == kind).tolist()
             rows, columns, values = self._entries(self._across, self._parity()[:, components[0]])
-            matrix = sparse.csr_array((values, (rows, columns)), shape=(len(self.body),) * 2)
+            matrix = scipy.sparse.csr_array((values, (rows, columns)), shape=(len(self.body),) * 2)
             found.append((components, (matrix + matrix.T) / 2))
         return found
 
@@ -263,10 +265,10 @@ def laplacian_of(body: Body, shear_moduli: float | np.ndarray, corrected: np.nda
     return NearestBonds(body, shear_moduli, RAISED, RAISED, corrected=corrected)
 
 
-def held_matrix(matrix: sparse.sparray, free: np.ndarray) -> sparse.sparray:
+def held_matrix(matrix: scipy.sparse.sparray, free: np.ndarray) -> scipy.sparse.sparray:
     """Return a stiffness matrix with held components, where `free` is 0, decoupled, and with `SHIFT` added to the diagonal."""
-    keep, mean = sparse.diags_array(free), matrix.diagonal().mean()
-    return keep @ matrix @ keep + sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
+    keep, mean = scipy.sparse.diags_array(free), matrix.diagonal().mean()
+    return keep @ matrix @ keep + scipy.sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
 
 
 def by_systems(systems: list[tuple[list[int], int, Operator]], values: np.ndarray) -> np.ndarray:

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from scipy import sparse
-from scipy.linalg import lu_factor, lu_solve
+import scipy
 
 from ..body import Following
 from ..forces import InvalidState
@@ -81,7 +80,7 @@ class ContactNodes:
         start = sum(map(len, numbers[: share.ranks.rank]))
         self._here = np.argsort(self._order)[start : start + len(self._points)]
         parts = (share.everywhere(rows[:, self._points]) for rows in interpolation.rows)
-        self._map = Following(tuple(sparse.hstack(part, format="csc")[:, self._order].tocsr() for part in parts))
+        self._map = Following(tuple(scipy.sparse.hstack(part, format="csc")[:, self._order].tocsr() for part in parts))
         self._spread = self._map.T
 
     def places(self, vectors: np.ndarray) -> np.ndarray:
@@ -306,7 +305,7 @@ class ContactStiffness:
         same = np.array_equal(pairs, self._active) and (self._normals[pairs] * normals[pairs]).sum(axis=1).min(initial=1.0) > SAME_NORMAL
         if not same:
             self._active, responses = pairs, self._responses(pairs, normals, positions.shape)
-            self._factor = lu_factor(self._compliance(pairs, responses)) if len(pairs) else None
+            self._factor = scipy.linalg.lu_factor(self._compliance(pairs, responses)) if len(pairs) else None
         return not same
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
@@ -316,7 +315,7 @@ class ContactStiffness:
             return moved
         pairs = self._active
         along = (self._surface.places(moved)[self._places[pairs]] * self._normals[pairs]).sum(axis=1)
-        return moved - self._moved_by(pairs, lu_solve(self._factor, along), forces.shape)
+        return moved - self._moved_by(pairs, scipy.linalg.lu_solve(self._factor, along), forces.shape)
 
     def outside(self, positions: np.ndarray) -> np.ndarray:
         """Return positions (n, d) moved by the least displacements, in the energy of A, that bring the boundary out of the obstacles.

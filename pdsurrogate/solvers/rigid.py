@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import sparse
-from scipy.linalg import null_space
-from scipy.spatial.transform import Rotation
+import scipy
 
 from ..body import Body
 from ..forces import InvalidState
@@ -61,7 +59,7 @@ def moment_of(levers: np.ndarray) -> np.ndarray:
 def turn_by(vector: np.ndarray) -> np.ndarray:
     """Return the rotation matrix for an angle in the plane, shape (1,), or for a rotation vector in three dimensions, shape (3,)."""
     if len(vector) == 3:
-        return Rotation.from_rotvec(vector).as_matrix()
+        return scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
     cosine, sine = np.cos(vector[0]), np.sin(vector[0])
     return np.array([[cosine, -sine], [sine, cosine]])
 
@@ -70,7 +68,7 @@ def rotation_of(turn: np.ndarray) -> np.ndarray:
     """Return the angle of a rotation matrix in the plane, or its rotation vector (3,) in three dimensions, in radians."""
     if len(turn) == 2:
         return np.arctan2(turn[1, 0], turn[0, 0])
-    return Rotation.from_matrix(turn).as_rotvec()
+    return scipy.spatial.transform.Rotation.from_matrix(turn).as_rotvec()
 
 
 def nearest_turn(matrix: np.ndarray) -> np.ndarray:
@@ -146,7 +144,7 @@ class RigidRegion:
     def free_motions(self, motions: np.ndarray) -> np.ndarray:
         """Return, as columns, orthonormal vectors of amplitudes of the `motions` (k, d, motions) that do not move held components."""
         held = motions[self._held]
-        return null_space(np.linalg.qr(held, mode="r"), rcond=INDEPENDENT) if len(held) else np.eye(motions.shape[-1])
+        return scipy.linalg.null_space(np.linalg.qr(held, mode="r"), rcond=INDEPENDENT) if len(held) else np.eye(motions.shape[-1])
 
     def describe(self, positions: np.ndarray, forces: np.ndarray) -> dict:
         """Return, for results, the total force and moment about the origin of forces (n, d) on the region, and how the region has moved.
@@ -207,9 +205,9 @@ def inverse_with_regions(network: NearestBonds, free: np.ndarray, regions: Seque
         own = region.motions(network.body.points[region.points])
         motions = np.zeros((n, *own.shape[1:]))
         motions[region.points] = own
-        columns.append(sparse.csr_array(motions.reshape(d * n, -1)))
+        columns.append(scipy.sparse.csr_array(motions.reshape(d * n, -1)))
         motions_free.append(np.full(own.shape[-1], float(region.free_motions(own).any())))
-    by_motion = sparse.hstack([sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
+    by_motion = scipy.sparse.hstack([scipy.sparse.diags_array(np.repeat(1.0 - inside, d)), *columns], format="csr")
     column = np.concatenate([kept.ravel(), *motions_free])
     matrix = by_motion.T @ network.matrix(inside) @ by_motion
     factor = factor_of(held_matrix(matrix.tocsc(), column))

@@ -1,7 +1,7 @@
 """Highest frequency of a discretized body, which limits explicit time steps, and checks of equilibria for stability and continuity."""
 
 import numpy as np
-from scipy.linalg import eigh_tridiagonal
+import scipy
 
 from ..forces import InternalForce
 from ..ranks import Share
@@ -133,7 +133,7 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
             force(positions - probe * q, behind)
         p = (behind - ahead) / (probe if one_sided else 2 * probe) * free
         diagonal.append(share.dot(q, p))
-        values, vectors = eigh_tridiagonal(diagonal, off_diagonal, select="i", select_range=(0, 0))
+        values, vectors = scipy.linalg.eigh_tridiagonal(diagonal, off_diagonal, select="i", select_range=(0, 0))
         least, last = float(values[0]), float(vectors[-1, 0])
         if least < NEGATIVE:
             break

@@ -1,7 +1,7 @@
 """Linear equations of the tangent of a force: the displacements that small changes of the forces cause."""
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, gcrotmk
+import scipy
 
 from ..forces import InternalForce
 from .equilibrium import NotConverged
@@ -42,8 +42,8 @@ class TangentEquations:
             return (free * preconditioner.solve(free * forces.reshape(shape))).ravel()
 
         self._free = free
-        self._tangent = LinearOperator((size, size), forces_of, dtype=float)
-        self._approximate = LinearOperator((size, size), approximate, dtype=float)
+        self._tangent = scipy.sparse.linalg.LinearOperator((size, size), forces_of, dtype=float)
+        self._approximate = scipy.sparse.linalg.LinearOperator((size, size), approximate, dtype=float)
 
     def displacements(self, forces: np.ndarray, share_left: float, negligible: float = 0.0) -> np.ndarray:
         """Return the displacements under small forces (n, d).
@@ -63,7 +63,7 @@ class TangentEquations:
         """
         right = (self._free * forces).ravel()
         settings = {"rtol": share_left, "atol": negligible, "maxiter": OUTER, "m": INNER}
-        found, unsolved = gcrotmk(self._tangent, right, M=self._approximate, **settings)
+        found, unsolved = scipy.sparse.linalg.gcrotmk(self._tangent, right, M=self._approximate, **settings)
         if unsolved or not np.isfinite(found).all():
             raise NotConverged(f"the linear equations of the tangent are not solved after {INNER * OUTER} products: it is nearly singular")
         return found.reshape(forces.shape)
