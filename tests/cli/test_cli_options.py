@@ -141,6 +141,15 @@ def test_commands_are_loaded_when_they_are_called():
     subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
 
 
+def test_a_refused_scene_loads_neither_parts_of_scipy_nor_joblib():
+    program = (
+        "import sys; from pdsurrogate.cli import app\n"
+        "assert app(['run', 'uniaxial', '--set', 'spacings=1'], standalone_mode=False) == 2\n"
+        "assert not {'scipy.spatial', 'scipy.sparse', 'scipy.linalg', 'scipy.optimize', 'joblib', 'sklearn'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+
+
 def test_json_is_all_that_is_printed_for_programs(tmp_path):
     run = invoke("run", "uniaxial", *FAST, "--json", "--out", tmp_path / "out")
     assert run.exit_code == 0, run.output
