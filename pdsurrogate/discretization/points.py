@@ -56,6 +56,9 @@ CUT_SHIFT = 1e-6
 """Distance, in extents of the body, from a grip's plane to the cut that determines its area: more than the rounding of single precision."""
 
 
+FLAT = 1e-3
+"""Distance, in spacings, below which two cuts count as lying in one line or plane."""
+
 STATED = 0.01
 """Relative difference between the spacing that a scene states and that of its mesh, above which there is a warning. Chosen: the spacing of
 a mesh is a mean over its cells, which nobody states to better than a percent."""
@@ -510,7 +513,15 @@ def _directions(dimension: int) -> np.ndarray:
 
 
 def _check_precuts(scene: Scene, body: Body) -> None:
-    cut = body.all_points[body.bonds.cut]
+    """Raise ValueError if a precut crosses no bond, or crosses one that another precut in the same line or plane crosses too."""
+    cut, before = body.all_points[body.bonds.cut], []
     for number, precut in enumerate(scene.precuts):
-        if not body.share.any(len(cut) and precut.crosses(cut[:, 0], cut[:, 1]).any()):
+        crossed = precut.crosses(cut[:, 0], cut[:, 1]) if len(cut) else np.zeros(0, dtype=bool)
+        if not body.share.any(crossed.any()):
             raise ValueError(f"precuts.{number}: the precut crosses no bond; it is outside the body, in a hole, or between points")
+        edge = precut.edge(body.spacing)[0]
+        for other, (its_edge, its_crossed) in enumerate(before):
+            aligned = np.linalg.matrix_rank(np.concatenate([edge, its_edge]) - edge[0], tol=FLAT * body.spacing) < body.dimension
+            if aligned and body.share.any((crossed & its_crossed).any()):
+                raise ValueError(f"precuts.{number}: the precut lies on precuts.{other}; describe a cut once and in one piece")
+        before.append((edge, crossed))

@@ -5,6 +5,7 @@ import hashlib
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from stopping import Killed, KilledWhileBondsBreak
 
 import pdsurrogate as pds
 from pdsurrogate.discretization import clouds, discretize
@@ -178,6 +179,23 @@ def test_displacements_of_edges_and_roughness_assume_no_lines():
     assert measures.roughness(body, smooth, 0) < 1e-9
     jagged = smooth + 0.05 * np.random.default_rng(1).choice([-1.0, 1.0], smooth.shape)
     assert 0.5 < measures.roughness(body, jagged, 0) < 4
+
+
+def test_a_tear_of_a_cloud_resumes_to_the_same_bits(tmp_path, monkeypatch):
+    monkeypatch.setattr("pdsurrogate.run.checkpoints.SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    held = [{"region": "bottom", "x1": 0.0, "x2": 0.0}, {"region": "top", "x1": 0.0, "x2": 1.0}]
+    pulled = {"to": 0.7, "outputs": 4, "dynamics": {"duration": 8.0, "density": 1.0}}
+    torn = {"precuts": [{"start": [-1.0, 0.5], "end": [0.4, 0.5]}], "prescribed": held, "steps": [{"to": 0.2}, pulled]}
+    scene = square(0.1, seed=3, fracture={"critical_stretch": 1.8}, **torn)
+    whole = pds.simulate(scene, "bond-energy")
+    with pytest.raises(Killed):
+        pds.simulate(scene, "bond-energy", folder=tmp_path, progress=KilledWhileBondsBreak())
+    resumed = pds.simulate(scene, "bond-energy", folder=tmp_path, resume=True)
+    assert resumed.history == whole.history
+    assert resumed.levels == whole.levels
+    assert resumed.summary["crack"] == whole.summary["crack"]
+    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
+    np.testing.assert_array_equal(np.float32(resumed.field("damage")), np.float32(whole.field("damage")))
 
 
 # Cells of pictures and files.

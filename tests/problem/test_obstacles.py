@@ -41,7 +41,12 @@ SPATIAL = (
 )
 
 
-@pytest.mark.parametrize("scene", [pressed(PLATE, ROUND), box(*SPATIAL)], ids=["sheet", "solid"])
+CLOUD = pds.shapes.Rectangle(size=(1.0, 1.0), arrangement="relaxed", seed=1)
+
+
+@pytest.mark.parametrize(
+    "scene", [pressed(PLATE, ROUND), box(*SPATIAL), pressed(PLATE, ROUND, body=CLOUD)], ids=["sheet", "solid", "relaxed sheet"]
+)
 def test_forces_are_minus_the_gradient_of_the_energy_and_balance_those_of_the_obstacles(scene):
     problem = compile_scene(scene, [pds.BondEnergyForce()])
     loads, points = problem.loading.loads, problem.body.points
@@ -62,8 +67,9 @@ def test_forces_are_minus_the_gradient_of_the_energy_and_balance_those_of_the_ob
     assert slope == pytest.approx(-(forces * way).sum(), rel=1e-8)
 
 
-def test_a_plate_without_friction_leaves_the_body_in_the_homogeneous_state():
-    result = pds.simulate(pressed(), "bond-energy")
+@pytest.mark.parametrize("body", [pressed().body, CLOUD], ids=["lattice", "relaxed"])
+def test_a_plate_without_friction_leaves_the_body_in_the_homogeneous_state(body):
+    result = pds.simulate(pressed(body=body), "bond-energy")
     level = result.levels[-1]
     depth = level["contact"]["plate"]["penetration"]
     # A load on the boundary displaces it by some hundredths of a cell times the strain (`body.local_fit.REACH`).
@@ -156,8 +162,9 @@ def test_a_body_thrown_at_a_wall_bounces_and_keeps_its_energy():
     assert result.history[-1]["work"] == pytest.approx(result.history[-1]["kinetic_energy"] + result.history[-1]["strain_energy"], rel=0.01)
 
 
-def test_a_run_that_was_killed_and_resumed_has_the_same_bits(tmp_path):
-    scene = pressed(PLATE, ROUND, steps=[pds.Step(to=1.0, outputs=2)])
+@pytest.mark.parametrize("body", [pressed().body, CLOUD], ids=["lattice", "relaxed"])
+def test_a_run_that_was_killed_and_resumed_has_the_same_bits(tmp_path, body):
+    scene = pressed(PLATE, ROUND, body=body, steps=[pds.Step(to=1.0, outputs=2)])
     whole = pds.simulate(scene, "bond-energy", folder=tmp_path / "whole")
     with killed_with_levels(1):
         pds.simulate(scene, "bond-energy", folder=tmp_path / "cut")

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pds
+from pdsurrogate.cli.run import print_result
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem import compile_scene
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
 GRIPS = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
+SLIDING = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
 
 
 def sheet(size, spacing, cuts, **more):
@@ -93,6 +95,17 @@ def test_without_room_there_is_no_rate():
     assert crack["energy_release_rate"] is None
     assert crack["reach"] is None
     assert crack["length"] == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("stretch", "closed"), [(1.05, False), (0.95, True)])
+def test_cracks_under_compression_are_closed(stretch, closed, capsys):
+    """Of two equal cuts, one across the load is pressed together or opened; one along it stays as it is in the homogeneous state."""
+    scene = sheet([3.0, 3.0], 0.1, [(1.5, 0.9, 2.1)], stretches=[stretch], grips=SLIDING)
+    along = scene.model_copy(update={"precuts": (pds.shapes.Precut(start=(1.5, 0.9), end=(1.5, 2.1)),)})
+    assert [crack["closed"] for crack in cracks(scene)] == [closed] * 2
+    assert [crack["closed"] for crack in cracks(along)] == [False] * 2
+    print_result(pds.simulate(scene, "bond-energy"))
+    assert capsys.readouterr().out.count("its faces touch") == (2 if closed else 0)
 
 
 def test_forces_without_energy_have_no_rate():

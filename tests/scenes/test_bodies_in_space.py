@@ -267,6 +267,14 @@ def test_precuts_that_cut_nothing_are_refused():
         discretize(scene_of(CUBE, precuts=[{**CUTS["disc"], "center": [0, 0, 2.0]}]))
 
 
+def test_cuts_that_cross_or_meet_are_no_overlap():
+    """Only cuts in one plane that cut the same bonds are refused."""
+    disc, across = CUTS["disc"], {**CUTS["disc"], "normal": [1, 0, 0]}
+    discretize(scene_of(CUBE, precuts=[disc, across]))
+    with pytest.raises(SceneError, match=r"precuts\.2: the precut lies on precuts\.0"):
+        discretize(scene_of(CUBE, precuts=[disc, across, {**disc, "radius": 0.5 * disc["radius"]}]))
+
+
 def test_no_bond_crosses_empty_space():
     """A slot one cell wide: no bond leads from one side to the other, and those around its end stay.  A bubble of two cells, likewise."""
     slot = {"shape": "box", "size": [0.7, 2.0, 0.1], "lower": [-0.5, -1.0, 0.0]}

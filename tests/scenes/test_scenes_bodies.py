@@ -158,6 +158,11 @@ def test_a_precut_through_a_row_of_points_cuts_on_one_side_of_it(spacing):
         ({"holes": 3}, "holes: "),
         ({"precuts": [{"start": [7, 7], "end": [8, 8]}]}, "precuts.0: the precut crosses no bond; it is outside the body"),
         ({"precuts": [{"start": [-0.1, 0], "end": [0.1, 0]}]}, "precuts.0: the precut crosses no bond; it is outside the body, in a hole"),
+        ({"precuts": [{"start": [-1, 1], "end": [0, 1]}] * 2}, "precuts.1: the precut lies on precuts.0; describe a cut once"),
+        (
+            {"precuts": [{"start": [-1, 1], "end": [0, 1]}, {"start": [0, 0.5], "end": [0, 1.5]}, {"start": [0.5, 1], "end": [-0.2, 1]}]},
+            "precuts.2: the precut lies on precuts.0; describe a cut once and in one piece",
+        ),
         ({"spacing": 0.3, "body": {"shape": "circle", "radius": 0.5}, "holes": []}, "along x1; use 0.25 or 0.333333"),
         ({"precuts": [{"start": [0, 1], "end": [0, 1]}]}, "precuts.0: a precut needs two different ends"),
         ({"precuts": [{"start": [0, 1]}]}, "precuts.0.end: this key is missing"),
