@@ -349,6 +349,10 @@ class Probes:
             for name, (moved, tensors) in zip(self._names, self._rows, strict=True)
         }
 
+    def weights(self, name: str) -> list[scipy.sparse.csr_array]:
+        """Return, for each component of the displacement at a probe, the weights of the points, shape (1, n)."""
+        return self._rows[self._names.index(name)][0]
+
     def columns(self, displacements: np.ndarray) -> dict[str, float]:
         """Return the displacements at the probes as columns of the history, from the displacements of the points, shape (n, d)."""
         return {

@@ -134,7 +134,10 @@ class Result:
         """Return derivatives of measurements in equilibrium with respect to parameters of the scene.
 
         The equilibrium is first solved to a residual of 1e-10. Each parameter then costs one solution of linear equations with the tangent,
-        some 20 to 40 products of two force evaluations each. The derivatives are those of the discrete body (theory, section 23).
+        some 20 to 40 force evaluations, and fewer for parameters that act like earlier ones. If there are fewer measurements than
+        parameters, each measurement costs such a solution instead (adjoint), provided that the tangent is symmetric and that the
+        measurements are reactions of supports, the nominal stress, the energy, or displacements of probes. The derivatives are those of the
+        discrete body (theory, section 23).
 
         Parameters
         ----------
@@ -143,7 +146,10 @@ class Result:
             ``"probes.tip.displacement"``; a key that is continued in several entries stands for all of them.
         parameters : sequence of str
             Dotted keys of numbers in the scene's ``material``, ``materials``, ``loads``, ``prescribed`` or ``obstacles``, such as
-            ``"material.bulk_modulus"`` or ``"loads.0.pressure"``; or the loading parameter, ``"stretch"`` or ``"t"``.
+            ``"material.bulk_modulus"`` or ``"loads.0.pressure"``; the loading parameter, ``"stretch"`` or ``"t"``; or numbers in the arrays
+            of a learned model's payload, with indices from 0: ``"force.output_weights.3"``, ``"force.coefficients.0.2.1"``, and for the
+            model of a region ``"materials.0.force.output_weights.3"``. Coefficients of energies fitted to tests are parameters of their
+            law, such as ``"material.moduli.2"``.
         level : int
             Number of the output, from 0; the last one by default.
 

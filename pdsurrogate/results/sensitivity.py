@@ -19,8 +19,9 @@ class Sensitivities:
         Measurements in the equilibrium.
     derivatives : ndarray, shape (outputs, parameters)
         Derivative of each measurement with respect to each parameter, in the unit of the measurement over that of the parameter.
-    displacements : ndarray, shape (parameters, n, d)
-        Derivatives of the displacements of all points.
+    displacements : ndarray, shape (parameters, n, d), or None
+        Derivatives of the displacements of all points; None if there are fewer measurements than parameters, where adjoint equations are
+        solved, one for each measurement.
 
     See Also
     --------
@@ -31,4 +32,4 @@ class Sensitivities:
     parameters: tuple[str, ...]
     values: np.ndarray
     derivatives: np.ndarray
-    displacements: np.ndarray
+    displacements: np.ndarray | None

@@ -1,13 +1,18 @@
 """Sensitivities of an equilibrium (theory, section 23): derivatives of its measurements by parameters of the scene."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from ..body import fields_at
 from ..engine.threads import thread_count
 from ..forces import ForceModel
-from ..problem.materials import checked_models, scene_errors
+from ..forces.internal_force import PROBE
+from ..forces.learned import Learned
+from ..problem.materials import scene_errors
 from ..ranks import communicator
 from ..results import Result
 from ..results.sensitivity import Sensitivities
@@ -24,18 +29,215 @@ PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
 """Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
 
 STEP = 1e-6
-"""Change of a parameter, relative to its value, in central differences. Chosen: rounding then leaves relative errors of 1e-10 times K/mu,
-and curvature less, also where a support moves by this part of its displacement while the points beside it stay."""
+"""Change of a parameter, relative to its value or to the greatest number of its array in a learned model, in central differences. Chosen:
+rounding then leaves relative errors of 1e-10 times K/mu, and curvature less, also where a support moves by this part of its displacement
+while the points beside it stay."""
 
 BALANCED = 1e-10
 """Residual, in units of shear modulus / spacing, of the equilibrium whose derivatives are computed."""
 
-SOLVED = 1e-8
-"""Permitted relative residual of the linear equations for the displacements: some ten times the error of products of the tangent, which are
-differences of forces."""
+SOLVED = 5e-8
+"""Permitted relative residual of the linear equations for the displacements: some five times the error of products of the tangent, which
+are differences of forces."""
 
 ROUNDED = 1e-9
 """Norm of the rounding errors in the derivatives of the forces, divided by the norm of the forces over the value of the parameter."""
+
+
+@dataclass(frozen=True)
+class Jacobian:
+    """Measurements of an equilibrium, and their derivatives by parameters.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the measurements: dotted keys of an output, then ``"places.0.0"`` and so on for place and component.
+    values : ndarray, shape (measurements,)
+    derivatives : ndarray, shape (measurements, parameters)
+    displacements : ndarray, shape (n, d)
+        Displacements of the points in equilibrium.
+    moved : ndarray, shape (parameters, n, d), or None
+        Derivatives of the displacements; None if there are fewer measurements than parameters, where adjoint equations are solved.
+    """
+
+    names: tuple[str, ...]
+    values: np.ndarray
+    derivatives: np.ndarray
+    displacements: np.ndarray
+    moved: np.ndarray | None
+
+
+class Differentiated:
+    """Scene on a body that is built once, whose equilibria are solved and differentiated by parameters, in double precision on one rank.
+
+    Parameters
+    ----------
+    scene : Scene
+    models : sequence of ForceModel
+        As from `checked_models`.
+    places : ndarray, shape (k, d), optional
+        Undeformed places whose displacements are measured besides the outputs.
+
+    Attributes
+    ----------
+    numbers : dict of float
+        Values of the possible parameters by name: numbers of the scene below `PLACES`, and numbers of the arrays of learned models, such as
+        ``"force.output_weights.3"`` or, for the model of a region, ``"materials.0.force.coefficients.0.2.1"``.
+    """
+
+    def __init__(self, scene: Scene, models: Sequence[ForceModel], places: np.ndarray | None = None) -> None:
+        with thread_count(None):
+            self._run = run = Run(scene, models, Silent())
+            if run.force.precision != "float64":
+                run.take_double()
+        self._at_places = () if places is None else fields_at(run.body, places, run.force.portion_of)[0]
+        self.numbers = numbers_in(scene, models)
+
+    def changed(self, values: Mapping[str, float]) -> "Differentiated":
+        """Return the scene with other values of parameters, by name, on the same body."""
+        scene, models = with_numbers(self._run.problem.scene, self._run.problem.models, values)
+        other = Differentiated.__new__(Differentiated)
+        other._run, other._at_places = self._run.beside(scene, models, self._run.state.parameter), self._at_places
+        other.numbers = self.numbers | values
+        return other
+
+    def jacobian(self, at: float, displacements: np.ndarray, outputs: Sequence[str], parameters: Sequence[str]) -> Jacobian:
+        """Return measurements of the equilibrium at a value of the loading parameter, with their derivatives.
+
+        Parameters
+        ----------
+        at : float
+            Stretch or t.
+        displacements : ndarray, shape (n, d)
+            Displacements near the equilibrium.
+        outputs : sequence of str
+            Dotted keys of an output; a key that is continued in several entries stands for all of them.
+        parameters : sequence of str
+            Names in `numbers`, or the loading parameter.
+
+        Raises
+        ------
+        NoEquilibrium
+            If Newton's method does not find the equilibrium, or the tangent is nearly singular.
+        ValueError
+            If there is no such output.
+        """
+        with thread_count(None), threadpool_limits(1, user_api="blas"):
+            run, loading = self._run, self._run.loading
+            run.positions[:], run.state.parameter = run.body.points + displacements, at
+            loading.apply(at, run.loaded, run.positions)
+            solver = Newton(loading.free, run.body.volumes, BALANCED)
+            solver.solve(run.loaded, run.positions)
+            measured = self._measured(run.positions)
+            names = [*_named(outputs, measured), *(name for name in measured if name.startswith("places."))]
+            gradients = self._gradients(names) if 0 < len(names) < len(parameters) else None
+            equations = TangentEquations(run.loaded, run.positions, loading.free, solver.preconditioner(run.loaded))
+            adjoint = gradients and [equations.displacements(each, SOLVED) for each in gradients]
+            columns = [self._derivatives(equations, names, adjoint, name) for name in parameters]
+        derivatives = np.array([column for column, _ in columns]).reshape(len(parameters), len(names)).T
+        moved = None if adjoint else np.array([moved for _, moved in columns]).reshape(len(parameters), *run.positions.shape)
+        values = np.array([measured[name] for name in names])
+        return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved)
+
+    def _measured(self, positions: np.ndarray) -> dict[str, float]:
+        """Return the measurements at given positions (n, d), by dotted key, with the displacements at `places` as the last ones."""
+        _forces(self._run, positions)
+        found = {key: value for key, value in leaves(output_row(self._run)) if isinstance(value, float)}
+        moved = [rows @ (positions - self._run.body.points)[:, axis] for axis, rows in enumerate(self._at_places)]
+        return found | {
+            f"places.{place}.{axis}": float(u) for place, each in enumerate(zip(*moved, strict=True)) for axis, u in enumerate(each)
+        }
+
+    def _derivatives(
+        self, equations: TangentEquations, names: Sequence[str], adjoint: list[np.ndarray] | None, name: str
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the derivatives of the named measurements by one parameter, and those of the displacements, shape (n, d).
+
+        With the solutions `adjoint` of the adjoint equations of all measurements, the displacements are not solved for.
+        """
+        run, positions = self._run, self._run.positions
+        value, step = self._step(name)
+        sides = [self._beside(name, value + change) for change in (step, -step)]
+        (ahead, forces), (behind, opposite) = (_forces(side._run, positions) for side in sides)
+        moved, rate = (ahead - behind) / (2 * step), (forces - opposite) / (2 * step)
+        if adjoint is None:
+            moved += equations.displacements(rate, SOLVED, ROUNDED * float(np.linalg.norm(forces)) * STEP / step)
+        after, before = (side._measured(positions + change * moved) for side, change in zip(sides, (step, -step), strict=True))
+        found = np.array([(after.get(key, np.nan) - before.get(key, np.nan)) / (2 * step) for key in names])
+        if adjoint is None:
+            return found, moved
+        return found + [float(np.vdot(each, run.loading.free * rate)) for each in adjoint], None
+
+    def _step(self, name: str) -> tuple[float, float]:
+        """Return the value of a parameter, and its change in central differences."""
+        run, array = self._run, array_of(name, self._run.problem.models)
+        value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
+        scale = abs(value) if array is None else float(np.abs(array).max())
+        return value, STEP * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
+
+    def _beside(self, name: str, value: float) -> "Differentiated":
+        """Return the scene with another value of one parameter, or of the loading parameter."""
+        if name != self._run.loading.parameter:
+            return self.changed({name: value})
+        other = self.changed({})
+        other._run.state.parameter = value
+        return other
+
+    def _gradients(self, names: Sequence[str]) -> list[np.ndarray] | None:
+        """Return the derivatives (n, d) of measurements by the positions of free components.
+
+        They are computed for displacements at places and probes, reactions of supports, nominal stress and energy; None if another one is
+        asked for, or if the tangent is not symmetric, as that of bond forces.
+        """
+        run, found = self._run, []
+        if not run.loaded.has_energy or run.loading.supports or getattr(run.loaded, "rigid", ()):
+            return None
+        for name in names:
+            gradient = np.zeros_like(run.positions)
+            if place := re.fullmatch(r"places\.(\d+)\.(\d)", name):
+                number, axis = map(int, place.groups())
+                gradient[:, axis] = self._at_places[axis][[number]].toarray()[0]
+            elif place := re.fullmatch(r"probes\.(.+)\.displacement\.(\d)", name):
+                axis = int(place[2])
+                gradient[:, axis] = run.probes.weights(place[1])[axis].toarray()[0]
+            elif name == "energy":
+                _forces(run, run.positions)
+                gradient = -run.loading.internal_forces(run.force)
+            elif name == "nominal_stress":
+                stress, axis = run.problem.measures.nominal_stress, run.loading.course.axis
+                unit = np.zeros((len(run.loading.names), run.body.dimension))
+                unit[stress.number, axis] = 1.0
+                gradient = stress.of(unit) * self._stiffness(stress.number, axis)
+            elif (place := re.fullmatch(r"forces\.(.+)\.(\d)", name)) and place[1] not in run.loads.by_name(
+                run.positions, run.loaded.thickness()
+            ):
+                gradient = self._stiffness(run.loading.names.index(place[1]), int(place[2]))
+            else:
+                return None
+            found.append(gradient)
+        return found
+
+    def _stiffness(self, holder: int, axis: int) -> np.ndarray:
+        """Return the derivative (n, d) of a component of a support's reaction by the positions.
+
+        As K is symmetric, it is minus the derivative of the forces by a displacement of the support.
+        """
+        run, loading, step = self._run, self._run.loading, PROBE * self._run.body.spacing
+        holders, points, axes = loading.counted
+        chosen, sides = (holders == holder) & (axes == axis), []
+        for change in (step, -step):
+            moved, forces = run.positions.copy(), np.empty_like(run.positions)
+            loading.hold(run.state.parameter, run.loaded, moved)
+            moved[points[chosen], axes[chosen]] += change
+            for part in loading.held:
+                if part.plane is not None and part.holder == holder and axis in part.components:
+                    motion = loading.plane_motions(run.state.parameter)[part.plane]
+                    motion[axis, -1] += change
+                    run.loaded.move_plane(part.plane, motion[:, -1])
+            run.loaded(moved, forces)
+            sides.append(forces)
+        loading.hold(run.state.parameter, run.loaded, run.positions)
+        return (sides[1] - sides[0]) / (2 * step)
 
 
 def differentiate(
@@ -44,24 +246,12 @@ def differentiate(
     """Return the derivatives of measurements of a result in equilibrium, see `Result.sensitivity`; `models` are those of its run."""
     loading = "stretch" if scene.stretched else "t"
     number = _check(scene, models, result, parameters, loading, level)
-    with thread_count(None), threadpool_limits(1, user_api="blas"):
-        run = Run(scene, models, Silent())
-        run.take_double()
-        run.positions += result.displacement(number)
-        run.state.parameter = result.levels[number][loading]
-        run.loading.apply(run.state.parameter, run.loaded, run.positions)
-        solver = Newton(run.loading.free, run.body.volumes, BALANCED)
-        try:
-            solver.solve(run.loaded, run.positions)
-            equations = TangentEquations(run.loaded, run.positions, run.loading.free, solver.preconditioner(run.loaded))
-            columns = [_derivatives(run, equations, name) for name in parameters]
-        except NoEquilibrium as error:
-            raise ValueError(f"sensitivity at {run.loading.at(run.state.parameter)}: {error}") from None
-        measured = _measured(run, run.positions)
-    names = _named(outputs, measured)
-    derivatives = np.array([[changes[name] for changes, _ in columns] for name in names]).reshape(len(names), len(parameters))
-    displacements = np.array([moved for _, moved in columns]).reshape(len(parameters), *run.positions.shape)
-    return Sensitivities(tuple(names), tuple(parameters), np.array([measured[name] for name in names]), derivatives, displacements)
+    body, at = Differentiated(scene, models), result.levels[number][loading]
+    try:
+        found = body.jacobian(at, result.displacement(number), outputs, parameters)
+    except NoEquilibrium as error:
+        raise ValueError(f"sensitivity at {loading} {at:g}: {error}") from None
+    return Sensitivities(found.names, tuple(parameters), found.values, found.derivatives, found.moved)
 
 
 def _check(scene: Scene, models: Sequence[ForceModel], result: Result, parameters: Sequence[str], loading: str, level: int) -> int:
@@ -79,41 +269,67 @@ def _check(scene: Scene, models: Sequence[ForceModel], result: Result, parameter
         raise ValueError(f"level: output {number} is one of dynamics; derivatives are those of equilibria")
     if scene.fracture is not None and result.field("damage", number).any():
         raise ValueError(f"level: bonds are broken at output {number}; derivatives are those of bodies whose bonds are intact")
-    known = _numbers_in(scene)
+    known = numbers_in(scene, models)
+    if not parameters:
+        raise ValueError(f"parameters: name at least one number to differentiate by, such as {loading!r} or 'material.shear_modulus'")
     for name in parameters:
         if name not in known and name != loading:
             raise ValueError(f"parameters: there is no number {name!r} to differentiate by; {suggestion(name, [*known, loading])}")
     return number
 
 
-def _numbers_in(scene: Scene) -> dict[str, float]:
-    """Return, by dotted key, the numbers of a scene that can be parameters."""
+def numbers_in(scene: Scene, models: Sequence[ForceModel]) -> dict[str, float]:
+    """Return, by dotted key, the numbers of a scene and of the arrays of its learned models that can be parameters."""
     found = {key: value for key, value in leaves(scene.model_dump(mode="json")) if key.split(".")[0] in PLACES and ".region." not in key}
+    for key, model in _learned(models).items():
+        arrays = {name: values.tolist() for name, values in model.payload().items() if isinstance(values, np.ndarray)}
+        found |= dict(leaves(arrays, key=key))
     return {key: float(value) for key, value in found.items() if isinstance(value, float | int) and not isinstance(value, bool)}
 
 
-def _derivatives(run: Run, equations: TangentEquations, name: str) -> tuple[dict[str, float], np.ndarray]:
-    """Return the derivatives of all measurements by one parameter, by name, and those of the displacements, shape (n, d)."""
-    scene, positions = run.problem.scene, run.positions
-    value = run.state.parameter if name == run.loading.parameter else _numbers_in(scene)[name]
-    scale = abs(value) or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing)
-    sides = [_changed(run, name, value + change) for change in (STEP * scale, -STEP * scale)]
-    (ahead, forces), (behind, opposite) = (_forces(side, positions) for side in sides)
-    moved, rate = (ahead - behind) / (2 * STEP * scale), (forces - opposite) / (2 * STEP * scale)
-    moved += equations.displacements(rate, SOLVED, ROUNDED * float(np.linalg.norm(forces)) / scale)
-    after, before = (_measured(side, positions + change * moved) for side, change in zip(sides, (STEP * scale, -STEP * scale), strict=True))
-    return {key: (after[key] - before[key]) / (2 * STEP * scale) for key in after if key in before}, moved
+def _learned(models: Sequence[ForceModel]) -> dict[str, Learned]:
+    """Return the learned models by the key of the scene that names them; a model that regions share has the key of the first."""
+    keys = {id(model): key for key, model in reversed(list(_by_key(models)))}
+    return {keys[id(model)]: model for model in models if isinstance(model, Learned)}
 
 
-def _changed(run: Run, name: str, value: float) -> Run:
-    """Return a run on the same body with another value of one parameter: a number of the scene, or the loading parameter."""
-    if name == run.loading.parameter:
-        return run.beside(run.problem.scene, run.problem.models, value)
-    data = run.problem.scene.model_dump(mode="json")
-    apply_change(data, name, value)
-    scene = Scene.model_validate(data)
-    with scene_errors(scene):
-        return run.beside(scene, checked_models(scene, run.model), run.state.parameter)
+def _by_key(models: Sequence[ForceModel]) -> list[tuple[str, ForceModel]]:
+    """Return pairs of the key of a scene that names a force model, and the model."""
+    return [("force" if not number else f"materials.{number - 1}.force", model) for number, model in enumerate(models)]
+
+
+def array_of(name: str, models: Sequence[ForceModel]) -> np.ndarray | None:
+    """Return the array of a learned model in which a parameter is a number; None for a number of the scene."""
+    for key, model in _learned(models).items():
+        if name.startswith(f"{key}."):
+            return model.payload()[name.removeprefix(f"{key}.").split(".")[0]]
+    return None
+
+
+def with_numbers(scene: Scene, models: Sequence[ForceModel], values: Mapping[str, float]) -> tuple[Scene, list[ForceModel]]:
+    """Return a scene and its force models with other values of the numbers that `numbers_in` names."""
+    data, changed, learned = scene.model_dump(mode="json"), dict(_by_key(models)), _learned(models)
+    for name, value in values.items():
+        owner = next((key for key in learned if name.startswith(f"{key}.")), None)
+        if owner is None:
+            apply_change(data, name, value)
+            continue
+        before = changed[owner]
+        array, *place = name.removeprefix(f"{owner}.").split(".")
+        payload = before.payload()
+        payload[array] = payload[array].copy()
+        payload[array][tuple(map(int, place))] = value
+        new = type(before).from_payload(before.name, payload, before.domain, before.law, before.shape)
+        new = replace(new, stated=before.stated, members=before.members)
+        changed = {key: new if model is before else model for key, model in changed.items()}
+    if any(name in dict(leaves(data)) for name in values):
+        scene = Scene.model_validate(data)
+        laws = [scene.law(), *(None if part.material.rigid else part.material.build() for part in scene.materials)]
+        with scene_errors(scene):
+            for model, law in zip(changed.values(), laws, strict=True):
+                if law is not None:
+                    model.check_material(law)
+    return scene, list(changed.values())
 
 
 def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -123,12 +339,6 @@ def _forces(run: Run, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     forces = np.empty_like(positions)
     run.loaded(run.positions, forces)
     return run.positions.copy(), forces
-
-
-def _measured(run: Run, positions: np.ndarray) -> dict[str, float]:
-    """Return the measurements of an output at given positions (n, d), by dotted key."""
-    _forces(run, positions)
-    return {key: value for key, value in leaves(output_row(run)) if isinstance(value, float)}
 
 
 def _named(outputs: Sequence[str], measured: dict[str, float]) -> list[str]:

@@ -368,6 +368,9 @@ class Newton(EquilibriumSolver):
         super().__init__(*settings)
         self._first = Automatic(*settings)
 
+    def preconditioner(self, force):
+        return self._first.preconditioner(force)
+
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         tolerance, began = tolerance or self.tolerance, force.evaluations
         found = self._first.solve(force, positions, max(tolerance, self.START), report, least_drive)

@@ -1,11 +1,15 @@
 """Derivatives of equilibria by parameters of the scene, and Newton's method."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.materials.homogeneous import uniaxial
+from pdsurrogate.problem.materials import checked_models
+from pdsurrogate.run.sensitivity import Differentiated
 from pdsurrogate.scenes.reading import apply_change, leaves
 
 CONVERGED = {"solver.method": "newton", "solver.tolerance": 1e-10, "precision": "float64"}
@@ -78,6 +82,72 @@ def test_derivatives_by_a_prescribed_rotation_and_the_modulus_of_an_inclusion_ar
     compare(scene, "bond-energy", ["nominal_stress", "probes.interface.displacement"], ["materials.0.material.shear_modulus"])
 
 
+def by_models(scene, outputs, models, step):
+    """Return derivatives of measurements from two runs, converged to 1e-10, with the force models after and before."""
+    rows = [
+        dict(leaves(pds.simulate(pds.load_scene(scene.name, {**scene_changes(scene), **CONVERGED}), model).levels[-1])) for model in models
+    ]
+    return np.array([rows[0][name] - rows[1][name] for name in outputs]) / (2 * step)
+
+
+def scene_changes(scene):
+    return {"spacing": scene.spacing, "stretches": list(scene.stretches), "material": scene.material.model_dump(mode="json")}
+
+
+@pytest.mark.parametrize(
+    ("name", "spacing", "artifact", "array", "place"),
+    [
+        ("hole", 0.25, "neo-hookean-energy", "output_weights", (3,)),
+        ("bonded-block", 0.25, "neo-hookean-isochoric", "output_weights", (3,)),
+        ("hole", 0.25, "gent", "coefficients", (1, 2, 1)),
+    ],
+)
+def test_derivatives_by_numbers_of_learned_models_are_those_of_converged_runs(name, spacing, artifact, array, place):
+    """Forces are linear in these numbers, so that the differences can be large; the models then no longer have their stated errors."""
+    model = pds.load_surrogate(artifact)
+    law = {"law": model.law} | ({"chain_limit": model.shape["chain_limit"]} if "chain_limit" in model.shape else {})
+    scene = pds.load_scene(name, {"spacing": spacing, "material": law})
+    parameter = ".".join(map(str, ("force", array, *place)))
+    found = pds.simulate(scene, model).sensitivity(["nominal_stress", "forces"], [parameter])
+    values, step = getattr(model, array), 1e-3 * np.abs(getattr(model, array)).max()
+    sides = []
+    for change in (step, -step):
+        changed = values.copy()
+        changed[place] += change
+        sides.append(replace(model, stated=model.stated | {"rms": 1.0, "max": 1.0}, **{array: changed}))
+    expected = by_models(scene, found.outputs, sides, step)
+    assert np.abs(found.derivatives[:, 0] - expected).max() < CLOSE * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", ["hole", "bonded-block", "disc-torsion"])
+def test_adjoint_solutions_give_the_derivatives_of_forward_ones(name):
+    """With fewer measurements than parameters each measurement has a solution, else each parameter."""
+    scene = pds.load_scene(name, spacing=0.25)
+    body, result = Differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy"))), pds.simulate(scene, "bond-energy")
+    at, start = (result.levels[-1]["stretch"] if scene.stretched else result.levels[-1]["t"]), result.displacement()
+    parameters = ["material.shear_modulus", "material.bulk_modulus", "stretch" if scene.stretched else "t"]
+    holder = next(iter(result.levels[-1]["forces"]))
+    forward = body.jacobian(at, start, ["energy", f"forces.{holder}"], parameters)
+    for name in ("energy", f"forces.{holder}.0", f"forces.{holder}.1"):
+        adjoint, row = body.jacobian(at, start, [name], parameters), forward.derivatives[forward.names.index(name)]
+        assert adjoint.moved is None
+        assert np.abs(adjoint.derivatives[0] - row).max() < CLOSE * np.abs(forward.derivatives).max()
+
+
+def test_jacobians_of_displacements_at_places_are_those_of_changed_equilibria():
+    scene = pds.load_scene("hole", spacing=0.25)
+    places = np.array([[0.5, 0.3], [0.3, 1.1], [0.9, 0.8]])
+    body = Differentiated(scene, checked_models(scene, pds.load_surrogate("bond-energy")), places)
+    at, start, outputs, step = scene.stretches[-1], pds.simulate(scene, "bond-energy").displacement(), ["nominal_stress"], 1e-4
+    found = body.jacobian(at, start, outputs, ["stretch", "material.shear_modulus"])
+    assert found.names == ("nominal_stress", *(f"places.{place}.{axis}" for place in range(3) for axis in range(2)))
+    pulled = [body.jacobian(at + change, found.displacements, outputs, ["stretch"]).values for change in (step, -step)]
+    stiffer = [body.changed({"material.shear_modulus": 1 + change}) for change in (step, -step)]
+    stiffer = [side.jacobian(at, found.displacements, outputs, ["stretch"]).values for side in stiffer]
+    expected = np.array([(after - before) / (2 * step) for after, before in (pulled, stiffer)]).T
+    assert np.abs(found.derivatives - expected).max() < CLOSE * np.abs(expected[1:]).max()
+
+
 def test_derivatives_of_displacements_are_those_of_the_fields_of_converged_runs():
     scene = pds.load_scene("hole", {"spacing": 0.2, **CONVERGED})
     moved = pds.simulate(scene, "bond-energy").sensitivity([], ["stretch"]).displacements[0]
@@ -108,6 +178,8 @@ def test_what_has_no_derivative_is_refused(tmp_path):
         result.sensitivity(["energy"], ["spacing"])
     with pytest.raises(ValueError, match="the result has no 'nominal_stres'; did you mean nominal_stress"):
         result.sensitivity(["nominal_stres"], ["stretch"])
+    with pytest.raises(ValueError, match="parameters: name at least one number to differentiate by, such as 'stretch'"):
+        result.sensitivity([], [])
     with pytest.raises(IndexError, match="has 1 outputs, none with the number 1"):
         result.sensitivity(["energy"], ["stretch"], level=1)
     result.save(tmp_path / "saved")
