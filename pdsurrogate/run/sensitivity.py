@@ -83,21 +83,25 @@ class Differentiated:
     numbers : dict of float
         Values of the possible parameters by name: numbers of the scene below `PLACES`, and numbers of the arrays of learned models, such as
         ``"force.output_weights.3"`` or, for the model of a region, ``"materials.0.force.coefficients.0.2.1"``.
+    run : Run
+        Run of the scene in the present state.
+    at_places : tuple of sparse array, shape (k, n)
+        For each axis, the weights of the points' displacements in those at `places`.
     """
 
     def __init__(self, scene: Scene, models: Sequence[ForceModel], places: np.ndarray | None = None) -> None:
         with thread_count(None):
-            self._run = run = Run(scene, models, Silent())
+            self.run = run = Run(scene, models, Silent())
             if run.force.precision != "float64":
                 run.take_double()
-        self._at_places = () if places is None else fields_at(run.body, places, run.force.portion_of)[0]
+        self.at_places = () if places is None else fields_at(run.body, places, run.force.portion_of)[0]
         self.numbers = numbers_in(scene, models)
 
     def changed(self, values: Mapping[str, float]) -> "Differentiated":
         """Return the scene with other values of parameters, by name, on the same body."""
-        scene, models = with_numbers(self._run.problem.scene, self._run.problem.models, values)
+        scene, models = with_numbers(self.run.problem.scene, self.run.problem.models, values)
         other = Differentiated.__new__(Differentiated)
-        other._run, other._at_places = self._run.beside(scene, models, self._run.state.parameter), self._at_places
+        other.run, other.at_places = self.run.beside(scene, models, self.run.state.parameter), self.at_places
         other.numbers = self.numbers | values
         return other
 
@@ -123,12 +127,12 @@ class Differentiated:
             If there is no such output.
         """
         with thread_count(None), threadpool_limits(1, user_api="blas"):
-            run, loading = self._run, self._run.loading
+            run, loading = self.run, self.run.loading
             run.positions[:], run.state.parameter = run.body.points + displacements, at
             loading.apply(at, run.loaded, run.positions)
             solver = Newton(loading.free, run.body.volumes, BALANCED)
             solver.solve(run.loaded, run.positions)
-            measured = self._measured(run.positions)
+            measured = self.measured(run.positions)
             names = [*_named(outputs, measured), *(name for name in measured if name.startswith("places."))]
             gradients = self._gradients(names) if 0 < len(names) < len(parameters) else None
             equations = TangentEquations(run.loaded, run.positions, loading.free, solver.preconditioner(run.loaded))
@@ -139,11 +143,11 @@ class Differentiated:
         values = np.array([measured[name] for name in names])
         return Jacobian(tuple(names), values, derivatives, run.positions - run.body.points, moved)
 
-    def _measured(self, positions: np.ndarray) -> dict[str, float]:
+    def measured(self, positions: np.ndarray) -> dict[str, float]:
         """Return the measurements at given positions (n, d), by dotted key, with the displacements at `places` as the last ones."""
-        _forces(self._run, positions)
-        found = {key: value for key, value in leaves(output_row(self._run)) if isinstance(value, float)}
-        moved = [rows @ (positions - self._run.body.points)[:, axis] for axis, rows in enumerate(self._at_places)]
+        _forces(self.run, positions)
+        found = {key: value for key, value in leaves(output_row(self.run)) if isinstance(value, float)}
+        moved = [rows @ (positions - self.run.body.points)[:, axis] for axis, rows in enumerate(self.at_places)]
         return found | {
             f"places.{place}.{axis}": float(u) for place, each in enumerate(zip(*moved, strict=True)) for axis, u in enumerate(each)
         }
@@ -155,14 +159,14 @@ class Differentiated:
 
         With the solutions `adjoint` of the adjoint equations of all measurements, the displacements are not solved for.
         """
-        run, positions = self._run, self._run.positions
+        run, positions = self.run, self.run.positions
         value, step = self._step(name)
         sides = [self._beside(name, value + change) for change in (step, -step)]
-        (ahead, forces), (behind, opposite) = (_forces(side._run, positions) for side in sides)
+        (ahead, forces), (behind, opposite) = (_forces(side.run, positions) for side in sides)
         moved, rate = (ahead - behind) / (2 * step), (forces - opposite) / (2 * step)
         if adjoint is None:
             moved += equations.displacements(rate, SOLVED, ROUNDED * float(np.linalg.norm(forces)) * STEP / step)
-        after, before = (side._measured(positions + change * moved) for side, change in zip(sides, (step, -step), strict=True))
+        after, before = (side.measured(positions + change * moved) for side, change in zip(sides, (step, -step), strict=True))
         found = np.array([(after.get(key, np.nan) - before.get(key, np.nan)) / (2 * step) for key in names])
         if adjoint is None:
             return found, moved
@@ -170,17 +174,17 @@ class Differentiated:
 
     def _step(self, name: str) -> tuple[float, float]:
         """Return the value of a parameter, and its change in central differences."""
-        run, array = self._run, array_of(name, self._run.problem.models)
+        run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
         scale = abs(value) if array is None else float(np.abs(array).max())
         return value, STEP * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
 
     def _beside(self, name: str, value: float) -> "Differentiated":
         """Return the scene with another value of one parameter, or of the loading parameter."""
-        if name != self._run.loading.parameter:
+        if name != self.run.loading.parameter:
             return self.changed({name: value})
         other = self.changed({})
-        other._run.state.parameter = value
+        other.run.state.parameter = value
         return other
 
     def _gradients(self, names: Sequence[str]) -> list[np.ndarray] | None:
@@ -189,14 +193,14 @@ class Differentiated:
         They are computed for displacements at places and probes, reactions of supports, nominal stress and energy; None if another one is
         asked for, or if the tangent is not symmetric, as that of bond forces.
         """
-        run, found = self._run, []
+        run, found = self.run, []
         if not run.loaded.has_energy or run.loading.supports or getattr(run.loaded, "rigid", ()):
             return None
         for name in names:
             gradient = np.zeros_like(run.positions)
             if place := re.fullmatch(r"places\.(\d+)\.(\d)", name):
                 number, axis = map(int, place.groups())
-                gradient[:, axis] = self._at_places[axis][[number]].toarray()[0]
+                gradient[:, axis] = self.at_places[axis][[number]].toarray()[0]
             elif place := re.fullmatch(r"probes\.(.+)\.displacement\.(\d)", name):
                 axis = int(place[2])
                 gradient[:, axis] = run.probes.weights(place[1])[axis].toarray()[0]
@@ -222,7 +226,7 @@ class Differentiated:
 
         As K is symmetric, it is minus the derivative of the forces by a displacement of the support.
         """
-        run, loading, step = self._run, self._run.loading, PROBE * self._run.body.spacing
+        run, loading, step = self.run, self.run.loading, PROBE * self.run.body.spacing
         holders, points, axes = loading.counted
         chosen, sides = (holders == holder) & (axes == axis), []
         for change in (step, -step):
