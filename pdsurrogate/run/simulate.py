@@ -240,7 +240,8 @@ def simulate(
     if ranks.rank >= count:
         return _elsewhere(ranks, scene, models)
     try:
-        result = _on_these_ranks(working, scene, models, threads, progress, folder, resume, overwrite, max_time, began)
+        options = {"threads": threads, "folder": folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
+        result = _on_these_ranks(working, scene, models, progress, began, **options)
     except Exception as error:
         if ranks.rank == 0:
             ranks.tell(range(count, ranks.size), (type(error), str(error), getattr(error, "out_of_time", None), _numbers_of(error)))
@@ -254,13 +255,14 @@ def _on_these_ranks(
     ranks: Communicator,
     scene: Scene,
     models: Sequence[ForceModel],
-    threads: int | None,
     progress: Progress,
+    began: float,
+    *,
+    threads: int | None,
     folder: Path | None,
     resume: bool,
     overwrite: bool,
     max_time: float | None,
-    began: float,
 ) -> Result:
     """Run a scene on the ranks that work on it, and return the result; arguments as of `simulate`, and errors as from the run on."""
     model, own = models[0], folder if ranks.rank == 0 else None
