@@ -154,7 +154,8 @@ class Kinematics:
             return outer
         first, ghost, total = bonds.first[outer].astype(np.int64), bonds.second[outer].astype(np.int64) - n, n + len(ghosts)
         keys = first * total + n + ghost
-        wanted = ghosts.source[ghost].astype(np.int64) * total + n + ghosts.mirrored(first, ghost)  # 32 bits do for 65,535 points
+        # The products exceed 32 bits in bodies of more than 65,535 points.
+        wanted = ghosts.source[ghost].astype(np.int64) * total + n + ghosts.mirrored(first, ghost)
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 
