@@ -13,7 +13,8 @@ from itertools import pairwise, product
 import numpy as np
 import scipy
 
-from ..body import Surface, encloses
+from ..body import Surface
+from ..kernels.polygons import encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
 from ..scenes.shapes import Outline
 from ..scenes.solids import Prism, Solid, Straight
