@@ -240,8 +240,9 @@ def simulate(
     if ranks.rank >= count:
         return _elsewhere(ranks, scene, models)
     try:
-        options = {"threads": threads, "folder": folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
-        result = _on_these_ranks(working, scene, models, progress, began, **options)
+        result = _on_these_ranks(
+            working, scene, models, progress, began, threads=threads, folder=folder, resume=resume, overwrite=overwrite, max_time=max_time
+        )
     except Exception as error:
         if ranks.rank == 0:
             ranks.tell(range(count, ranks.size), (type(error), str(error), getattr(error, "out_of_time", None), _numbers_of(error)))
