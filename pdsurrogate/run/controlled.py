@@ -13,8 +13,8 @@ from ..solvers.nearest_bonds import strain_of_step
 from .levels import Equilibria
 from .run import Run
 
-METHODS = ("automatic", "quasi-newton")
-"""Methods of a scene with which a controlled step can run: its solver is the quasi-Newton method."""
+METHODS = ("automatic", "newton")
+"""Methods that a scene with a controlled step may name: the solver of this step is Newton's method."""
 
 
 class Controlled(Equilibria):
@@ -27,20 +27,10 @@ class Controlled(Equilibria):
         Stage with a `control`.
     solver : EquilibriumSolver
         Solver of the stages without control.
-
-    Raises
-    ------
-    SceneError
-        On several ranks, or if the scene asks for a solver that cannot control a displacement.
     """
 
     def __init__(self, run: Run, stage: Stage, solver: EquilibriumSolver) -> None:
-        spec, self._control = run.problem.scene.solver, control_of(run, stage)
-        if run.ranks.size > 1:
-            raise SceneError(f"scene {run.problem.scene.name}: {stage.key} is supported on one rank only; run without mpiexec")
-        if spec.method not in METHODS:
-            what = f"a step with control needs solver.method={' or '.join(METHODS)}, not {spec.method}"
-            raise SceneError(f"scene {run.problem.scene.name}: {what}")
+        spec, self._control = run.problem.scene.solver, _control_of(run, stage)
         controlled = DisplacementControl(self._control, run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations)
         super().__init__(run, stage, controlled)
         self.solver.gave_up, self._others = solver.gave_up, solver
@@ -103,7 +93,30 @@ class Controlled(Equilibria):
         return found
 
 
-def control_of(run: Run, stage: Stage) -> np.ndarray:
+def prepare(run: Run) -> None:
+    """Change a run with controlled stages to double precision, which products of the tangent need.
+
+    Raises
+    ------
+    SceneError
+        If the run cannot have double precision, or has several ranks, or if its scene names another solver.
+    """
+    key = next((stage.key for stage in run.stages if stage.control is not None), None)
+    if key is None:
+        return
+    method = run.problem.scene.solver.method
+    if run.ranks.size > 1:
+        raise SceneError(f"scene {run.problem.scene.name}: {key} is supported on one rank only; run without mpiexec")
+    if method not in METHODS:
+        raise SceneError(f"scene {run.problem.scene.name}: {key} needs solver.method={' or '.join(METHODS)}, not {method}")
+    if run.takes_double():
+        run.take_double()
+    if run.force.precision != "float64":
+        why = f"{run.model.name} has none" if run.problem.settings.precision is None else "the scene sets precision=float32"
+        raise SceneError(f"scene {run.problem.scene.name}: {key} needs forces in double precision, but {why}")
+
+
+def _control_of(run: Run, stage: Stage) -> np.ndarray:
     """Return the weights (n, d) of the displacements of the points in the displacement that a stage controls."""
     name, axis = controlled_place(stage.control)
     weights = np.zeros_like(run.body.points)
@@ -113,4 +126,4 @@ def control_of(run: Run, stage: Stage) -> np.ndarray:
 
 def displacement_of(run: Run, stage: Stage) -> float:
     """Return the displacement that a stage controls, at the present positions of a run."""
-    return float(np.vdot(control_of(run, stage), run.positions - run.body.points))
+    return float(np.vdot(_control_of(run, stage), run.positions - run.body.points))

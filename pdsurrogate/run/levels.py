@@ -9,6 +9,7 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
+from ..solvers.control import ControlledForce
 from ..solvers.equilibrium import (
     Equilibrium,
     EquilibriumSolver,
@@ -22,7 +23,6 @@ from ..solvers.equilibrium import (
     note_of_modes,
     window_of,
 )
-from ..solvers.control import ControlledForce
 from ..solvers.increments import Increments
 from ..solvers.loads import LoadedForce
 from ..solvers.methods import SOLVERS

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..results.checkpoint import CheckpointError
 from ..solvers.equilibrium import EquilibriumSolver, TooSmall, Unstable
-from .controlled import Controlled, displacement_of
+from .controlled import Controlled, displacement_of, prepare
 from .levels import Equilibria, solver_of
 from .run import Run
 from .transient import Transient
@@ -26,6 +26,7 @@ class SinglePrecisionLeft(RuntimeWarning):
 
 def go(run: Run, resume: bool) -> None:
     """Run the remaining stages of the program; with `resume` begin from the checkpoint of the run."""
+    prepare(run)
     solver = solver_of(run)
     current = _resumed(run, solver) if resume else None
     state = run.state

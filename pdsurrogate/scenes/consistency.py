@@ -177,7 +177,9 @@ def _control(scene: Scene) -> None:
             raise ValueError(f"{key}: needs loads, of which the step finds the factor t")
         for other, load in _entries(scene, "loads"):
             if load.amplitude != "ramp":
-                raise ValueError(f"{key}: the step finds the factor of the loads, which must be proportional to t: remove {other}.amplitude")
+                raise ValueError(
+                    f"{key}: the step finds the factor of the loads, which must be proportional to t: remove {other}.amplitude"
+                )
         for other, entry in _entries(scene, "prescribed"):
             if any(entry.displacement) or entry.rotation:
                 raise ValueError(f"{key}: the step finds the factor of the loads alone, but {other} moves with t: prescribe 0 there")

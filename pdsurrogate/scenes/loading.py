@@ -270,7 +270,7 @@ class Step(StrictModel):
 
 def controlled_place(control: str) -> tuple[str, int]:
     """Return the probe and the component of its displacement that a step controls."""
-    name, component = re.fullmatch(CONTROLLED, control).groups()
+    _, name, component, _ = re.split(CONTROLLED, control)
     return name, int(component)
 
 
