@@ -47,11 +47,11 @@ increment fails.
 Where no equilibrium exists, a solver moves points that far within some ten evaluations, and would need thousands to fail by itself;
 equilibria beyond this distance are found with shorter increments too."""
 
-NEAR, LEFT, LATEST = 1e-3, 10, 4
+NEAR, LEFT, LATEST = 1e-3, 20, 4
 """Signs that a search has come near to an equilibrium that is not stable, and has left it: its least residual is less than the first number
 times its first one, and the latest residuals, so many as the third number, are greater than the second number times the least. Chosen:
 rounding changes residuals by less; a sheet that buckles gives these signs after 60 evaluations, and converges to its buckled state after
-200. Methods that step in time give no such signs, because their residuals oscillate."""
+200. Slender bodies under loads give them on the way to equilibria, and methods that step in time too, because their residuals oscillate."""
 
 PATIENCE, LEAST_PATIENCE, MOST_SPENT, MOST = 6, 1.2, 7, 10
 """Force evaluations for an increment of which an attempt has failed, divided by the mean for an output of the run so far. A search whose
@@ -344,11 +344,12 @@ class Equilibria:
     ) -> Equilibrium:
         """Solve for equilibrium at the parameter `target` from the present positions, within `patience` force evaluations.
 
-        A search whose residual falls may take more than `patience`, but not more than `most`. Raise Unstable if a body under compression
+        A search whose residual falls may take more than `patience`, but not more than `most`. Raise Unstable if a body that grips push
         leaves an equilibrium (`_has_left`), and RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess
         of the increment. On the way write checkpoints and stop on request.
         """
         run, began, course, window = self.run, self.run.force.evaluations, [], window_of(self.run.body)
+        between_grips = self._course.growth(run.state.parameter, target) is not None
 
         def report(evaluations: int, residual: float) -> None:
             run.residual = residual
@@ -359,7 +360,8 @@ class Equilibria:
             self._keep_or_stop(increments)
             taken = run.force.evaluations - began
             course.append((taken, residual))
-            if not (self.solver.steps_in_time or run.force.zero_energy_modes) and _has_left(course) and self._course.pushes(run.loaded):
+            watched = between_grips and not (self.solver.steps_in_time or run.force.zero_energy_modes)
+            if watched and _has_left(course) and self._course.pushes(run.loaded):
                 least = min(one for _, one in course)
                 near = f"came near to an equilibrium (residual {least:.2g} shear modulus / spacing) and left it"
                 raise Unstable(f"the body buckles: the search {near}, so that this equilibrium is not stable")
