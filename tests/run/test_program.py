@@ -199,7 +199,7 @@ def test_a_body_that_buckles_is_not_followed_to_its_buckled_state():
         simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=(0.9, 0.8, 0.6)), "analytic")
     result = caught.value.result
     good = sum(level["evaluations"] for level in result.levels[:2])
-    assert result.levels[-1]["stretch"] < 0.8
+    assert "the last equilibrium was found at stretch 0.7" in str(caught.value)
     assert result.summary["n_force_evaluations"] - good < 160
 
 
