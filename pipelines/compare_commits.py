@@ -172,9 +172,9 @@ for line in sys.stdin:
     least = [np.inf, np.inf]
     for _ in range(20):
         for number, force in enumerate(both):
-            began = time.perf_counter()
+            began = time.thread_time()
             force(positions, out)
-            least[number] = min(least[number], time.perf_counter() - began)
+            least[number] = min(least[number], time.thread_time() - began)
     print(json.dumps([1e9 * seconds / bonds for seconds in least]), flush=True)
 """
 
@@ -289,7 +289,7 @@ def compare_speed(paths: list[Path], turns: int) -> None:
 def compare_materials(paths: list[Path], turns: int) -> None:
     """Medians of the cost of a directed bond in bodies of two materials on one thread, and of the ratio to the same body of one material.
 
-    The bodies take turns in one process; each cost is the least of twenty evaluations.
+    The bodies take turns in one process; each cost is the least processor time of twenty evaluations.
     """
     both = [start(path, EVALUATION) for path in paths]
     print(
