@@ -19,7 +19,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..kernels.elementary import exponential, logarithm, select
+from ..kernels.elementary_in_numpy import exponential, logarithm, select
 from .stretch_laws import MOST_TERMS, Ogden
 
 GREATEST_POWER = 4
