@@ -16,7 +16,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 
 from ..arguments import check_kind, in_order
 from ..identification import LawRegressor, fitted_laws, nominal_stress
-from ..materials import LAWS, Law, Ogden
+from ..materials import LAWS, Ogden
 from ..scenes import Mesh, Scene, load_scene
 from ..scenes.reading import leaves
 from .measured import FAILURES, MeasuredScene, Rows, numbers_of
@@ -25,7 +25,7 @@ COLUMNS = ("step", "quantity", "x1", "x2", "x3")
 """Columns of a table of measurements; the last one for solids only."""
 
 FORCE_SCATTER = 0.005
-"""Standard deviation of outputs such as forces without a given one, relative to the greatest in the table: the error of common load cells."""
+"""Standard deviation of outputs such as forces without a given one, relative to the greatest in the table: that of common load cells."""
 
 LEAST_SCATTER = 1e-6
 """Least standard deviation of displacements without a given one, relative to the greatest displacement: files have about six digits."""
@@ -35,7 +35,7 @@ NEIGHBORS = 13
 its six coefficients in the plane. In space 20 neighbors serve its ten coefficients."""
 
 ORDER = 1.5
-"""Order in the spacing with which displacements and forces of sheets with holes converge (page "Calibration" of the validation)."""
+"""Order in the spacing with which displacements and forces of sheets with holes converge (theory, section 27)."""
 
 UNDETERMINED = 0.5
 """Relative standard error of a combination of parameters from which on the test does not determine it."""
@@ -48,6 +48,9 @@ ROUNDS = 3
 
 SETTLED = 0.1
 """Change of all parameters, in their standard errors, below which the correction of the discretization error is not computed again."""
+
+MOST_STEPS = 60
+"""Most laws that a search tries: well-posed fits take five to ten."""
 
 PENALTY = 1e3
 """Residual, in standard deviations, of all rows with parameters for which the scene has no equilibrium: the search then turns back."""
@@ -169,7 +172,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like, shape (n_samples, 2 + d)
-            What was measured, in the columns ``step``, the number of the output of the scene from 1; ``quantity``, 1, 2 or 3 for a component
+            What was measured, in the columns ``step``, the number of the output of the scene from 1; ``quantity``: 1, 2 or 3 for a part
             of the displacement and 0, -1, ... for `outputs`; and ``x1``, ``x2`` (and ``x3``), the undeformed place, which outputs do not
             need: any numbers serve there. For a list of scenes the first column is ``scene``, the number of the scene from 0. A table
             (pandas) has these columns in any order.
@@ -208,9 +211,12 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         if not used.any():
             raise ValueError("all sample weights are zero")
         self._tests = self._tests_of(X[used])
-        deviation = np.empty(len(y))
-        deviation[used] = self._deviations(y[used], None if standard_deviation is None else np.broadcast_to(standard_deviation, y.shape)[used])
-        deviation[~used] = np.nan
+        if standard_deviation is None:
+            deviation = self.stated_deviations(X, y, {})
+        else:
+            deviation = np.broadcast_to(np.asarray(standard_deviation, dtype=float), y.shape).copy()
+        if not (np.isfinite(deviation) & (deviation > 0)).all():
+            raise ValueError("standard_deviation must be one positive number, or one for each measurement")
         self._fitted(y[used], np.sqrt(weight[used]) / deviation[used])
         self.standard_deviations_, self.residuals_ = deviation, np.full(len(y), np.nan)
         self.discretization_ = np.full(len(y), np.nan)
@@ -281,6 +287,36 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         jacobian = np.stack(columns, axis=1)
         return nominal_stress(self.law_, X), np.sqrt(np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian))
 
+    def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
+        """Return standard deviations of measurements: stated ones of all displacements or all outputs, and estimated ones of the others.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, 2 + d)
+            As for `fit`.
+        y : array-like, shape (n_samples,)
+        stated : dict
+            Standard deviation by kind: 1 for displacements, 0 for outputs; None for an estimate, as `fit` makes it.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.SceneRegressor("hole").stated_deviations([[1, 0, 0, 0]], [3.0], {0: None, 1: 1e-3}).tolist()
+        [0.015]
+        """
+        X, y = np.asarray(in_order(X, self.columns, "X"), dtype=float), np.asarray(y, dtype=float)
+        found = np.empty(len(y))
+        for test, here in self._tests_of(X):
+            found[here] = _estimated(test.rows, y[here])
+            for kind, value in stated.items():
+                if value is not None:
+                    found[here[test.rows.is_field == bool(kind)]] = value
+        return found
+
     def _forget(self) -> None:
         """Delete the results of an earlier fit, which must not outlive a failed one."""
         for key in [key for key in vars(self) if key.endswith("_") and not key.startswith("_")]:
@@ -325,22 +361,6 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 tests.append((MeasuredScene(scene, rows, self.outputs), here))
         return tests
 
-    def _deviations(self, y: np.ndarray, given: np.ndarray | None) -> np.ndarray:
-        """Return the standard deviation of each measurement, given or estimated."""
-        if given is not None:
-            if not (np.isfinite(given) & (given > 0)).all():
-                raise ValueError("standard_deviation must be positive and finite")
-            return np.asarray(given, dtype=float)
-        found = np.empty(len(y))
-        for test, here in self._tests:
-            rows, values = test.rows, y[here]
-            for quantity in np.unique(rows.quantity):
-                same = rows.quantity == quantity
-                size = np.abs(values[same]).max() or 1.0
-                scatter = FORCE_SCATTER * size if quantity < 1 else max(_scatter(rows, values, same), LEAST_SCATTER * size)
-                found[here[same]] = scatter
-        return found
-
     def _fitted(self, y: np.ndarray, root: np.ndarray) -> None:
         """Set the results of the fit to values with roots of weights; keep the simulated values and the correction."""
         self._unknown = LawRegressor(self.law, self.n_terms, **self._bulk())
@@ -353,25 +373,27 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
         x, low, high = (np.log(each, out=np.array(each, dtype=float), where=logarithmic) for each in (start, low, high))
         x = np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-        self.n_simulations_, correction, tolerance = 0, np.zeros(len(y)), 1e-4
+        correction, law_of = np.zeros(len(y)), lambda x: self._unknown.law_of(values(x))
         for test, _ in self._tests:
-            test.begin(self._unknown.law_of(values(x)))
+            test.begin(law_of(x))
+        search = _Search(self._tests, law_of, y, root)
         for number in range(ROUNDS if self.refine > 1 else 1):
-            search = _Search(self._tests, lambda x: self._unknown.law_of(values(x)), y - correction, root)
-            found = least_squares(
-                search.residuals, x, search.jacobian, bounds=(low, high), x_scale="jac", ftol=1e-9, gtol=1e-12, xtol=tolerance, max_nfev=60
-            )
+            # Changes of the cost by less than these are those of parameters within a part of their standard errors.
+            close = 1e-3 if self.refine > 1 and not number else 1e-2 / len(y)
+            bounds = {"bounds": (low, high), "x_scale": "jac"}
+            found = least_squares(search.residuals, x, search.jacobian, **bounds, ftol=close, xtol=1e-8, gtol=1e-12, max_nfev=MOST_STEPS)
             moved, x = found.x - x, found.x
-            self.n_simulations_ += search.count
-            information = found.jac.T @ found.jac
-            inverse = np.linalg.pinv(information, rcond=1e-14, hermitian=True)
-            if self.refine > 1:
-                if number and (np.abs(moved) <= SETTLED * np.sqrt(np.diag(inverse))).all():
-                    break
-                fine, law = np.empty(len(y)), self._unknown.law_of(values(x))
-                for test, here in self._tests:
-                    fine[here] = test.simulate(law, self._fine(test.scene))[0]
-                correction = fine - search.values(x)
+            if self.refine == 1:
+                break
+            errors = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)))
+            if number and (np.abs(moved) <= SETTLED * errors).all():
+                break
+            fine = np.empty(len(y))
+            for test, here in self._tests:
+                fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
+            correction = fine - search.values(x)
+            search.y = y - correction
+        self.n_simulations_ = search.count
         simulated = search.values(x) + correction
         self._store(x, values, found, logarithmic, root * (y - simulated), root * correction)
         self._found, self._correction = simulated, correction
@@ -418,7 +440,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         return {}
 
     def _start(self, y: np.ndarray, root: np.ndarray) -> np.ndarray:
-        """Return the parameters at which the search starts: those of a scene or the defaults of the law, with moduli that fit the forces."""
+        """Return the parameters at which the search starts: those of a scene or the law's defaults, with moduli that fit the forces."""
         stated = [scene.law() for scene in self._scenes() if scene.material is not None and scene.material.law == self.law]
         if self.law == Ogden.name:
             exponents = np.array(EXPONENTS[self.n_terms - 1])
@@ -452,6 +474,7 @@ class _Search:
     def __init__(self, tests: list, law_of, y: np.ndarray, root: np.ndarray) -> None:
         self.tests, self.law_of, self.y, self.root, self.count = tests, law_of, y, root, 0
         self.known: dict[bytes, np.ndarray] = {}
+        self.differentiated: dict[bytes, np.ndarray] = {}
 
     def values(self, x: np.ndarray) -> np.ndarray:
         """Return the measurements at the search variables; raise one of `FAILURES` where a scene has no equilibrium."""
@@ -467,6 +490,8 @@ class _Search:
             return np.full(len(self.y), PENALTY)
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
+        if x.tobytes() in self.differentiated:
+            return self.root[:, None] * self.differentiated[x.tobytes()]
         law, step = self.law_of(x), 1e-6
         numbers = dict(leaves(numbers_of(law), key="material"))
         sides = []
@@ -476,8 +501,8 @@ class _Search:
         chain = np.array(sides).T
         moving = [row for row, changes in enumerate(chain) if changes.any()]
         values, derivatives = self._differentiated(x, [list(numbers)[row] for row in moving])
-        self.known[x.tobytes()] = values
-        return self.root[:, None] * (derivatives @ chain[moving])
+        self.known[x.tobytes()], self.differentiated[x.tobytes()] = values, derivatives @ chain[moving]
+        return self.root[:, None] * self.differentiated[x.tobytes()]
 
     def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
         law, values, derivatives = self.law_of(x), np.empty(len(self.y)), np.empty((len(self.y), len(names)))
@@ -485,6 +510,16 @@ class _Search:
             self.count += test.count
             values[here], derivatives[here] = test.differentiate(law, names)
         return values, derivatives
+
+
+def _estimated(rows: Rows, values: np.ndarray) -> np.ndarray:
+    """Return estimated standard deviations of measurements on one scene, shape (n,)."""
+    found = np.empty(len(values))
+    for quantity in np.unique(rows.quantity):
+        same = rows.quantity == quantity
+        size = np.abs(values[same]).max() or 1.0
+        found[same] = FORCE_SCATTER * size if quantity < 1 else max(_scatter(rows, values, same), LEAST_SCATTER * size)
+    return found
 
 
 def _scatter(rows: Rows, values: np.ndarray, same: np.ndarray) -> float:
