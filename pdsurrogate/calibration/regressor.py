@@ -35,7 +35,7 @@ NEIGHBORS = 13
 its six coefficients in the plane. In space 20 neighbors serve its ten coefficients."""
 
 ORDER = 1.5
-"""Order in the spacing with which displacements and forces of sheets with holes converge (theory, section 27)."""
+"""Order in the spacing with which displacements and forces of sheets with holes converge (theory, section 28)."""
 
 UNDETERMINED = 0.5
 """Relative standard error of a combination of parameters from which on the test does not determine it."""
@@ -66,7 +66,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     The test is described by a scene. Its equilibria and their exact derivatives by the parameters (theory, section 23) are those of a
     bounded least-squares iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated. The simulation
     at the spacing of the scene is corrected by the difference of a finer simulation of the fitted law, and what this leaves of the
-    discretization error is part of the standard errors (theory, section 27).
+    discretization error is part of the standard errors (theory, section 28).
 
     Parameters
     ----------
@@ -332,8 +332,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     def _scenes(self) -> list[Scene]:
         """Return the scenes, loaded if they are given by name; raise ValueError for none or for bodies of different dimension."""
         scenes: list[Scene] = []
-        for given in self.scene if isinstance(self.scene, list | tuple) else [self.scene]:
-            one = load_scene(given) if isinstance(given, str | Path) else given
+        given: Sequence = self.scene if isinstance(self.scene, list | tuple) else [self.scene]
+        for one in (load_scene(each) if isinstance(each, str | Path) else each for each in given):
             check_kind(one, Scene, "scene", "a Scene, or the name or file of one, or a list of these")
             if self.refine > 1 and isinstance(one.body, Mesh):
                 raise ValueError(f"refine: scene {one.name} is a mesh, which has a spacing of its own: set refine=1 (--refine 1)")
