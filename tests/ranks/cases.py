@@ -9,11 +9,16 @@ import threading
 import time
 from contextlib import contextmanager
 
+import numpy as np
+
 import pdsurrogate as pds
 from pdsurrogate.cli import main
+from pdsurrogate.problem import compile_scene
+from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.ranks import communicator
 from pdsurrogate.run import run, waiting
 from pdsurrogate.run.transient import Transient
+from pdsurrogate.solvers.nearest_bonds import inverse_of, laplacian_of
 
 
 def command(*arguments):
@@ -155,6 +160,18 @@ def pressed(dynamics):
     )
     result = pds.simulate(scene, "bond-energy")
     return result.levels[-1], result.displacement() if communicator().rank == 0 else None
+
+
+def inverse_by_multigrid():
+    """What the preconditioner of a block of 6,240 points, held at one end and rolling on one side, makes of forces; on the first rank."""
+    scene = pds.load_scene("bonded-block", {"spacing": 0.05, "body.size": [0.65, 1.2, 1.0], "body.lower": [0.0, -0.6, -0.5], "probes": []})
+    problem = compile_scene(scene, checked_models(scene, pds.load_surrogate("bond-energy")), communicator())
+    body, share = problem.body, problem.body.share
+    free = share.own[:, None] * np.ones(3)
+    free[body.points[:, 0] < 0.05] = 0
+    free[body.points[:, 1] < -0.55, 1] = 0
+    forces = np.sin(7 * body.points) * body.volumes[:, None]
+    return share.gather(inverse_of(laplacian_of(body, 1.0), free)(forces))
 
 
 def script(path):

@@ -211,6 +211,15 @@ def test_equilibrium_within_the_tolerance(ranks, case):
             np.testing.assert_allclose(shared["probes"][name]["displacement"], moved, rtol=0, atol=1e-4 * np.abs(moved).max())
 
 
+@several
+@pytest.mark.parametrize("number", [2, 3])
+def test_a_multigrid_cycle_is_that_of_one_process(ranks, number):
+    """The cycle is in single precision, and its sums over ranks have another order: a few times 1e-7 of the greatest displacement."""
+    alone, shared = (ranks(some, "inverse_by_multigrid")[0]["value"] for some in (1, number))
+    assert np.abs(alone).max() > 0.01
+    np.testing.assert_allclose(shared, alone, rtol=0, atol=1e-5 * np.abs(alone).max())
+
+
 # What a run says and leaves.
 
 WAVE = """
