@@ -15,7 +15,7 @@ from ..body.body import sums_at_points
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
-from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
+from .multigrid import CHEBYSHEV, JACOBI, Multigrid, Operator, conjugate_gradients, factor_of
 
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a plane grid, and about as many off a grid.
@@ -117,6 +117,8 @@ class NearestBonds:
         Ends of the bonds; `second` may be a ghost, the image of a point beyond a reflection plane.
     coupled : bool
         Whether the displacements of a component cause forces on others.
+    corrected : bool
+        Whether the body has points with corrected gradients.
     body
     """
 
@@ -153,7 +155,7 @@ class NearestBonds:
             scaled *= 1 + STIFFENED * _squared_lopsidedness(body, corrected)
         stiffness = scaled[near]
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
-        self.coupled = along != across
+        self.coupled, self.corrected = along != across, corrected is not None
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
         self.body, self._sources = body, sources[near]
 
@@ -312,7 +314,8 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
         column = free[:, components].reshape(count, -1)[:, 0]
         system = held_matrix(matrix, column)
         if count == len(body) > MOST_FACTORIZED[body.dimension]:
-            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components)).cycle
+            steps = CHEBYSHEV if network.corrected else JACOBI
+            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components), steps).cycle
         else:
             inverse = factor_of(system).solve
         inverses.append((components, count, inverse))
