@@ -69,18 +69,27 @@ def stress_by_stress() -> str:
         sizes = np.sort(np.abs(off[name][inside]))
         if name in ("half of the grid", "the other half"):
             left_out[~known] = off[name][~known]
-        # W is a sum over the stretches: its curvatures by their logarithms are those of the summands.
-        stretch = np.geomspace(0.25, 4.0, 2001)
-        curvature = (
-            sum(weight * stretch**term.number for term, weight in zip(model.terms_, model.weights_, strict=True)) / model.weights_.sum()
-        )
+        # Where W is a sum over the stretches, its curvatures by their logarithms are those of the summands.
+        stretch, curvature = np.geomspace(0.25, 4.0, 2001), np.full(1, np.nan)
+        if all(term.kind == "stretches" for term in model.terms_):
+            powers = [weight * stretch**term.number for term, weight in zip(model.terms_, model.weights_, strict=True)]
+            curvature = sum(powers) / model.weights_.sum()
         slope = stiffness_slopes(
             pds.AnalyticBondForce(model.law_).bond_force, pds.training_samples(model.law_, 10_000, off_surface=0).X
         ).min()
         asked = LARGE & (~known if not known.all() else known)
         shares = [f"{100 * (sizes <= most).mean():.0f} %" for most in (0.03, LIMIT)]
         greatest = f"{100 * np.median(sizes):.1f} %, {100 * sizes[-1]:.0f} %"
-        rows.append([name, f"{inside.sum()} of {asked.sum()}", *shares, greatest, f"{curvature.min():.2f}", f"{slope:.3f}"])
+        rows.append(
+            [
+                name,
+                f"{inside.sum()} of {asked.sum()}",
+                *shares,
+                greatest,
+                "" if np.isnan(curvature).any() else f"{curvature.min():.2f}",
+                f"{slope:.3f}",
+            ]
+        )
     header = ["fitted to", "stresses in the hull", "error below 3 %", "error below 5 %", "median and largest error"]
     header += ["least curvature", "least slope"]
     alone = neighbors()
