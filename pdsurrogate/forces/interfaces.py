@@ -328,8 +328,7 @@ class Interfaces:
             on_jumps[:n],
             *product(self._jump_back, on_jumps, on_points),
             own_moments,
-            *product(-self._one_sided.T, columns, pulls, every=True),
-            fold[1],
+            *([*product(-self._one_sided.T, columns, pulls, every=True), fold[1]] if self._one_sided.nnz else []),
         ]
 
 

@@ -2,7 +2,8 @@
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from ..body import Body, HeldBoundary, Mirror
 from ..body.local_fit import text_of
 from ..forces import InvalidState
-from ..materials import Law
+from ..materials import Law, plane_stress
 from ..scenes import Load, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
@@ -23,7 +24,7 @@ from ..solvers.loads import DeadLoad, Loads, Pressure
 from ..solvers.obstacles import Obstacle
 from ..solvers.rigid import rigid_motions
 from .obstacles import obstacles_of
-from .program import Prescription, Stage
+from .program import Prescription, Stage, known_ends
 from .regions import BodyRegions
 
 RIGID = 1e3
@@ -87,7 +88,7 @@ def conditions_of(
     parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
     loading = Loading(body, parameter, rest, names, plane_names, [*held, *planes], loads)
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
-    _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
+    _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *known_ends(stages)])
     _check_counted(loading, prescriptions)
     if stretched:
         axis, travels = scene.loaded_axis, np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
@@ -167,7 +168,7 @@ def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
     The later part would otherwise override the earlier one without notice. `ends` are the values of the loading parameter at the start and
     at the ends of all stages; motions are compared at `SAMPLES` values in each stage.
     """
-    samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
+    samples = np.unique(np.concatenate([ends[:1], *(np.linspace(a, b, SAMPLES) for a, b in pairwise(ends))])).tolist()
     every, error = Loading(body, "t", 0.0, (), [], held, Loads(body, [])), 1e-9 * body.spacing
     try:
         moves, at_rest = np.array([every.moves(sample) for sample in samples]), np.abs(every.moves(ends[0])) > error
@@ -278,10 +279,25 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
         key = f"loads.{number}.region"
         if load.kind == "pressure":
             deformed, facets = scene.plane == "stress" and load.thickness != "undeformed", _facets_of(key, load, body, regions)
-            found.append(Pressure(*named, regions.surface(), facets, load.pressure, deformed))
+            at_edge = _thickness_at_edge(scene, number, facets, regions, laws) if deformed else None
+            found.append(Pressure(*named, regions.surface(), facets, load.pressure, deformed, at_edge))
         else:
             found.append(DeadLoad(*named, *_dead_forces(key, load, body, regions)))
     return Loads(body, found)
+
+
+def _thickness_at_edge(
+    scene: Scene, number: int, facets: np.ndarray, regions: BodyRegions, laws: Sequence[Law]
+) -> Callable[[np.ndarray, float], np.ndarray] | None:
+    """Return the function that gives the thickness at the facets of a pressure, load `number`, from their own stretch, theory (44a).
+
+    None if the body has several materials, or if other loads or an obstacle may act on the facets, whose stress is then another one.
+    """
+    others = [load for other, load in enumerate(scene.loads) if other != number and load.kind in ("pressure", "traction")]
+    shared = any(np.isin(facets, regions.facets(load.region, "")).any() for load in others)
+    if shared or scene.obstacles or len(laws) != 1:
+        return None
+    return partial(plane_stress.thickness_at_edge, laws[0])
 
 
 def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:

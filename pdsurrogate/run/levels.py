@@ -9,6 +9,7 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
+from ..solvers.control import ControlledForce
 from ..solvers.equilibrium import (
     Equilibrium,
     EquilibriumSolver,
@@ -18,11 +19,13 @@ from ..solvers.equilibrium import (
     RanAway,
     TooSmall,
     Unbalanced,
+    Unstable,
     falls,
     note_of_modes,
     window_of,
 )
 from ..solvers.increments import Increments
+from ..solvers.loads import LoadedForce
 from ..solvers.methods import SOLVERS
 from ..solvers.nearest_bonds import RESOLVED, is_rigid, strain_of, strain_rounding
 from ..solvers.stability import check_branch
@@ -44,15 +47,24 @@ increment fails.
 Where no equilibrium exists, a solver moves points that far within some ten evaluations, and would need thousands to fail by itself;
 equilibria beyond this distance are found with shorter increments too."""
 
-PATIENCE, LEAST_PATIENCE, MOST_SPENT = 6, 1.2, 7
-"""Force evaluations for a planned increment of which an attempt has failed, divided by the mean for the outputs of the run so far. A search
-whose residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more.
-When they have used the third number, the increment is halved no further. Chosen: an increment that fails then costs at most about ten
-outputs, and increments up to 99 % of a limit load are still found after a failure."""
+NEAR, LEFT, LATEST = 1e-3, 20, 4
+"""Signs that a search has come near to an equilibrium that is not stable, and has left it: its least residual is less than the first number
+times its first one, and the latest residuals, so many as the third number, are greater than the second number times the least. Chosen:
+rounding changes residuals by less; a sheet that buckles gives these signs after 60 evaluations, and converges to its buckled state after
+200. Slender bodies under loads give them on the way to equilibria, and methods that step in time too, because their residuals oscillate."""
 
-USUAL, LEAST = 200, 40
-"""Force evaluations assumed for an output of a run that has none yet, and the least mean for the outputs of a run: an easy output says
-little about the next one, and searches just below a limit load need hundreds even where they converge."""
+PATIENCE, LEAST_PATIENCE, MOST_SPENT, MOST = 6, 1.2, 7, 10
+"""Force evaluations for an increment of which an attempt has failed, divided by the mean for an output of the run so far. A search whose
+residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. When
+they have used the third number, the increment is halved no further. The fourth number bounds an output that fails, with the search that
+brings its last equilibrium to the tolerance of an output. Increments up to 99 % of a limit load are still found after a failure."""
+
+CARRIED = 2
+"""Force evaluations for a planned increment of which an attempt has failed, in the same unit, beyond which they count for the next planned
+increment too, although this one has ended well: otherwise an output of several planned increments could cost `MOST_SPENT` for each."""
+
+USUAL = 200
+"""Force evaluations assumed for an output of a run that has none yet."""
 
 SHORT = 50
 """Least number of evaluations of a search in which its residual must halve after a failed increment: the first ones are uneven."""
@@ -126,18 +138,19 @@ class Equilibria:
         """
         run, state = self.run, self.run.state
         while state.outputs < self.stage.outputs:
-            run.target = self._outputs[state.outputs + 1]
+            goal = self._outputs[state.outputs + 1]
+            run.target = self._target(goal)
             run.report("level", state.stage, run.target)
             if self._increments is None:
-                self._last_output, state.wasted = (run.positions.copy(), state.parameter), 0
-                largest = self._course.largest_increment(run.positions, state.parameter, run.target, self.stage.largest_increment)
-                self._increments = Increments(state.parameter, run.target, largest)
+                self._last_output, state.wasted, state.begun = (run.positions.copy(), state.parameter), 0, run.force.evaluations
+                self._increments = self._increments_to(goal)
             equilibrium, self._increments = self._go_to_output(self._increments), None
             if equilibrium is None:
                 run.positions[:], state.parameter = self._last_output
                 run.loading.apply(state.parameter, run.loaded, run.positions)
                 return False
             state.outputs += 1
+            state.costs.append(run.force.evaluations - state.begun)
             self._record(equilibrium)
             self.checkpoint()
         return True
@@ -175,13 +188,13 @@ class Equilibria:
                 self._accepted.restore(run, self.solver)
                 raise
             except FAILURES as error:
-                state.wasted += run.force.evaluations - began
+                before, state.wasted = state.wasted, state.wasted + run.force.evaluations - began
                 if isinstance(error, RanAway) and ran_away is None:
                     ran_away = error  # with short increments from just below a limit load solvers fail in other ways
                 vague = isinstance(error, OutOfPatience) or (isinstance(error, NotConverged) and isinstance(told, RanAway))
                 told = told if vague and told is not None else error
                 spent = state.wasted >= min(MOST_SPENT * usual, run.problem.scene.solver.most_evaluations)
-                self._take_back(increments, error, ran_away or told, spent and increments.share < 1)
+                self._take_back(increments, error, ran_away or told, spent and (increments.share < 1 or before > 0))
                 continue
             ran_away, taken, easy = None, run.force.evaluations - began, True
             if self._course.adaptive:
@@ -191,7 +204,7 @@ class Equilibria:
             longer = increments.accept(easy)
             state.wasted += taken if state.wasted else 0
             if increments.whole:
-                state.wasted, told = 0, None
+                state.wasted, told = state.wasted if state.wasted > CARRIED * usual else 0, None
             if longer and self._course.adaptive:
                 again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
                 run.note(state.parameter, reason=again)
@@ -199,10 +212,26 @@ class Equilibria:
                 return None
         return equilibrium
 
+    def _target(self, goal: float) -> float:
+        """Return the loading parameter of the next output, as far as it is known before its equilibrium is found."""
+        return goal
+
+    def _increments_to(self, target: float) -> Increments:
+        """Return the increments in which the loading parameter goes to its value at the next output."""
+        run, begin = self.run, self.run.state.parameter
+        return Increments(begin, target, self._course.largest_increment(run.positions, begin, target, self.stage.largest_increment))
+
+    def _at(self, value: float) -> str:
+        """Return a value of what the increments change, with its name, as text for messages."""
+        return self.run.loading.at(value)
+
+    def _last(self) -> str:
+        """Return the place of the last equilibrium in the program, as text for messages."""
+        return self._at(self.run.state.parameter)
+
     def _usual(self) -> float:
         """Return the mean number of force evaluations for an output of the run so far, or `USUAL` before the first one."""
-        done = [level["evaluations"] for level in self.run.state.levels if "evaluations" in level]
-        return max(LEAST, float(np.mean(done or USUAL)))
+        return float(np.mean(self.run.state.costs or USUAL))
 
     def _follow(self, increments: Increments, patience: float) -> Equilibrium:
         """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations.
@@ -212,20 +241,39 @@ class Equilibria:
         """
         run, state, target = self.run, self.run.state, increments.target
         before = run.positions.copy()
-        guess = self._best(self._course.guesses(run.positions, state.parameter, target, run.earlier), target)
+        guess = self._best(self._guesses(target), target)
         tolerance = run.problem.scene.solver.tolerance
         if not increments.ends:
             tolerance = max(tolerance, COARSE if run.loaded.nearly_incompressible else FINE)
         start, self._iterate = guess if self._iterate is None else self._best([guess, self._iterate], target), None
-        run.loading.apply(target, run.loaded, start)
+        self._force_at(target, start)
         run.positions[:] = start
         equilibrium = self._solve(target, tolerance, guess, patience, increments)
-        run.loads.check_path(state.parameter, target, before, run.positions)
-        check_branch(run.loading, run.loaded, self.solver, state.parameter, target, guess, run.positions)
+        reached = self._reached(target)
+        run.loads.check_path(state.parameter, reached, before, run.positions)
+        self._check_branch(reached, guess)
         if increments.ends:
-            _check_resolved(run, target)
-        state.parameter = target
+            _check_resolved(run, reached)
+        state.parameter = reached
         return equilibrium
+
+    def _guesses(self, target: float) -> list[np.ndarray]:
+        """Return first guesses (n, d) of the equilibrium at the end of the present increment."""
+        return self._course.guesses(self.run.positions, self.run.state.parameter, target, self.run.earlier)
+
+    def _force_at(self, target: float, positions: np.ndarray) -> LoadedForce | ControlledForce:
+        """Return the force at the end of an increment, with the held parts in their places, also those in `positions` (n, d)."""
+        self.run.loading.apply(target, self.run.loaded, positions)
+        return self.run.loaded
+
+    def _reached(self, target: float) -> float:
+        """Return the loading parameter of the equilibrium that was just found at the end of an increment."""
+        return target
+
+    def _check_branch(self, reached: float, guess: np.ndarray) -> None:
+        """Raise an error if the equilibrium at the parameter `reached` is unstable, or does not continue the last one (`check_branch`)."""
+        run = self.run
+        check_branch(run.loading, run.loaded, self.solver, run.state.parameter, reached, guess, run.positions)
 
     def _best(self, guesses: list[np.ndarray], target: float) -> np.ndarray:
         """Return, of several first guesses (n, d), the one with the least residual force at the loading parameter `target`."""
@@ -233,9 +281,9 @@ class Equilibria:
 
         def residual(guess: np.ndarray) -> float:
             forces = np.empty_like(guess)
-            run.loading.apply(target, run.loaded, guess)
+            force = self._force_at(target, guess)
             try:
-                run.loaded(guess, forces)
+                force(guess, forces)
             except InvalidState:
                 return np.inf
             forces *= run.loading.free
@@ -257,7 +305,7 @@ class Equilibria:
         """
         run, state = self.run, self.run.state
         run.note(increments.target, failure=str(error))
-        logger.info("increment to %s failed and is shortened: %s", run.loading.at(increments.target), error)
+        logger.info("increment to %s failed and is shortened: %s", self._at(increments.target), error)
         self._accepted.restore(run, self.solver)
         size, first = increments.size, increments.share == 1
         if not spent and increments.shorten():
@@ -267,7 +315,7 @@ class Equilibria:
             raise cause
         if self._course.adaptive and state.parameter not in (state.begin, *(level["t"] for level in state.levels[-1:])):
             self._record_reached()
-        what = f"the last equilibrium was found at {run.loading.at(state.parameter)}, and none beyond with increments down to {size:.2g}"
+        what = f"the last equilibrium was found at {self._last()}, and none beyond with increments down to {size:.2g}"
         if spent:
             what += f" in {state.wasted} force evaluations, as many as {MOST_SPENT} outputs take (more outputs come closer to the limit)"
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
@@ -279,20 +327,29 @@ class Equilibria:
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
             before = run.positions.copy()
-            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, LEAST_PATIENCE * self._usual())
+            left = MOST * self._usual() - (run.force.evaluations - run.state.begun)
+            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, LEAST_PATIENCE * self._usual(), most=left)
             run.loads.check_path(run.target, run.target, before, run.positions)
             self._record(equilibrium)
         run.target = target
 
     def _solve(
-        self, target: float, tolerance: float, guess: np.ndarray, patience: float, increments: Increments | None = None
+        self,
+        target: float,
+        tolerance: float,
+        guess: np.ndarray,
+        patience: float,
+        increments: Increments | None = None,
+        most: float = np.inf,
     ) -> Equilibrium:
         """Solve for equilibrium at the parameter `target` from the present positions, within `patience` force evaluations.
 
-        Raise RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess of the increment. On the way write
-        checkpoints and stop on request.
+        A search whose residual falls may take more than `patience`, but not more than `most`. Raise Unstable if a body that grips push
+        leaves an equilibrium (`_has_left`), and RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess
+        of the increment. On the way write checkpoints and stop on request.
         """
         run, began, course, window = self.run, self.run.force.evaluations, [], window_of(self.run.body)
+        between_grips = self._course.growth(run.state.parameter, target) is not None
 
         def report(evaluations: int, residual: float) -> None:
             run.residual = residual
@@ -303,15 +360,23 @@ class Equilibria:
             self._keep_or_stop(increments)
             taken = run.force.evaluations - began
             course.append((taken, residual))
-            if taken > patience and not falls(course, min(window, max(taken // 2, SHORT))):
+            watched = between_grips and not (self.solver.steps_in_time or run.force.zero_energy_modes)
+            if watched and _has_left(course) and self._course.pushes(run.loaded):
+                least = min(one for _, one in course)
+                near = f"came near to an equilibrium (residual {least:.2g} shear modulus / spacing) and left it"
+                raise Unstable(f"the body buckles: the search {near}, so that this equilibrium is not stable")
+            if taken >= most or (taken > patience and not falls(course, min(window, max(taken // 2, SHORT)))):
                 raise OutOfPatience(f"no equilibrium was found within {taken} force evaluations, after a longer increment had failed")
             moved = run.body.share.greatest(np.abs(run.positions - guess)) if len(run.loads) > len(run.loads.obstacles) else 0.0
             if moved > self._farthest:
                 weak = note_of_modes(run.force, "so that small loads may already carry points away")
                 raise RanAway(f"the loads carry the body away: points moved by {moved:.3g} in one increment without equilibrium{weak}")
 
-        least_drive = run.state.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0
-        return self.solver.solve(run.loaded, run.positions, tolerance, report, least_drive)
+        return self.solver.solve(run.loaded, run.positions, tolerance, report, self._least_drive(target))
+
+    def _least_drive(self, target: float) -> float:
+        """Return the least driving force for the criterion of convergence, see `EquilibriumSolver.solve`."""
+        return self.run.state.greatest_drive or np.inf if self.run.loading.at_rest(target) else 0.0
 
     def _keep_or_stop(self, increments: Increments | None) -> None:
         """Write a checkpoint if one is due, and raise Interrupted in a run that should stop.
@@ -335,6 +400,8 @@ class Equilibria:
         state.greatest_drive = max(state.greatest_drive, drive or 0.0)
         level = output_row(run, drive=drive)
         level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
+        if self.stage.control is not None and "stability" in level:
+            level["stability"] = "not checked"
         if drive and level["force_balance"] > MOST_OFF:
             off = f"{100 * level['force_balance']:.2g} % of the forces that drive the body, more than {100 * MOST_OFF:g} %"
             raise Unbalanced(f"loads and reactions are not in balance: their sum is {off}")
@@ -358,6 +425,12 @@ class _Accepted:
         for key, array in run.arrays().items():
             array[:] = self.arrays[key]
         run.loading.apply(self.parameter, run.loaded, run.positions)
+
+
+def _has_left(course: list[tuple[int, float]]) -> bool:
+    """Return whether a search, given by evaluations and residuals, has come near to an equilibrium and has left it (`NEAR`)."""
+    least, latest = min(residual for _, residual in course), min(residual for _, residual in course[-LATEST:])
+    return least < NEAR * course[0][1] and latest > LEFT * least
 
 
 def _check_resolved(run: Run, target: float) -> None:

@@ -67,7 +67,8 @@ class Multigrid:
             greatest = float((abs(matrix).sum(axis=1) / diagonal).max())
             relaxation = 4 / (3 * greatest) / diagonal
             rows = np.flatnonzero(free)
-            kept, box = np.unique(_boxes(points[rows], spacing), return_inverse=True)
+            boxes = boxes_of(points[rows], spacing, points[rows].min(axis=0), points[rows].max(axis=0))
+            kept, box = np.unique(boxes, return_inverse=True)
             if 2 * len(kept) > len(rows):
                 break
             constant = scipy.sparse.csr_array((np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept)))
@@ -137,7 +138,7 @@ class _Level:
         `relaxation` (n,) is the factor on the residual in a step of Jacobi's method, and `prolongation` the matrix that maps a solution of
         the coarser level to this one.
         """
-        rows, restriction = _rows(matrix), _rows(prolongation.T.tocsr())
+        rows, restriction = rows_of_matrix(matrix), rows_of_matrix(prolongation.T.tocsr())
         relaxation, right, found, rest = relaxation.astype(np.float32), self.right, self.found, self.rest
         passes, chunks = passes_of(right.shape[1]), chunks_of(matrix.nnz)
         self.down = Chain(
@@ -147,24 +148,27 @@ class _Level:
             passes.add_product.bind(*restriction, rest, 0.0, coarser.found, coarser.right, chunks=chunks),
         )
         self.up = Chain(
-            passes.add_product.bind(*_rows(prolongation), coarser.found, 1.0, rest, found, chunks=chunks),
+            passes.add_product.bind(*rows_of_matrix(prolongation), coarser.found, 1.0, rest, found, chunks=chunks),
             passes.relax.bind(*rows, relaxation, right, found, rest, chunks=chunks),
             passes.relax.bind(*rows, relaxation, right, rest, found, chunks=chunks),
         )
         self.take_rest = Chain(passes.residual.bind(*rows, right, found, rest, chunks=chunks))
 
 
-def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
-    """Return the number of the box in which each point lies, shape (n,); boxes are equal, and about `COARSENING` spacings wide."""
-    least = points.min(axis=0) - spacing / 2
-    extent = points.max(axis=0) + spacing / 2 - least
+def boxes_of(points: np.ndarray, spacing: float, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Return the number of the box in which each point lies, shape (n,); boxes are equal, and about `COARSENING` spacings wide.
+
+    `lower` and `upper` (d,) are the least and greatest coordinates of all points of the body, those of other ranks included.
+    """
+    least = lower - spacing / 2
+    extent = upper + spacing / 2 - least
     counts = np.maximum(1, np.rint(extent / (COARSENING * spacing))).astype(np.int64)
     # Points between two boxes are assigned to the same side, independent of rounding.
     cells = np.floor((points - least) / extent * counts + 1e-9).astype(np.int64)
     return np.ravel_multi_index(tuple(cells.T), tuple(counts))
 
 
-def _rows(matrix: scipy.sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def rows_of_matrix(matrix: scipy.sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return row pointers, column numbers and values of a sparse matrix, converted to the types that the compiled passes take."""
     return matrix.indptr.astype(np.uint64), matrix.indices.astype(np.uint32), matrix.data.astype(np.float32)
 
