@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from ..body import Body, Round
-from ..body.ghosts import WITH_ROUNDING
+from ..body.ghosts import WITH_ROUNDING, symmetric
 from ..kernels.ghosts import fill_matrices, fold_matrices, fold_vectors, place_points
 from .kinematics import Kinematics, find_shapes
 from .steps import Step, sparse_product
@@ -92,7 +92,8 @@ class Interfaces:
     interface: points of the other material are placed where they would be if they moved with this one.
 
     A point with more than two materials in its horizon, or without such an interface, has c = 0, and all materials use its actual
-    position.
+    position. So has a point beside a cut or a crack: if the fit contains a point that has lost a bond, or one of the points across the
+    interface to which the point is bonded has lost one, since motions are not continuous there.
 
     Parameters
     ----------
@@ -111,6 +112,8 @@ class Interfaces:
         point, which only the shear modulus resists where volumes are constrained: a confined layer 4 cells thick was 57 % too soft next to
         one 10 times as stiff (K = 100 mu, plane strain), and is 14 % too soft with the gradient. In plane stress the nearest points are
         better, by 1 % in shear.
+    breakable : bool
+        Whether bonds may break, see `break_bonds`.
 
     Attributes
     ----------
@@ -134,7 +137,9 @@ class Interfaces:
         Changes of the forces on the points where gradients omit bonds, as last found by these steps.
     """
 
-    def __init__(self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool) -> None:
+    def __init__(
+        self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool, breakable: bool
+    ) -> None:
         self._body, self._portion_of, self._kinematics = kinematics.body, portion_of, kinematics
         body, share = self._body, self._body.share
         n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners
@@ -181,10 +186,12 @@ class Interfaces:
         self.on_jumps, self.pulls = np.zeros((n, d)), np.zeros((total, d))
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._one_sided, self._product = scipy.sparse.csr_array((n * d, total)), partial(sparse_product, kinematics.chunks)
+        self._one_sided_back = self._one_sided.T.tocsr()
+        self._kept = None
         weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
-            weights = self._leave_out(kinematics, owners, weights)
+            weights = self._leave_out(kinematics, owners, weights, breakable)
         weights = weights[across] * self.depths[bonds.neighbors[across], None]
         self._corrections = self._on_columns(weights, owners[across], bonds.neighbors[across])
         self.jumps, self.changes = np.zeros((total, d)), np.zeros((total, d * d))
@@ -197,6 +204,13 @@ class Interfaces:
         self._changes_back = self._by_normals(back) @ dyads.T
         self._jumps_by_columns = scipy.sparse.diags_array(-2.0 * volumes_held * is_image * growth) @ dyads.T
         self._jump, self._changes_by_columns = jump, by_columns
+        self._lost, self._intact = np.zeros(n, dtype=bool), np.ones((n, 1))
+        self._watched, cut = breakable or share.any(len(bonds.cut) > 0), bonds.cut[bonds.cut < n]
+        if self._watched:
+            # Points to whose positions the jump of a point is fitted, and points whose gradients use the jump.
+            ends = owners[across], kinematics.sources[bonds.neighbors[across]]
+            self._around = abs(jump) + abs(images) + scipy.sparse.csr_array((np.ones(len(across)), ends), shape=(n, n))
+            self._leave_jumps(cut)
         self.corrections, self.continuation = self.steps(kinematics.positions, kinematics.gradients, self.jumps, self.changes)
 
     def steps(self, positions: np.ndarray, gradients: np.ndarray, jumps: np.ndarray, changes: np.ndarray) -> tuple[list[Step], list[Step]]:
@@ -208,18 +222,50 @@ class Interfaces:
         columns, of_changes = gradients[:n].reshape(-1, d), changes[:n].reshape(-1, d)
         on_ghosts, at_rest = self._kinematics.gradient_ghosts.of_gradients, (np.zeros((len(images), d)), np.zeros((len(images), d * d)))
         return [
-            *self._product(self._one_sided, positions, columns, add=True),
+            *self._product(self._one_sided, positions, columns, add=True, variable=True),
             *self._product(self._jump, positions, jumps),
             *self._product(self._jumps_by_columns, columns, jumps, add=True),
+            *self._of_intact(jumps),
             jumps,
             place_points.bind(jumps[:n], images.source, images.parity, at_rest[0], jumps, chunks=chunks),
             *self._product(-self._corrections, jumps, columns, add=True),
         ], [
             *self._product(self._changes_by_jumps, jumps, of_changes),
             *self._product(self._changes_by_columns, columns, of_changes),
+            *self._of_intact(changes),
             changes,
             fill_matrices.bind(changes, *on_ghosts, 0.0, at_rest[1], chunks=chunks),
         ]
+
+    def _of_intact(self, values: np.ndarray) -> list[Step]:
+        """Return the step that sets the first n rows of an array to zero where points have no jump because of a cut or a crack."""
+        rows = values[: len(self._body)]
+        return [partial(np.multiply, rows, self._intact, out=rows)] if self._watched else []
+
+    def _leave_jumps(self, points: np.ndarray) -> None:
+        """Leave out the jumps that depend on points which have lost bonds, and those that the gradients of such points use."""
+        self._lost[points] = True
+        self._body.share.fill(self._lost)
+        self._intact[:, 0] = self._around @ self._lost == 0
+        self._body.share.fill(self._intact)
+
+    def break_bonds(self, points: np.ndarray) -> None:
+        """Take account of the bonds that `points` have lost, after `Kinematics.weighted_bonds` and `inverse_shape` were updated."""
+        self._leave_jumps(points)
+        if self._kept is None:
+            return
+        numbers, owners, changes = self.one_sided_bonds or (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 1)))
+        kinematics, (kept, inverse, supported) = self._kinematics, self._kept
+        kept[numbers] = kinematics.weighted_bonds[numbers]
+        kept[self.left_out] = 0.0
+        find_shapes(self._body, np.unique(owners).astype(np.uint32), kept, inverse, supported)
+        if len(numbers):
+            of_bonds = (kept, inverse), (kinematics.weighted_bonds, kinematics.inverse_shape)
+            found, weights = (np.einsum("bij,bj->bi", symmetric(shapes[owners]), bonds[numbers]) for bonds, shapes in of_bonds)
+            # A point whose other bonds no longer determine a gradient has that of all its bonds.
+            changes[:] = np.where(supported[owners, None] > 0, found - weights, 0.0)
+            forth, back = self._of_changes()
+            self._one_sided.data[:], self._one_sided_back.data[:] = forth.data, back.data
 
     def _by_normals(self, matrix) -> scipy.sparse.csr_array:
         """Return the matrix (n d, n) that maps vectors at points to columns of gradients: v (x) normal, spread by a matrix (n, n)."""
@@ -253,13 +299,12 @@ class Interfaces:
         behind = (self.depths[neighbors] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 0)
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbors]) | behind]
 
-    def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray, breakable: bool) -> np.ndarray:
         """Remove the bonds `left_out` from the gradients of their first points; return new `Kinematics.gradient_weights` of all bonds.
 
         `owners` are the first points of all directed bonds, and `weights` their present weights. Bonds of points whose other bonds do not
         determine a gradient are removed from `left_out` instead.
         """
-        bonds = self._body.bonds
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
             kept[self.left_out] = 0.0
@@ -267,6 +312,7 @@ class Interfaces:
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
             find_shapes(self._body, rows, kept, inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
+        self._kept = (kept, inverse, supported) if breakable else None
         touched = np.flatnonzero(supported[owners])
         if not len(touched):
             return weights
@@ -274,11 +320,17 @@ class Interfaces:
         changes = found[touched] - weights[touched]
         weights = weights.copy()
         weights[touched] = found[touched]
-        points = owners[touched]
-        self.one_sided_bonds = touched, points, changes
-        ends = np.concatenate([bonds.neighbors[touched], points])
-        self._one_sided = self._on_columns(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
+        self.one_sided_bonds = touched, owners[touched], changes
+        self._one_sided, self._one_sided_back = self._of_changes()
         return weights
+
+    def _of_changes(self) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+        """Return the matrix that maps positions to the changes of gradients by `one_sided_bonds`, and minus its transpose."""
+        numbers, points, changes = self.one_sided_bonds
+        ends = np.concatenate([self._body.bonds.neighbors[numbers], points])
+        found = self._on_columns(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
+        found.sort_indices()
+        return found, (-found).T.tocsr()
 
     def cells_across(self, number: int, most: int) -> float:
         """Return the median thickness, in spacings and at most `most`, of the layer of a material next to its interfaces; 0 if it has none.
@@ -318,17 +370,19 @@ class Interfaces:
         return [
             fold_matrices.bind(moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks),
             moments,
+            *self._of_intact(moments),
             *product(scipy.sparse.diags_array(-self.depths), forces, on_jumps, every=True),
             *product(-self._changes_by_jumps.T, theirs, on_jumps, add=True),
             *product(self._changes_back, theirs, columns, add=True),
             own_moments,
             *product(self._corrections.T, columns, on_jumps, add=True),
             fold[0],
+            *self._of_intact(on_jumps),
             *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
             on_jumps[:n],
             *product(self._jump_back, on_jumps, on_points),
             own_moments,
-            *product(-self._one_sided.T, columns, pulls, every=True),
+            *product(self._one_sided_back, columns, pulls, every=True, variable=True),
             fold[1],
         ]
 

@@ -102,6 +102,14 @@ class MaterialPoints:
         self.seen = [*self.copies(*places, *moved), *copy(self.places.T, self.kept_ratios[:, None], ratios)]
         self._keep = copy(self.places, ratios, self.kept_ratios[:, None])
 
+    def places_of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the places of some pairs of the body, in ascending order, among those of this object, and these pairs themselves."""
+        if self.whole:
+            return pairs, pairs
+        place = np.minimum(np.searchsorted(self.pairs, pairs), len(self.pairs) - 1)
+        within = self.pairs[place] == pairs
+        return place[within], pairs[within]
+
     def copies(self, positions, gradients, jumps, changes, to_positions: np.ndarray, to_gradients: np.ndarray) -> list[BoundPass]:
         """Return the passes that copy positions and gradients of a body of several materials, or their changes, as this material sees them.
 
