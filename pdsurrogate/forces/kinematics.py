@@ -127,7 +127,7 @@ class Kinematics:
         touched = np.unique(ends[ends < n])
         find_shapes(self.body, touched, self.weighted_bonds, self.inverse_shape, self.supported)
         if self.interfaces is not None:
-            self.interfaces.break_bonds(touched)
+            self.interfaces.break_bonds(pairs)
         self.formed, self.changes = False, self.changes + 1
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True

@@ -123,36 +123,18 @@ class CriticalStretches:
 def _critical(given: Criterion, laws: tuple[Law, Law], diameter: float, key: str) -> float:
     """Return the critical stretch of bonds between two materials, given as such or by a fracture energy.
 
-    `diameter` is the effective diameter of a crack tip. Raise ValueError, with the key, if no stretch stores as much energy.
+    `diameter` is the effective diameter of a crack tip. Raise ValueError, with the key, if no stretch stores as much energy, or the two
+    materials have different laws.
     """
     if given.critical_stretch is not None:
         return given.critical_stretch
     wanted = (given.energy or 0.0) / diameter
     try:
-        if laws[0] == laws[1]:
-            return _stretch_at(laws[0], "energy_density", wanted, "that fracture energy")
-        return _stretch_across(laws, wanted)
+        if laws[0] != laws[1]:
+            raise ValueError("no crack between two different laws was measured; set critical_stretch instead")
+        return _stretch_at(laws[0], "energy_density", wanted, "that fracture energy")
     except ValueError as error:
         raise ValueError(f"{key}.energy: {error}") from None
-
-
-def _stretch_across(laws: tuple[Law, Law], wanted: float) -> float:
-    """Return the stretch of a bond whose halves, of two materials in uniaxial tension, have the same nominal stress.
-
-    The mean of the two energy densities is `wanted`. Raise ValueError if one of the laws reaches its greatest stretch before.
-    """
-
-    def halves(stress: float) -> list[float]:
-        return [_stretch_at(law, "nominal_stress", stress, "that fracture energy of the interface") for law in laws]
-
-    def excess(stress: float) -> float:
-        densities = [homogeneous.uniaxial(law, one).energy_density for law, one in zip(laws, halves(stress), strict=True)]
-        return sum(densities) / 2 - wanted
-
-    upper = min(law.shear_modulus for law in laws)
-    while excess(upper) < 0:
-        upper *= 2
-    return sum(halves(scipy.optimize.brentq(excess, 0.0, upper, xtol=1e-12 * upper))) / 2
 
 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:

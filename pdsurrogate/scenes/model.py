@@ -143,7 +143,8 @@ class InterfaceFracture(Criterion):
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float, optional
-        Fracture energy per undeformed area of a crack along the interface, converted as that of `fracture`. Unit: stress length.
+        Fracture energy per undeformed area of a crack along the interface, converted as that of `fracture`; only between materials of
+        equal law. Unit: stress length.
     """
 
     between: tuple[str, str]
