@@ -103,14 +103,19 @@ def test_a_crack_runs_along_a_weak_interface():
     assert rows[4].max() == rows[5].max() == 0
 
 
-@pytest.mark.parametrize("stiffer", [3.0, 10.0])
-@pytest.mark.parametrize("plane", ["stress", "strain"])
-def test_the_energy_of_torn_layers_is_accounted_for(stiffer, plane):
-    """A crack between unequal layers releases what the body loses: the account closes within 0.5 %."""
-    changes = {"plane": plane, "horizon_ratio": 2.2}
-    layers = scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.7}, **changes)
-    summary = pds.simulate(layers, "bond-energy").summary
-    assert summary["crack"]["broken_bonds"] > 30
+QUICK = {"stretches": [1.02], "dynamics": {**LAYERS["dynamics"], "stretch": 1.4, "stretch_rate": 0.2}}
+"""Tears of unequal layers in a few thousand steps."""
+
+
+@pytest.mark.parametrize(
+    ("plane", "stiffer"), [("stress", 3.0), ("stress", 10.0), ("strain", 3.0), pytest.param("strain", 10.0, marks=pytest.mark.slow)]
+)
+def test_the_energy_of_torn_layers_is_accounted_for(plane, stiffer):
+    """A crack along the interface of unequal layers releases what the body loses: the account closes within 0.5 %."""
+    summary = pds.simulate(
+        scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, plane=plane, **QUICK), "bond-energy"
+    ).summary
+    assert summary["crack"]["broken_bonds"] > 10
     (account,) = summary["dynamics"]
     assert abs(account["greatest_energy_gap"]) < 0.5
 
@@ -163,12 +168,12 @@ def test_an_energy_between_different_laws_is_refused():
 
 @pytest.mark.parametrize("stiffer", [3.0, 10.0])
 def test_resuming_leaves_the_same_bits(stiffer, tmp_path, monkeypatch):
-    layers = scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.6})
+    layers = scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, **QUICK)
     whole = pds.simulate(layers, "bond-energy")
     monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
     monkeypatch.setattr(checkpoints, "PAUSE_SHARE", 0.0)
     with pytest.raises(Killed):
-        pds.simulate(layers, "bond-energy", progress=KilledWhileBondsBreak(), folder=tmp_path)
+        pds.simulate(layers, "bond-energy", progress=KilledWhileBondsBreak(5), folder=tmp_path)
     resumed = pds.simulate(layers, "bond-energy", folder=tmp_path, resume=True)
     assert resumed.history == whole.history
     assert resumed.summary["crack"] == whole.summary["crack"]
