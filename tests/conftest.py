@@ -35,7 +35,7 @@ settings.load_profile("project")
 OWN_WARNINGS = (
     "engine.threads.ThreadsLostWarning",
     "engine.threads.ThreadsSpinWarning",
-    "forces.errors.OutsideDomainWarning",
+    "errors.OutsideDomainWarning",
     "run.run.Oversubscribed",
     "run.stages.SinglePrecisionLeft",
 )

@@ -148,8 +148,8 @@ def test_classes_have_at_most_twenty_public_methods():
                 assert len(public) <= 20, f"{module}: {node.name}"
 
 
-SLOW = {"learning", "results", "run.preview"}
-"""What functions import of our own: rooms and files that load scikit-learn, torch or matplotlib."""
+SLOW = {"cli.simulation", "learning", "results", "run.preview"}
+"""What functions import of our own: rooms and files that load numba, scikit-learn, torch or matplotlib."""
 
 
 def test_functions_import_none_of_our_own_but_what_is_slow():

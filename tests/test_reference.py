@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts.card import KINDS
-from pdsurrogate.body import WEIGHT_FUNCTIONS
+from pdsurrogate.kernels.weights import WEIGHT_FUNCTIONS
 from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Polyconvex, Yeoh
 from pdsurrogate.materials.law import InvariantLaw
 from pdsurrogate.scenes.strict_model import StrictModel

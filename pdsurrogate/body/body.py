@@ -11,29 +11,11 @@ from itertools import combinations
 import numpy as np
 import scipy
 
+from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..ranks import Halo, Share
 from .cell_mesh import CellMesh
 from .cut_cells import cut_cells
 from .ghosts import WITH_ROUNDING, Ghosts, HeldBoundary, Mirror, ReflectionPlane
-
-
-@dataclass(frozen=True)
-class WeightFunction:
-    """Weight function w(l) of the bond length, non-zero up to the horizon.
-
-    Attributes
-    ----------
-    name : str
-    function : callable
-        ``function(length, horizon)`` returns w.
-    moments : tuple of float
-        Scalar kappa in the shape tensor kappa I of a full horizon, divided by the horizon to the power 4 in the plane and 5 in three
-        dimensions: pi times the integral of w r^3 dr over the horizon, or 4 pi/3 times that of w r^4 dr.
-    """
-
-    name: str
-    function: Callable
-    moments: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -60,16 +42,6 @@ class Round:
 
 MOST_POINTS, MOST_BONDS = 20_000_000, 500_000_000
 """Greatest numbers of points and bonds: at some 2 kB a point and 80 bytes a bond, more would exceed the memory of a workstation."""
-
-WEIGHT_FUNCTIONS = {
-    weight.name: weight
-    for weight in (
-        # The paper's choice: with it w l is the same for every bond, and so is the force that the network learns.
-        WeightFunction("inverse", lambda length, horizon: horizon / length, (np.pi / 3, np.pi / 3)),
-        WeightFunction("constant", lambda length, horizon: np.ones_like(length), (np.pi / 4, 4 * np.pi / 15)),
-        WeightFunction("linear", lambda length, horizon: 1 - length / horizon, (np.pi / 20, 2 * np.pi / 45)),
-    )
-}
 
 
 COINCIDING = 1e-9

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy
 
+from ..kernels.polygons import encloses
 from ..ranks import Share
 from .ghosts import HeldBoundary, Mirror
 
@@ -156,20 +157,6 @@ class Surface:
         distances = _distances_to_segments if corners.shape[1] == 2 else _distances_to_triangles
         np.minimum.at(nearest, place, distances(places[place], *corners[facet].transpose(1, 0, 2)))
         return np.where(nearest <= reach, nearest, np.inf)
-
-
-def encloses(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Return flags of the places (m, 2) that lie within closed polygons, given by starts and ends of their segments, shape (s, 2) each.
-
-    A place is inside if a ray from it toward larger x1 crosses the segments an odd number of times.
-    """
-    inside = np.zeros(len(places), dtype=bool)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for start, end in zip(starts, ends, strict=True):
-            spans = (start[1] > places[:, 1]) != (end[1] > places[:, 1])
-            crossing = start[0] + (places[:, 1] - start[1]) * (end[0] - start[0]) / (end[1] - start[1])
-            inside ^= spans & (places[:, 0] < crossing)
-    return inside
 
 
 def _distances_to_segments(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -14,11 +14,9 @@ import typer
 from rich.markup import escape
 from typer import Option
 
-from ..forces import CompilerSwitchedOff, OutsideDomainWarning
+from ..errors import CompilerSwitchedOff, OutsideDomainWarning
 from ..materials import LAWS, Law
 from ..ranks import NotUnderMPI
-from ..results.files import check_writable
-from ..results.folder import check_report
 from ..run.interruption import heard
 from ..scenes import MaterialSpec
 from ..scenes.reading import parse_change
@@ -146,6 +144,9 @@ def check_folder(folder: Path | None, report: str = "", asked: dict | None = Non
     equal settings, unless `overwrite` is set. Without a folder nothing is checked.
     """
     if folder is not None:
+        from ..results.files import check_writable
+        from ..results.folder import check_report
+
         with bad_input(OSError):
             check_writable(folder)
         if report:

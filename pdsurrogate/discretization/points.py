@@ -56,7 +56,7 @@ CUT_SHIFT = 1e-6
 """Distance, in extents of the body, from a grip's plane to the cut that determines its area: more than the rounding of single precision."""
 
 
-FLAT = 1e-3
+IN_LINE = 1e-3
 """Distance, in spacings, below which two cuts count as lying in one line or plane."""
 
 STATED = 0.01
@@ -521,7 +521,7 @@ def _check_precuts(scene: Scene, body: Body) -> None:
             raise ValueError(f"precuts.{number}: the precut crosses no bond; it is outside the body, in a hole, or between points")
         edge = precut.edge(body.spacing)[0]
         for other, (its_edge, its_crossed) in enumerate(before):
-            aligned = np.linalg.matrix_rank(np.concatenate([edge, its_edge]) - edge[0], tol=FLAT * body.spacing) < body.dimension
+            aligned = np.linalg.matrix_rank(np.concatenate([edge, its_edge]) - edge[0], tol=IN_LINE * body.spacing) < body.dimension
             if aligned and body.share.any((crossed & its_crossed).any()):
                 raise ValueError(f"precuts.{number}: the precut lies on precuts.{other}; describe a cut once and in one piece")
         before.append((edge, crossed))

@@ -13,7 +13,8 @@ from itertools import pairwise, product
 import numpy as np
 import scipy
 
-from ..body import Surface, encloses
+from ..body import Surface
+from ..kernels.polygons import encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
 from ..scenes.shapes import Outline
 from ..scenes.solids import Prism, Solid, Straight
@@ -307,7 +308,7 @@ def _triangulated(
     lattice = lattice[~np.isfinite(outline.distances(lattice, AWAY))]
     for _ in range(MOST_ROUNDS):
         places = np.concatenate([nodes, lattice])
-        found = scipy.spatial.Delaunay(places).simplices
+        found = scipy.spatial.Delaunay(places).simplices.astype(np.int64)  # products of two numbers of nodes exceed 32 bits
         edges = np.sort(np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]]), axis=1)
         ends = np.sort(sides, axis=1)
         missing = np.flatnonzero(~np.isin(ends[:, 0] * len(places) + ends[:, 1], edges[:, 0] * len(places) + edges[:, 1]))

@@ -33,6 +33,7 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
 from numba.extending import is_jitted, register_jitable
 
+from ..errors import CompilerSwitchedOff
 from .block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
 from .intrinsics import writes
 from .keys import NotKeyable, code_digest
@@ -298,10 +299,6 @@ _BLOCK_FUNCTIONS: dict[object, CFunc] = {}
 
 They live as long as the process, since their addresses are in use.
 """
-
-
-class CompilerSwitchedOff(RuntimeError):
-    """Error raised because numba does not compile: the environment variable NUMBA_DISABLE_JIT switches it off."""
 
 
 def compile_block_function(function: Callable, signature, digest: str | None = None) -> CFunc:

@@ -1,10 +1,9 @@
 """Force models, which compute the internal forces of a deformed body."""
 
-from ..engine.compile import CompilerSwitchedOff
+from ..errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from .ba_nosb import BANOSBForce
 from .bond_energy import BondEnergyForce, EnergySurrogate
 from .bond_force import AnalyticBondForce, ForceSurrogate
-from .errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from .internal_force import InternalForce, released_by
 from .learned_energy import EnergyNetwork, IsochoricNetwork, LearnedEnergy
 from .learned_force import LearnedBondForce, NetworkForce, PolynomialForce, SplineForce

@@ -9,10 +9,11 @@ from ..body.body import pointers_to
 from ..body.ghosts import WITH_ROUNDING, symmetric
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
+from ..errors import InvalidState
 from ..kernels import ba_nosb
 from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS
-from .errors import InvalidState, at_point, why_invalid
+from .errors import at_point, why_invalid
 from .protocol import ForceModel
 from .term import Binding, StateArray, Term
 

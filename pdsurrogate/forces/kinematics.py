@@ -155,7 +155,9 @@ class Kinematics:
         if not len(ghosts):
             return outer
         first, ghost, total = bonds.first[outer].astype(np.int64), bonds.second[outer].astype(np.int64) - n, n + len(ghosts)
-        keys, wanted = first * total + n + ghost, ghosts.source[ghost] * total + n + ghosts.mirrored(first, ghost)
+        keys = first * total + n + ghost
+        # The products exceed 32 bits in bodies of more than 65,535 points.
+        wanted = ghosts.source[ghost].astype(np.int64) * total + n + ghosts.mirrored(first, ghost)
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys, wanted, sorter=order)]]
 

@@ -8,10 +8,11 @@ import scipy
 
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
+from ..errors import InvalidState
 from ..kernels import node_state
 from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law
-from .errors import InvalidState, at_point, why_invalid
+from .errors import at_point, why_invalid
 from .kinematics import Kinematics, matrices, pairs_of_points
 from .settings import ROTATION, ROTATIONS
 from .steps import Steps, sparse_product

@@ -11,11 +11,11 @@ import numpy as np
 from ..body import Body
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
 from ..engine.threads import thread_count
+from ..errors import InvalidState
 from ..kernels.bond_force import lateral_stretch
 from ..materials import InvariantLaw, Law
 from ..materials.consistency import compare_derivatives
 from .bond_force import ForceSurrogate, bond_arrays, exact_bond_force
-from .errors import InvalidState
 from .internal_force import InternalForce
 from .protocol import CompiledBondForce
 from .settings import ForceSettings

@@ -4,13 +4,14 @@ import numpy as np
 
 from ..engine.block_arrays import aligned_rows
 from ..engine.passes import BoundPass
+from ..errors import InvalidState
 from ..kernels import bond_energy
 from ..kernels.domain import BLEND
 from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law, plane_stress
 from ..materials.states import principal_stretches
 from .bond_shares import BondShares
-from .errors import InvalidState, at_point, why_invalid
+from .errors import at_point, why_invalid
 from .kinematics import matrices
 from .material_points import material_sums
 from .pair_passes import PairEnergies, SelectivePairs

@@ -10,8 +10,9 @@ import numpy as np
 
 from ..body import Body
 from ..engine.passes import BoundPass
+from ..errors import InvalidState, OutsideDomain, OutsideDomainWarning
 from ..materials import PLANES
-from .errors import InvalidState, OutsideDomain, OutsideDomainWarning, locate
+from .errors import locate
 from .kinematics import Kinematics
 from .material_points import MaterialPoints, have_states
 from .settings import OUTSIDE, ForceSettings

@@ -6,9 +6,9 @@ from typing import ClassVar
 import numpy as np
 
 from ..arguments import check_seed, check_whole_number
-from ..body import WEIGHT_FUNCTIONS
 from ..forces import AnalyticBondForce, Domain
 from ..forces.agreement import WIDEST
+from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..materials import Law
 from ..materials.law import check_number, checked_law
 from . import sampling

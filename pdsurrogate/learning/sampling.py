@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 
 from ..arguments import check_share
-from ..body import WEIGHT_FUNCTIONS
 from ..kernels.bond_force import along_and_across
+from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..materials import Law, plane_stress
 from .base import named
 

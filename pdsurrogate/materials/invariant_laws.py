@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..kernels.elementary import chain_energy, inverse_langevin, logarithm, select
+from ..kernels.elementary_in_numpy import chain_energy, inverse_langevin, logarithm, select
 from .law import InvariantLaw
 
 

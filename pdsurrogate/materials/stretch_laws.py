@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import scipy
 
-from ..kernels.elementary import chain_energy, exponential, inverse_langevin, select
+from ..kernels.elementary_in_numpy import chain_energy, exponential, inverse_langevin, select
 from .law import PrincipalStretchLaw, check_number
 
 MOST_TERMS = 8

@@ -23,7 +23,7 @@ from ..solvers.loads import DeadLoad, Loads, Pressure
 from ..solvers.obstacles import Obstacle
 from ..solvers.rigid import rigid_motions
 from .obstacles import obstacles_of
-from .program import Prescription, Stage
+from .program import Prescription, Stage, known_ends
 from .regions import BodyRegions
 
 RIGID = 1e3
@@ -87,7 +87,7 @@ def conditions_of(
     parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
     loading = Loading(body, parameter, rest, names, plane_names, [*held, *planes], loads)
     # A plane moves like its points: two prescriptions may not disagree on either. Holds may move points next to a grip's plane.
-    _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
+    _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *known_ends(stages)])
     _check_counted(loading, prescriptions)
     if stretched:
         axis, travels = scene.loaded_axis, np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
@@ -167,7 +167,7 @@ def _check_motions(body: Body, held: list[Held], ends: list[float]) -> None:
     The later part would otherwise override the earlier one without notice. `ends` are the values of the loading parameter at the start and
     at the ends of all stages; motions are compared at `SAMPLES` values in each stage.
     """
-    samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
+    samples = np.unique(np.concatenate([ends[:1], *(np.linspace(a, b, SAMPLES) for a, b in pairwise(ends))])).tolist()
     every, error = Loading(body, "t", 0.0, (), [], held, Loads(body, [])), 1e-9 * body.spacing
     try:
         moves, at_rest = np.array([every.moves(sample) for sample in samples]), np.abs(every.moves(ends[0])) > error

@@ -25,7 +25,7 @@ from .fracture import CriticalStretches
 from .fronts import Fronts
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .obstacles import bar_rigid_regions
-from .program import Measures, Prescription, Stage, measures_of, prescriptions_of, stages_of
+from .program import Measures, Prescription, Stage, known_ends, measures_of, prescriptions_of, stages_of
 from .regions import BodyRegions
 
 
@@ -166,7 +166,7 @@ class Problem:
                 why = "nothing holds this rigid region: it is not bonded to a deformable material"
                 raise ValueError(f"{name}: {why}; hold it with prescribed, or join it with the region that it touches")
         regions = [RigidRegion(name, self.body, numbers, self.loading.free) for name, numbers in self.rigid.items()]
-        for value in sorted({0.0, *(stage.to for stage in self.stages)}):
+        for value in sorted({0.0, *known_ends(self.stages)}):
             positions = self.body.points.copy()
             try:
                 self.loading.hold(value, force, positions)
@@ -247,7 +247,7 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages)
         loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
-        bar_rigid_regions(loading, rigid, [stage.to for stage in stages])
+        bar_rigid_regions(loading, rigid, known_ends(stages))
         body.share.clear(loading.free)  # points of the halo are moved by their owners
         if portions:
             check_speeds(scene, loading, stages, min(portion.law.shear_modulus for portion in portions))

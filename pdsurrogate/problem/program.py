@@ -36,6 +36,9 @@ class Stage:
         Settings of the scene for a stage in dynamics; None for a stage in equilibrium.
     key : str
         Key of the scene that describes the stage, for messages.
+    control : str or None
+        Key of the displacement of a probe that the stage changes in place of the loading parameter, which is found; `to` and
+        `largest_increment` are then displacements.
     """
 
     to: float
@@ -43,6 +46,7 @@ class Stage:
     largest_increment: float | None
     inertia: Dynamics | StepDynamics | None
     key: str
+    control: str | None = None
 
     def motion(self, begin: float) -> Motion:
         """Return the loading parameter as a function of time in dynamics, from the value `begin` to the end of the stage."""
@@ -59,13 +63,18 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
     """
     if not scene.stretched:
         return tuple(
-            Stage(step.to, step.outputs, step.largest_increment, step.dynamics, f"steps.{number}.dynamics")
+            Stage(step.to, step.outputs, step.largest_increment, step.dynamics, f"steps.{number}.{step.kind}", step.control)
             for number, step in enumerate(scene.steps)
         )
     stages = [Stage(stretch, 1, scene.solver.largest_increment, None, "stretches") for stretch in scene.stretches]
     if scene.dynamics is not None:
         stages.append(Stage(scene.dynamics.stretch, scene.dynamics.outputs, None, scene.dynamics, "dynamics"))
     return tuple(stages)
+
+
+def known_ends(stages: tuple[Stage, ...]) -> list[float]:
+    """Return the loading parameters at the ends of those stages that prescribe it."""
+    return [stage.to for stage in stages if stage.control is None]
 
 
 @dataclass(frozen=True)
@@ -211,7 +220,7 @@ def prescriptions_of(scene: Scene, regions: BodyRegions, stages: tuple[Stage, ..
         If two entries on different regions share a name.
     """
     if not scene.stretched:
-        ends = [0.0, *(stage.to for stage in stages)]
+        ends = [0.0, *known_ends(stages)]
         return [_of_entry(scene, number, label, (min(ends), max(ends))) for number, label in enumerate(_labels(scene, regions))]
 
     length = float((regions.upper - regions.lower)[scene.loaded_axis])

@@ -43,7 +43,7 @@ class State:
     parameter : float
         Loading parameter at the present positions.
     begin : float
-        Loading parameter at which the present stage began.
+        Loading parameter at which the present stage began, or the displacement that the stage controls.
     stage, outputs : int
         Number of the present stage, and number of its outputs so far.
     elapsed : float

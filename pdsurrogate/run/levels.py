@@ -9,6 +9,7 @@ from ..forces import InvalidState
 from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
+from ..solvers.control import ControlledForce
 from ..solvers.equilibrium import (
     Equilibrium,
     EquilibriumSolver,
@@ -23,6 +24,7 @@ from ..solvers.equilibrium import (
     window_of,
 )
 from ..solvers.increments import Increments
+from ..solvers.loads import LoadedForce
 from ..solvers.methods import SOLVERS
 from ..solvers.nearest_bonds import RESOLVED, is_rigid, strain_of, strain_rounding
 from ..solvers.stability import check_branch
@@ -126,12 +128,12 @@ class Equilibria:
         """
         run, state = self.run, self.run.state
         while state.outputs < self.stage.outputs:
-            run.target = self._outputs[state.outputs + 1]
+            goal = self._outputs[state.outputs + 1]
+            run.target = self._target(goal)
             run.report("level", state.stage, run.target)
             if self._increments is None:
                 self._last_output, state.wasted = (run.positions.copy(), state.parameter), 0
-                largest = self._course.largest_increment(run.positions, state.parameter, run.target, self.stage.largest_increment)
-                self._increments = Increments(state.parameter, run.target, largest)
+                self._increments = self._increments_to(goal)
             equilibrium, self._increments = self._go_to_output(self._increments), None
             if equilibrium is None:
                 run.positions[:], state.parameter = self._last_output
@@ -199,6 +201,23 @@ class Equilibria:
                 return None
         return equilibrium
 
+    def _target(self, goal: float) -> float:
+        """Return the loading parameter of the next output, as far as it is known before its equilibrium is found."""
+        return goal
+
+    def _increments_to(self, target: float) -> Increments:
+        """Return the increments in which the loading parameter goes to its value at the next output."""
+        run, begin = self.run, self.run.state.parameter
+        return Increments(begin, target, self._course.largest_increment(run.positions, begin, target, self.stage.largest_increment))
+
+    def _at(self, value: float) -> str:
+        """Return a value of what the increments change, with its name, as text for messages."""
+        return self.run.loading.at(value)
+
+    def _last(self) -> str:
+        """Return the place of the last equilibrium in the program, as text for messages."""
+        return self._at(self.run.state.parameter)
+
     def _usual(self) -> float:
         """Return the mean number of force evaluations for an output of the run so far, or `USUAL` before the first one."""
         done = [level["evaluations"] for level in self.run.state.levels if "evaluations" in level]
@@ -212,20 +231,39 @@ class Equilibria:
         """
         run, state, target = self.run, self.run.state, increments.target
         before = run.positions.copy()
-        guess = self._best(self._course.guesses(run.positions, state.parameter, target, run.earlier), target)
+        guess = self._best(self._guesses(target), target)
         tolerance = run.problem.scene.solver.tolerance
         if not increments.ends:
             tolerance = max(tolerance, COARSE if run.loaded.nearly_incompressible else FINE)
         start, self._iterate = guess if self._iterate is None else self._best([guess, self._iterate], target), None
-        run.loading.apply(target, run.loaded, start)
+        self._force_at(target, start)
         run.positions[:] = start
         equilibrium = self._solve(target, tolerance, guess, patience, increments)
-        run.loads.check_path(state.parameter, target, before, run.positions)
-        check_branch(run.loading, run.loaded, self.solver, state.parameter, target, guess, run.positions)
+        reached = self._reached(target)
+        run.loads.check_path(state.parameter, reached, before, run.positions)
+        self._check_branch(reached, guess)
         if increments.ends:
-            _check_resolved(run, target)
-        state.parameter = target
+            _check_resolved(run, reached)
+        state.parameter = reached
         return equilibrium
+
+    def _guesses(self, target: float) -> list[np.ndarray]:
+        """Return first guesses (n, d) of the equilibrium at the end of the present increment."""
+        return self._course.guesses(self.run.positions, self.run.state.parameter, target, self.run.earlier)
+
+    def _force_at(self, target: float, positions: np.ndarray) -> LoadedForce | ControlledForce:
+        """Return the force at the end of an increment, with the held parts in their places, also those in `positions` (n, d)."""
+        self.run.loading.apply(target, self.run.loaded, positions)
+        return self.run.loaded
+
+    def _reached(self, target: float) -> float:
+        """Return the loading parameter of the equilibrium that was just found at the end of an increment."""
+        return target
+
+    def _check_branch(self, reached: float, guess: np.ndarray) -> None:
+        """Raise an error if the equilibrium at the parameter `reached` is unstable, or does not continue the last one (`check_branch`)."""
+        run = self.run
+        check_branch(run.loading, run.loaded, self.solver, run.state.parameter, reached, guess, run.positions)
 
     def _best(self, guesses: list[np.ndarray], target: float) -> np.ndarray:
         """Return, of several first guesses (n, d), the one with the least residual force at the loading parameter `target`."""
@@ -233,9 +271,9 @@ class Equilibria:
 
         def residual(guess: np.ndarray) -> float:
             forces = np.empty_like(guess)
-            run.loading.apply(target, run.loaded, guess)
+            force = self._force_at(target, guess)
             try:
-                run.loaded(guess, forces)
+                force(guess, forces)
             except InvalidState:
                 return np.inf
             forces *= run.loading.free
@@ -257,7 +295,7 @@ class Equilibria:
         """
         run, state = self.run, self.run.state
         run.note(increments.target, failure=str(error))
-        logger.info("increment to %s failed and is shortened: %s", run.loading.at(increments.target), error)
+        logger.info("increment to %s failed and is shortened: %s", self._at(increments.target), error)
         self._accepted.restore(run, self.solver)
         size, first = increments.size, increments.share == 1
         if not spent and increments.shorten():
@@ -267,7 +305,7 @@ class Equilibria:
             raise cause
         if self._course.adaptive and state.parameter not in (state.begin, *(level["t"] for level in state.levels[-1:])):
             self._record_reached()
-        what = f"the last equilibrium was found at {run.loading.at(state.parameter)}, and none beyond with increments down to {size:.2g}"
+        what = f"the last equilibrium was found at {self._last()}, and none beyond with increments down to {size:.2g}"
         if spent:
             what += f" in {state.wasted} force evaluations, as many as {MOST_SPENT} outputs take (more outputs come closer to the limit)"
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
@@ -310,8 +348,11 @@ class Equilibria:
                 weak = note_of_modes(run.force, "so that small loads may already carry points away")
                 raise RanAway(f"the loads carry the body away: points moved by {moved:.3g} in one increment without equilibrium{weak}")
 
-        least_drive = run.state.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0
-        return self.solver.solve(run.loaded, run.positions, tolerance, report, least_drive)
+        return self.solver.solve(run.loaded, run.positions, tolerance, report, self._least_drive(target))
+
+    def _least_drive(self, target: float) -> float:
+        """Return the least driving force for the criterion of convergence, see `EquilibriumSolver.solve`."""
+        return self.run.state.greatest_drive or np.inf if self.run.loading.at_rest(target) else 0.0
 
     def _keep_or_stop(self, increments: Increments | None) -> None:
         """Write a checkpoint if one is due, and raise Interrupted in a run that should stop.
@@ -335,6 +376,8 @@ class Equilibria:
         state.greatest_drive = max(state.greatest_drive, drive or 0.0)
         level = output_row(run, drive=drive)
         level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
+        if self.stage.control is not None and "stability" in level:
+            level["stability"] = "not checked"
         if drive and level["force_balance"] > MOST_OFF:
             off = f"{100 * level['force_balance']:.2g} % of the forces that drive the body, more than {100 * MOST_OFF:g} %"
             raise Unbalanced(f"loads and reactions are not in balance: their sum is {off}")

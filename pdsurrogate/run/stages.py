@@ -6,6 +6,7 @@ import numpy as np
 
 from ..results.checkpoint import CheckpointError
 from ..solvers.equilibrium import EquilibriumSolver, TooSmall, Unstable
+from .controlled import Controlled, displacement_of, prepare
 from .levels import Equilibria, solver_of
 from .run import Run
 from .transient import Transient
@@ -25,6 +26,7 @@ class SinglePrecisionLeft(RuntimeWarning):
 
 def go(run: Run, resume: bool) -> None:
     """Run the remaining stages of the program; with `resume` begin from the checkpoint of the run."""
+    prepare(run)
     solver = solver_of(run)
     current = _resumed(run, solver) if resume else None
     state = run.state
@@ -47,13 +49,22 @@ def go(run: Run, resume: bool) -> None:
             state.elapsed += current.account.time
         else:
             run.velocities = None
-        state.stage, state.outputs, state.begin, current = follows, 0, state.parameter, None
+        state.stage, state.outputs, current = follows, 0, None
+        state.begin = _begin(run)
 
 
 def _stage_of(run: Run, solver: EquilibriumSolver) -> Equilibria | Transient:
     """Return a new object for the present stage of a run, in equilibrium or in dynamics."""
     stage = run.stages[run.state.stage]
-    return Equilibria(run, stage, solver) if stage.inertia is None else Transient(run, stage)
+    if stage.inertia is not None:
+        return Transient(run, stage)
+    return Equilibria(run, stage, solver) if stage.control is None else Controlled(run, stage, solver)
+
+
+def _begin(run: Run) -> float:
+    """Return where the present stage begins: the loading parameter, or the displacement that the stage controls."""
+    stage = run.stages[run.state.stage] if run.state.stage < len(run.stages) else None
+    return run.state.parameter if stage is None or stage.control is None else displacement_of(run, stage)
 
 
 def _take_double(run: Run, error: TooSmall) -> None:

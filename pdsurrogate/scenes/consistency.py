@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..arguments import suggestion
 from .amplitudes import amplitude_of
+from .loading import controlled_place
 from .regions import FACES, Region, edge_names, label_of_region, references_in, reserved_names
 from .shapes import Mesh
 from .solids import Extrusion, Prism
@@ -25,7 +26,8 @@ MOST_INCREMENTS = 100_000
 def check_consistency(scene: Scene) -> None:
     """Raise ValueError if the parts of a scene, each valid alone, do not fit together, such as a shape of the plane in a solid body."""
     of_body = _spacing, _arrangement, _dimension
-    for check in (*of_body, _way_of_loading, _rigid_regions, _grips, _program, _fracture, _thickness, _amplitudes, _probes, _regions):
+    of_loading = _way_of_loading, _rigid_regions, _grips, _program, _control, _fracture, _thickness, _amplitudes
+    for check in (*of_body, *of_loading, _probes, _regions):
         check(scene)
 
 
@@ -146,10 +148,13 @@ def _grips(scene: Scene) -> None:
 
 
 def _program(scene: Scene) -> None:
-    begin = 0.0
+    begin, before = 0.0, None
     for key, step in _entries(scene, "steps"):
+        if step.control != before:
+            begin, before = 0.0, step.control
         if step.largest_increment is not None and abs(step.to - begin) > MOST_INCREMENTS * step.largest_increment:
-            most = f"{step.largest_increment:g} would need more than {MOST_INCREMENTS:,} increments from t = {begin:g} to {step.to:g}"
+            what = "t" if step.control is None else step.control
+            most = f"{step.largest_increment:g} would need more than {MOST_INCREMENTS:,} increments from {what} = {begin:g} to {step.to:g}"
             raise ValueError(f"{key}.largest_increment: {most}")
         begin = step.to
 
@@ -191,6 +196,36 @@ def _fracture(scene: Scene) -> None:
         tip_diameter_in(scene)  # for which force model, a run checks
 
 
+def _control(scene: Scene) -> None:
+    """Raise ValueError if a step controls a displacement of which t cannot be found, or that no probe has."""
+    controlled = [(f"{key}.control", step.control) for key, step in _entries(scene, "steps") if step.control is not None]
+    for key, control in controlled:
+        name, component = controlled_place(control)
+        names = [probe.name for probe in scene.probes]
+        if name not in names:
+            raise ValueError(f"{key}: there is no probe {name!r}; {suggestion(name, names) if names else 'add one to probes'}")
+        if component >= scene.dimension:
+            raise ValueError(f"{key}: components of a displacement count from 0, so that {scene.dimension - 1} is the last one here")
+        if not scene.loads:
+            raise ValueError(f"{key}: needs loads, of which the step finds the factor t")
+        for other, load in _entries(scene, "loads"):
+            if load.amplitude != "ramp":
+                raise ValueError(
+                    f"{key}: the step finds the factor of the loads, which must be proportional to t: remove {other}.amplitude"
+                )
+        for other, entry in _entries(scene, "prescribed"):
+            if any(entry.displacement) or entry.rotation:
+                raise ValueError(f"{key}: the step finds the factor of the loads alone, but {other} moves with t: prescribe 0 there")
+        if scene.obstacles:
+            raise ValueError(f"{key}: a body with obstacles cannot be controlled by a displacement")
+        if any(step.dynamics is not None for step in scene.steps):
+            raise ValueError(f"{key}: no step of the scene may be in dynamics, whose motion needs the t at which it begins")
+        if scene.fracture is not None:
+            raise ValueError(f"{key}: a scene with fracture cannot be controlled by a displacement")
+        if rigid := next((other for other, part in _entries(scene, "materials") if part.material.rigid), None):
+            raise ValueError(f"{key}: a body with a rigid region ({rigid}) cannot be controlled by a displacement")
+
+
 def _thickness(scene: Scene) -> None:
     for key, load in _entries(scene, "loads"):
         if scene.plane != "stress" and load.thickness is not None:
@@ -203,7 +238,8 @@ def _amplitudes(scene: Scene) -> None:
     for key, entry in _entries(scene, "prescribed", "loads", "obstacles"):
         try:
             for step in scene.steps:
-                amplitude_of(entry.amplitude)(step.to)
+                if step.control is None:
+                    amplitude_of(entry.amplitude)(step.to)
         except ValueError as error:
             raise ValueError(f"{key}.amplitude: {error}") from None
 

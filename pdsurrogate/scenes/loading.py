@@ -1,5 +1,6 @@
 """Loading in a scene: grips and prescriptions, loads, steps and probes."""
 
+import re
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -7,6 +8,9 @@ from pydantic import Field, model_validator
 from .amplitudes import Amplitude
 from .regions import RegionReference
 from .strict_model import Finite, Positive, SpaceDirection, StrictModel, Vector, Whole
+
+CONTROLLED = r"^probes\.(.+)\.displacement\.([0-2])$"
+"""Pattern of the key of a displacement that a step can control: name of the probe, and component."""
 
 LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
@@ -218,6 +222,10 @@ class Step(StrictModel):
         Greatest change of t between two equilibria. Unit: none.
     dynamics : StepDynamics, optional
         Settings of explicit dynamics; without them the step is in equilibrium.
+    control : str, optional
+        Component of the displacement of a probe, such as ``"probes.tip.displacement.0"`` (components count from 0), that the step changes
+        in place of t. `to` and `largest_increment` are then displacements, and t, the factor of the loads, is found: loads can be followed
+        beyond their maximum, like the pressure in a balloon.
 
     See Also
     --------
@@ -234,6 +242,7 @@ class Step(StrictModel):
     outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 1
     largest_increment: Positive | None = None
     dynamics: StepDynamics | None = None
+    control: Annotated[str, Field(pattern=CONTROLLED)] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -243,6 +252,26 @@ class Step(StrictModel):
     def model_post_init(self, _) -> None:
         if self.dynamics is not None and self.largest_increment is not None:
             raise ValueError("largest_increment does not apply to a step in dynamics: leave it out")
+        if self.dynamics is not None and self.control is not None:
+            raise ValueError("control does not apply to a step in dynamics: leave it out")
+
+    @property
+    def kind(self) -> str:
+        """Return the key that tells apart the kinds of steps: ``control`` for one that controls a displacement, else ``dynamics``.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.Step(to=0.5, control="probes.tip.displacement.0").kind
+        'control'
+        """
+        return "dynamics" if self.control is None else "control"
+
+
+def controlled_place(control: str) -> tuple[str, int]:
+    """Return the probe and the component of its displacement that a step controls."""
+    _, name, component, _ = re.split(CONTROLLED, control)
+    return name, int(component)
 
 
 class Probe(StrictModel):

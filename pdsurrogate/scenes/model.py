@@ -8,8 +8,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from ..arguments import suggestion
-from ..body import WEIGHT_FUNCTIONS
 from ..html_tables import html_facts
+from ..kernels.weights import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
 from .consistency import check_consistency
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step

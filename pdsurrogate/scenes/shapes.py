@@ -9,7 +9,7 @@ import scipy
 import shapely
 from pydantic import BeforeValidator, Field
 
-from ..body import encloses
+from ..kernels.polygons import encloses
 from .strict_model import Point, Positive, StrictModel, Whole
 
 MOST_SEED = 2**63 - 1

@@ -16,6 +16,11 @@ their relative errors, by rounding and curvature together, are then some 1e-7 in
 REDUCED = 1e-5
 """Reduction of the residual by such products, after which it is computed anew from central differences."""
 
+LEFT_BY_ROUNDING = 1e-5
+"""Greatest relative residual at which a solution that further products do not improve is accepted. Where a body is soft, as when it is
+slender or near a limit load, forces cause large displacements, whose products have rounding errors of more than the aim: 2e-7 to 1e-6 of
+the forces for a ring near its greatest pressure. The residual in the soft mode is about the relative error of the displacements."""
+
 MEMORY, LEAST_KEPT, MOST_KEPT = 2.5e8, 40, 200
 """Bytes of the directions kept from one solution for the next, and least and greatest number of these directions."""
 
@@ -74,6 +79,7 @@ class TangentEquations:
         """
         left = (self._free * forces).ravel()
         found, aim, began = np.zeros_like(left), max(share_left * float(np.linalg.norm(left)), negligible), self.products
+        rounding = LEFT_BY_ROUNDING * float(np.linalg.norm(left))
         while (size := float(np.linalg.norm(left))) > aim:
             goal = max(aim / 2, REDUCED * size)
             self._reduce(found, left, goal, began + MOST_PRODUCTS)
@@ -81,6 +87,8 @@ class TangentEquations:
                 break
             left = (self._free * (forces - self.forces(found))).ravel()
             if not float(np.linalg.norm(left)) < size / 2:
+                if size <= rounding:
+                    break
                 raise NotConverged("the linear equations of the tangent are not solved: it is nearly singular")
         return found.reshape(forces.shape)
 

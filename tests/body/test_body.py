@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pdsurrogate.body import WEIGHT_FUNCTIONS, Body, ReflectionPlane, grid
+from pdsurrogate.body import Body, ReflectionPlane, grid
+from pdsurrogate.kernels.weights import WEIGHT_FUNCTIONS
 
 
 def test_bonds_are_all_pairs_within_the_horizon(random):

@@ -6,6 +6,7 @@ from bodies import jittered, rotation, sheet
 from conftest import SHIPPED
 
 from pdsurrogate.artifacts import load_surrogate
+from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings, OutsideDomain, OutsideDomainWarning
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.forces.material_points import MaterialPoints
@@ -185,3 +186,15 @@ def test_what_finds_no_equilibrium_says_where_zero_energy_modes_may_be_why(name,
     with pytest.raises(NotConverged) as caught:
         solver.solve(force, positions)
     assert ("force=analytic or force=bond-energy" in str(caught.value)) == told
+
+
+def test_mirrored_pairs_of_a_body_of_more_points_than_32_bits_have_products():
+    """The points of the last columns, beside a plane, have numbers whose product with the number of points is above 2^32."""
+    body = Body.rectangle(16500.0, 4.0, 1.0, 1.5, planes=(ReflectionPlane(0, 16500.0, 1, (-1, 1)), ReflectionPlane(1, 4.0, 1, (1, -1))))
+    kinematics, ghosts, n = Kinematics(body, "float64"), body.ghosts, len(body)
+    assert n * n > 2**32
+    outer, mirrored = kinematics.outer_pairs, kinematics.mirrored_pairs
+    first, ghost = body.bonds.first, body.bonds.second.astype(int) - n
+    np.testing.assert_array_equal(first[mirrored], ghosts.source[ghost[outer]])
+    np.testing.assert_array_equal(ghosts.source[ghost[mirrored]], first[outer])
+    np.testing.assert_array_equal(ghosts.image[ghost[mirrored]], ghosts.image[ghost[outer]])

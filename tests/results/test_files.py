@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from pdsurrogate.artifacts import find_artifact, list_artifacts, load_card, load_surrogate
 from pdsurrogate.artifacts.store import save_artifact
 from pdsurrogate.cli import app
-from pdsurrogate.cli.run import how_to_resume
+from pdsurrogate.cli.simulation import how_to_resume
 from pdsurrogate.results import files
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pds
-from pdsurrogate.cli.run import print_result
+from pdsurrogate.cli.simulation import print_result
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.problem import compile_scene
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pdsurrogate as pds
-from pdsurrogate.cli import run as run_tables
+from pdsurrogate.cli import simulation as run_tables
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.results.drawings import html_page
 from pdsurrogate.scenes import Grip, MaterialSpec, SceneError, Units, load_scene, scene_names

@@ -1,0 +1,297 @@
+"""Simulation by the command ``run``, and functions that print its result."""
+
+import math
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from ..artifacts import default_force, with_material
+from ..artifacts.material import in_words
+from ..forces import ForceModel
+from ..ranks import Communicator
+from ..results import Result
+from ..results.checkpoint import NAME
+from ..results.folder import occupied
+from ..run.interruption import heard
+from ..run.simulate import Progress, SimulationFailed, SimulationInterrupted, simulate
+from ..scenes import Scene
+from .command import check_folder
+from .terminal import FAILED, INTERRUPTED, WARNING, Bar, ended, note, out, print_json, print_table, warn, writing
+
+LEAST_SHARE = 0.01
+"""Force on a region of a sheet, divided by its moment per distance of the body from the origin, below which the moments are printed: the
+region is turned, not pulled. Chosen: with a smaller ratio regions that are turned go unnoticed, with a greater one pulled ones count."""
+
+LEAST_SHOWN = 5e-6
+"""Size of a component, relative to the greatest one of the table, up to which it is printed as 0. Forces and moments are compared with each
+other, too, through the body's distance from the origin. Chosen: the forces in equilibrium are not more accurate."""
+
+
+def simulated(ranks: Communicator, asked: Scene, force: str | None, threads: int | None, options: dict) -> None:
+    """Run a scene with a force model, print its result, and write it to a folder, if given; `options` are those of `simulate`."""
+    described, model = (asked, default_force(asked)) if force is None else with_material(asked, force)
+    if described is not asked:
+        note(f"Material of {model.name}: {in_words(described.material.build())}")
+    folder = None if options["folder"] is None else Path(options["folder"])
+    writes = folder if ranks.rank == 0 else None
+    check_folder(writes)
+    failure = None
+    with ExitStack() as held:
+        if writes is not None:
+            with writing(writes):
+                held.enter_context(occupied(writes))
+        try:
+            with writing(folder), Bar() as bar:
+                result = simulate(described, model, threads=threads, progress=_Shown(described, bar), **options)
+        except SimulationFailed as error:
+            failure, result = error, error.result
+        late = failure is None and heard.is_set()
+        print_result(result)
+        if writes is not None:
+            # The tables of an interrupted run are written, and pictures take their time.
+            if not (late or isinstance(failure, SimulationInterrupted)):
+                with writing(writes):
+                    result.save(writes)
+            note(f"Results in {writes}")
+            if result.in_pieces:
+                note(f"Each rank wrote its own part of the fields, so no picture is drawn; open {described.name}.pvd in ParaView")
+        print_json(result.summary)
+        ranks.barrier()  # a rank that is alone with an error ends the others
+    _warn_of(result, described, model)
+    if late:
+        raise ended(INTERRUPTED, "interrupted after the last output: only the pictures are missing", WARNING)
+    if isinstance(failure, SimulationInterrupted):
+        raise ended(INTERRUPTED, f"{failure}; {how_to_resume(folder)}", WARNING)
+    if failure is not None:
+        raise ended(FAILED, str(failure), "[red]pdsurrogate: the run failed:[/]")
+
+
+def how_to_resume(folder: Path | None) -> str:
+    """Return a text that tells the user how to resume an interrupted run, or why it cannot be resumed."""
+    if folder is None:
+        return "the run cannot be resumed: only runs with --out write checkpoints"
+    if not (folder / NAME).is_file():
+        return "the run cannot be resumed: it had not yet written a checkpoint"
+    return f"to resume from the checkpoint in {folder}, add --resume to the command"
+
+
+def _warn_of(result: Result, scene: Scene, model: ForceModel) -> None:
+    """Print warnings if stability was not checked, or if states lay outside the domain or the test data of the surrogate."""
+    if any(level.get("stability") == "not checked" for level in result.levels):
+        pushed = "The grips compress the body" if scene.stretched else "Parts of the body are compressed"
+        why = f"{model.name} defines no energy; use a force that does, such as bond-energy"
+        if model.family == "bond energy":
+            why = "a pressure has no potential on a part of a closed boundary, and none in plane stress unless its thickness is undeformed"
+        warn(f"{pushed}, but whether it buckles was not checked: {why}.")
+    outside = result.summary["fraction_outside_domain"]
+    if outside and scene.outside != "raise":
+        exact = scene.outside in (None, "fallback")
+        instead = "the exact bond force was used instead" if exact else "the surrogate was extrapolated"
+        warn(f"{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain, where {instead}.")
+    rows = result.summary.get("beyond_data", [])
+    worst = max(rows, key=lambda row: row["share"], default=None)
+    if worst is not None and worst["share"]:
+        farthest = max(row["log_stretch"] for row in rows)
+        at = f"stretch {worst['stretch']:.4g}" if "stretch" in worst else f"t = {worst['t']:.4g}"
+        warn(
+            f"Up to {100 * worst['share']:.2g} % of the bonds (at {at}) were outside the range of the test data of "
+            f"{result.summary['force']}, by at most {farthest:.2g} in logarithmic stretch; the fitted energy was extrapolated there."
+        )
+
+
+class _Shown(Progress):
+    """Progress of a simulation on a progress bar; the bar shows the logarithm of the residual, which falls over many decades."""
+
+    def __init__(self, scene: Scene, bar: Bar) -> None:
+        self._scene, self._bar = scene, bar
+        self._first, self._account = 0.0, ""
+
+    def compiling(self) -> None:
+        """Print that kernels are being compiled."""
+        note("Compiling kernels; later runs on this machine load them from the cache.")
+
+    def level(self, number: int, parameter: float) -> None:
+        """Begin a new bar for entry `number` (from 0) of the scene's ``stretches``, or of its ``steps`` if it has none.
+
+        `parameter` is the value of that entry: a stretch, or a loading parameter t.
+        """
+        if self._scene.stretched:
+            at = f"stretch {parameter:g} ({number + 1}/{len(self._scene.stretches)})"
+        else:
+            at = f"t = {parameter:g} (step {number + 1}/{len(self._scene.steps)})"
+        self._first = 0.0
+        self._bar.show(0.0, title=f"{self._scene.name}: {at}")
+
+    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
+        """Show the residual, and as the share done how far its logarithm has come from the greatest residual to the tolerance."""
+        self._first = max(self._first, residual, 1e-300)
+        span = math.log10(self._first / tolerance)
+        done = math.log10(self._first / max(residual, 1e-300)) / span if span > 0 else 1.0
+        rate = self._bar.rate("evaluations", evaluations)
+        self._bar.show(min(max(done, 0.0), 1.0), f"residual {residual:.1e}, {evaluations} evaluations{rate}")
+
+    def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
+        """Show the share done of a stage in dynamics, with the loading parameter and the number of broken bonds."""
+        broken = f", {broken_bonds} bonds broken" if self._scene.fracture is not None else ""
+        state = f"{'stretch ' if self._scene.stretched else 't = '}{parameter:.4f}{broken}{self._account}"
+        self._bar.show(done, state, f"{self._scene.name}: dynamics")
+
+    def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
+        """Store the energies and the number of time steps per second as text, which the next call of `dynamics` shows."""
+        rate = self._bar.rate("steps", steps)
+        self._account = f", energies {strain_energy:.3g} strain, {kinetic_energy:.2g} kinetic{rate}"
+
+
+def print_result(result: Result) -> None:
+    """Print the result of a run: size of the cells, values at the outputs, cracks, error of the energy balance, and cost."""
+    print_cells(result)
+    if result.levels:
+        (print_levels if result.scene.stretched else _print_outputs)(result)
+    summary = result.summary
+    _print_rates(result)
+    if "crack" in summary:
+        _print_crack(result)
+    for account in summary.get("dynamics", ()):
+        if account["energy_gap"] is None:
+            out.print(f"Energy balance: {account['remark']}")
+        else:
+            put_in = result.scene.units.amount(account["energy_put_in"], "energy", ".4g")
+            out.print(f"Energy balance: closed to {account['energy_gap']:+.2g} % of the {put_in} put in")
+    threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
+    cost = f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond"
+    out.print(f"{cost} on {threads}\n{summary['seconds_total']:.1f} s in total, {summary['seconds_compile']:.1f} s of it compilation")
+
+
+def print_cells(result: Result) -> None:
+    """Print the spacing of a mesh, or the size of the cells if it differs from the spacing in the scene, and the horizon."""
+    summary, asked, units = result.summary, result.scene.spacing, result.scene.units
+    horizon = f"the horizon is {units.amount(summary['horizon'], 'length', '.6g')}"
+    if result.scene.body.shape == "mesh":
+        out.print(f"The mesh has a spacing of {units.amount(summary['spacing'], 'length', '.6g')}; {horizon}")
+    elif any(side != asked for side in summary["cell_size"]):
+        cells = units.amount(" x ".join(f"{side:.6g}" for side in summary["cell_size"]), "length")
+        out.print(f"The cells measure {cells}, the nearest to the spacing of {asked:g} that fills the body; {horizon}")
+
+
+def print_levels(result: Result) -> None:
+    """Print a table of stress and lateral displacement at every stretch, with the exact solution or the reference if there is one."""
+    units, levels = result.scene.units, result.levels
+    compared = any("nominal_stress_reference" in level for level in levels)
+    # The mean narrowing if the exact solution is homogeneous, else the greatest one.
+    homogeneous = any("lateral_displacement_reference" in level for level in levels)
+    lateral = ("lateral_displacement", "lateral") if homogeneous else ("greatest_lateral_displacement", "greatest lateral")
+    columns = [("stretch", [f"{level['stretch']:.10g}" for level in levels])]
+    for key, quantity, unit in ((*lateral, "length"), ("nominal_stress", "stress", "stress")):
+        values, references, errors = ([level.get(name) for level in levels] for name in (key, f"{key}_reference", f"{key}_error"))
+        if all(value is None for value in values):
+            continue
+        columns.append((units.label(quantity, unit), _figures(values)))
+        if compared:
+            percent = ["" if error is None else f"{100 * error:+.4f}" for error in errors]
+            columns += [("exact" if homogeneous else "reference", _figures(references)), ("error (%)", percent)]
+    headings, cells = zip(*columns, strict=True)
+    print_table(_title(result), headings, zip(*cells, strict=True), left=0)
+    print_grip(result)
+
+
+def print_grip(result: Result) -> None:
+    """Print to which grip's cross-section the nominal stress refers, if the cross-sections at the two grips differ."""
+    units, areas, used = result.scene.units, result.summary["grip_areas"], result.levels[-1]["nominal_stress_grip"]
+    other = next(edge for edge in areas if edge != used)
+    if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
+        area, another = (units.amount(areas[edge], "length", ".5g", "^2") for edge in (used, other))
+        force = f"Nominal stress: force of the {used} grip divided by its cross-section of {area}"
+        out.print(f"{force}; the cross-section of the {other} grip is {another}")
+
+
+def _print_outputs(result: Result) -> None:
+    """Print the forces on each region and its moments at every output, and the displacements of the probes.
+
+    The moments are printed in three dimensions, and in the plane if the forces on a region are negligible compared with its moment.
+    """
+    forces, moments, probes = (_by_name(result.levels, kind) for kind in ("forces", "moments", "probes"))
+    distance = float(np.abs(result.body.points).max())
+    force, moment = (max((float(np.abs(values).max()) for values in named.values()), default=0.0) for named in (forces, moments))
+    out.print(_title(result), style="bold", highlight=False)
+    _print_named(result, "Forces on the body", "force", forces, max(force, moment / distance))
+    turned = any(np.abs(forces[name]).max() * distance < LEAST_SHARE * np.abs(moments[name]).max() for name in forces)
+    if result.body.dimension == 3 or turned:
+        _print_named(result, "Moments about the origin", "energy", moments, max(moment, force * distance))
+    if probes:
+        greatest = max(float(np.abs(values).max()) for values in probes.values())
+        _print_named(result, "Displacements of the probes", "length", probes, greatest)
+    contacts = [level["contact"] for level in result.levels if "contact" in level]
+    if contacts:
+        by_name = {name: np.array([[*contact[name].values()] for contact in contacts]) for name in contacts[0]}
+        quantities = [result.scene.units.label("area", "area"), result.scene.units.label("penetration", "length")]
+        _print_named(result, "Contact with obstacles", None, by_name, 0.0, quantities)
+
+
+def _by_name(levels: Sequence[dict], kind: str) -> dict[str, np.ndarray]:
+    """Return the forces, moments or displacements of probes by name, as arrays with a row for each output and a column per component."""
+    rows = [{name: value["displacement"] if kind == "probes" else value for name, value in level.get(kind, {}).items()} for level in levels]
+    return {name: np.array([np.atleast_1d(row[name]) for row in rows]) for name in dict.fromkeys(name for row in rows for name in row)}
+
+
+def _print_named(
+    result: Result, title: str, unit: str | None, named: dict[str, np.ndarray], greatest: float, components: Sequence[str] = ()
+) -> None:
+    """Print a table of vectors by name, a row for each output; components up to `LEAST_SHOWN` times `greatest` are printed as 0.
+
+    `components` are the headings of the components, by default the axes.
+    """
+    levels, rows = result.levels, []
+    timed = any("time" in level for level in levels)
+    for name, values in named.items():
+        for number, (level, vector) in enumerate(zip(levels, values, strict=True)):
+            when = [f"{level['t']:g}", *([f"{level['time']:.4g}" if "time" in level else ""] if timed else [])]
+            rows.append([*(["" if number else name]), *when, *("0" if abs(x) <= LEAST_SHOWN * greatest else f"{x:.5g}" for x in vector)])
+        rows += [None] * (len(levels) > 1)
+    headings = ["name", "t", *([result.scene.units.label("time", "time")] if timed else [])]
+    count = len(next(iter(named.values()))[0]) if named else 0
+    components = components or ([f"x{axis}" for axis in range(1, count + 1)] if count > 1 else ["counter-clockwise"])
+    print_table(result.scene.units.label(title, unit) if unit else title, [*headings, *components], rows, left=1)
+
+
+def _print_rates(result: Result) -> None:
+    """Print the energy release rates of cracks that grow from precuts, at the last output that has them."""
+    units, tips = result.scene.units, result.summary.get("crack", {}).get("tips", [])
+    unit = f" {units.stress} {units.length}" if units.stress and units.length else ""
+    for crack in next((row["cracks"] for row in reversed([*result.levels, *tips]) if row.get("cracks")), ()):
+        rate, tip = crack["energy_release_rate"], ", ".join(f"{value:.3g}" for value in crack["tip"])
+        length = units.amount(crack["length"], "length", ".4g")
+        told = "no room for G" if rate is None else f"G = {rate:.4g}{unit}"
+        touch = "; its faces touch and pass through one another, so G has no meaning" if crack.get("closed") and rate is not None else ""
+        out.print(f"Crack to ({tip}), length {length}: {told}{touch}")
+
+
+def _print_crack(result: Result) -> None:
+    summary, units = result.summary, result.scene.units
+    crack = summary["crack"]
+    if crack["start"] is None:
+        materials = [summary, *summary.get("materials", ()), *summary.get("interfaces", ())]
+        stretches = sorted({f"{one['critical_stretch']:.4g}" for one in materials if "critical_stretch" in one})
+        out.print(f"No bond broke: none reached the critical stretch {' or '.join(stretches)}")
+        return
+    start = crack["start"]
+    where = " and ".join(f"({', '.join(f'{value:.3g}' for value in tip)})" for tip in start["tips"])
+    at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
+    out.print(f"First broken bond: at {where}, {at}")
+    if peak := crack.get("peak"):
+        out.print(f"Peak nominal stress: {units.amount(peak['nominal_stress'], 'stress', '.5g')} at stretch {peak['stretch']:.4f}")
+    body = "the body has come apart" if crack["through"] else "the body holds together"
+    out.print(f"{crack['broken_bonds']} bonds broken, {summary['unsupported_points']} points with too few bonds left; {body}")
+
+
+def _title(result: Result) -> str:
+    return f"{result.summary['scene']}, force {result.summary['force']}, {result.summary['n_points']} points"
+
+
+def _figures(values: Sequence[float | None]) -> list[str]:
+    """Return numbers as text: all with five decimals, or all in the form 1.2345e-06 if the greatest does not fit; None is left empty."""
+    greatest = max((abs(value) for value in values if value is not None), default=0.0)
+    form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
+    # Rounded first, so that no zero has a minus.
+    return ["" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form) for value in values]

@@ -1,0 +1,165 @@
+"""Equilibrium at a prescribed displacement of a place, with the factor of the loads as a further unknown (theory, section 27)."""
+
+from contextlib import suppress
+
+import numpy as np
+import scipy
+
+from ..forces import InvalidState
+from ..forces.internal_force import tangent_of
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
+from .loads import LoadedForce
+from .nearest_bonds import Preconditioner, strain_of_step
+from .tangent import TangentEquations
+
+LARGEST_STRAIN = 0.25
+"""Greatest change of a bond's stretch in one step, as in the quasi-Newton method."""
+
+
+class ControlledForce:
+    """Force of a body whose loads have the factor t at which a weighted sum of the forces on free components vanishes, theory (82).
+
+    The loads must be proportional to t, and nothing else may depend on t. All other attributes are those of the loaded force.
+
+    Parameters
+    ----------
+    loaded : LoadedForce
+    free : ndarray, shape (n, d)
+        1 where a component may move, 0 where it is held.
+    control : ndarray, shape (n, d)
+        Weights of the displacements of the points in the controlled displacement.
+    inner : Preconditioner
+        Approximation of the tangent of the loaded force.
+
+    Attributes
+    ----------
+    factor : float
+        Value of t in the state last evaluated.
+    """
+
+    has_energy = False
+    no_energy_because = "the loads depend on the displacements in displacement control"
+
+    def __init__(self, loaded: LoadedForce, free: np.ndarray, control: np.ndarray, inner: Preconditioner) -> None:
+        self._loaded, self._free, self._control, self._inner, self._dot = loaded, free, control * free, inner, loaded.body.share.dot
+        self._weights: np.ndarray | None = None
+        self._unit, self.factor = np.zeros_like(control), 0.0
+
+    def __getattr__(self, name: str):
+        if name == "_loaded":  # the attribute is missing while an object is being copied
+            raise AttributeError(name)
+        return getattr(self._loaded, name)
+
+    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
+        """Write internal force plus loads at positions (n, d) to `out` (n, d), as `LoadedForce` does, and find the factor of the loads.
+
+        Raises
+        ------
+        InvalidState
+            As for `LoadedForce`, and if the loads do no work on the controlled displacement.
+        """
+        loads = self._loaded.loads
+        loads.set(0.0)
+        self._loaded(positions, out)
+        loads.set(1.0)
+        self._unit = self._loaded.applied()
+        for support in self._loaded.supports:
+            support.fold(self._unit)
+        if self._weights is None:
+            self.update()
+        pull = self._dot(self._weights, self._unit)
+        if pull == 0.0:
+            raise InvalidState("the loads do not change the controlled displacement")
+        self.factor = -self._dot(self._weights, out) / pull
+        loads.set(self.factor)
+        out += self.factor * self._unit
+
+    def tangent(self, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
+        """Return minus the derivative of the forces at positions (n, d), see `tangent_of`; the factor of the loads changes with them."""
+        return tangent_of(self, positions)
+
+    def update(self) -> bool:
+        """Adapt the preconditioner and the weights to the state last evaluated, see `Preconditioner`."""
+        changed = self._inner.update()
+        self._weights = self._inner.solve(self._control) * self._free
+        return changed
+
+    def bordered(self, forces: np.ndarray) -> np.ndarray:
+        """Return the displacements (n, d) under forces (n, d) and a change of t that leaves the controlled displacement as it is."""
+        moved, along = self._inner.solve(forces) * self._free, self.along()
+        return moved - self._dot(self._control, moved) * along
+
+    def along(self) -> np.ndarray:
+        """Return the displacements (n, d) under a change of t at which the controlled displacement is 1, by the preconditioner."""
+        moved = self._inner.solve(self._unit * self._free) * self._free
+        return moved / self._dot(self._control, moved)
+
+
+class DisplacementControl(EquilibriumSolver):
+    """Solver for equilibrium at a given displacement of a place: Newton's method, whose steps do not change this displacement.
+
+    The equilibrium of loads that fall while the body deforms further, beyond a limit load, is stable under this constraint. Products of the
+    tangent are differences of forces, so the force must be in double precision, and the body on one rank.
+
+    Parameters
+    ----------
+    control : ndarray, shape (n, d)
+        As for `ControlledForce`.
+    settings
+        As for `EquilibriumSolver`.
+
+    Attributes
+    ----------
+    factor : float
+        Factor of the loads in the equilibrium found last.
+
+    References
+    ----------
+    Batoz and Dhatt, Int. J. Numer. Methods Eng. 14 (1979) 1262-1267.
+    """
+
+    name = "displacement-control"
+    needs_tangent = True
+
+    # Permitted residual of the linear equations of an iteration, divided by the forces on free points: far from equilibrium their
+    # solution need not be better than the linearization.
+    SHARE_LEFT = 1e-2
+
+    # Least fraction of a step that is tried, and greatest number of iterations: usual are the whole step, and three to six.
+    LEAST_STEP, MOST = 1 / 16, 30
+
+    def __init__(self, control: np.ndarray, *settings) -> None:
+        super().__init__(*settings)
+        self._control, self.factor = control, np.nan
+
+    def controlled(self, force: LoadedForce) -> ControlledForce:
+        """Return a loaded force with the factor of its loads as an unknown."""
+        return ControlledForce(force, self.free, self._control, self.preconditioner(force))
+
+    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
+        tolerance, began, controlled = tolerance or self.tolerance, force.evaluations, self.controlled(force)
+        forces, trial = np.empty_like(positions), np.empty_like(positions)
+        self.begin(force, least_drive)
+        self.evaluate(controlled, positions, forces)
+        residual, settled = self.judge(controlled, forces, tolerance)
+        for _ in range(self.MOST):
+            if settled:
+                self.factor = controlled.factor
+                return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
+            equations = TangentEquations(controlled, positions, self.free, Preconditioner(controlled.bordered, controlled.update))
+            step, size, share = equations.displacements(forces, self.SHARE_LEFT), float(np.linalg.norm(forces)), 1.0
+            step *= min(1.0, LARGEST_STRAIN / max(strain_of_step(force.body, step), 1e-300))
+            while True:
+                np.multiply(step, share, out=trial)
+                trial += positions
+                with suppress(InvalidState):
+                    self.evaluate(controlled, trial, forces)
+                    if float(np.linalg.norm(forces)) < size:
+                        break
+                share /= 2
+                if share < self.LEAST_STEP:
+                    raise Diverging(f"a step of Newton's method does not reduce the residual of {residual:.2g}")
+            positions[:] = trial
+            residual, settled = self.judge(controlled, forces, tolerance)
+            report(force.evaluations - began, residual)
+        raise self.not_converged(force, residual, force.evaluations - began, tolerance)

@@ -1,0 +1,154 @@
+"""Steps that control the displacement of a probe and find the factor of the loads, beyond its maximum."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, root
+from stopping import killed_with_levels
+
+import pdsurrogate as pds
+from pdsurrogate import simulate
+
+INNER, OUTER, K = 1.0, 2.0, 100.0
+
+TIP, NEAR = (0.96, 0.396), {"near": (0.96, 0.396)}
+HELD = [{"region": "left", "x1": 0, "x2": 0}, {"region": "right", "x1": 0}]
+PUSHED = [{"region": NEAR, "force": (0, -1.0), "name": "top"}]
+DOWN = "probes.tip.displacement.1"
+NEWTON = {"solver": {"method": "newton", "tolerance": 1e-9}, "precision": "float64"}
+
+
+def arch(**keys):
+    """Half of a shallow arch that snaps through under a force at its top."""
+    given = {
+        "name": "arch",
+        "spacing": 0.04,
+        "body": {"shape": "polygon", "vertices": [(0, 0), (1, 0.35), (1, 0.47), (0, 0.12)]},
+        "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": K},
+        "prescribed": HELD,
+        "probes": [{"name": "tip", "at": TIP}],
+    }
+    return pds.Scene.model_validate(given | keys)
+
+
+def snapped(**keys):
+    return arch(loads=PUSHED, steps=[{"to": -0.6, "outputs": 6, "control": DOWN}], **keys)
+
+
+def stresses(stretches):
+    """Nominal stresses of the neo-Hookean law of the scene, mu = 1, at three principal stretches."""
+    x = np.asarray(stretches)
+    J = x.prod()
+    return (J ** (-2 / 3) * (x**2 - (x**2).sum() / 3) + K / 4 * (J - 1 / J) * (1 + J**-2) * J) / x
+
+
+def pressure(displacement, deformed):
+    """Pressure on a ring in plane stress at a displacement of its inner boundary: d(P_R)/dR = (P_theta - P_R)/R, shot to P_R = 0."""
+    hoop = 1 + displacement / INNER
+
+    def left_over(load):
+        def inside(pair):
+            radial, _, across = stresses((pair[0], hoop, pair[1]))
+            return [radial + load * hoop * (pair[1] if deformed else 1.0), across]
+
+        pair = root(inside, [hoop**-0.5, hoop**-0.5], tol=1e-13).x
+
+        def slopes(R, state):
+            nonlocal pair
+
+            def off(pair):
+                radial, _, across = stresses((pair[0], state[0] / R, pair[1]))
+                return [radial - state[1], across]
+
+            pair = root(off, pair, tol=1e-13).x
+            return [pair[0], (stresses((pair[0], state[0] / R, pair[1]))[1] - state[1]) / R]
+
+        begin = [INNER + displacement, stresses((pair[0], hoop, pair[1]))[0]]
+        return solve_ivp(slopes, (INNER, OUTER), begin, rtol=1e-8, atol=1e-10).y[1, -1]
+
+    return brentq(left_over, 0.5, 0.75, xtol=1e-9)
+
+
+def test_an_arch_snaps_through_as_under_a_prescribed_displacement():
+    """The two runs have the same discrete equilibria: the force that one finds is the reaction of the other."""
+    result = simulate(snapped(**NEWTON), "bond-energy")
+    factors = [level["t"] for level in result.levels]
+    assert max(factors) > 2 * factors[3]  # beyond the maximum, before the load grows again
+    assert factors[5] > 2 * factors[3]
+    for level in (result.levels[2], result.levels[5]):
+        assert level["method"] == "displacement-control"
+        top = {"region": NEAR, "x2": level["displacements"]["top"][1], "name": "top"}
+        other = simulate(arch(prescribed=[*HELD, top], steps=(0.25, 0.5, 0.75, 1.0), **NEWTON), "bond-energy").levels[-1]
+        assert level["t"] == pytest.approx(-other["forces"]["top"][1], rel=1e-5)
+        assert other["probes"]["tip"]["displacement"] == pytest.approx(level["probes"]["tip"]["displacement"], rel=1e-5)
+    assert [row["t"] for row in result.history] == factors
+    assert [row["tip_displacement_2"] for row in result.history] == pytest.approx(np.linspace(-0.1, -0.6, 6), abs=1e-12)
+
+
+def test_a_ring_is_followed_beyond_its_greatest_pressure():
+    """Pressures per undeformed thickness have their maximum, 0.6634, near a displacement of 4 inner radii."""
+    steps = [{"to": to, "control": "probes.inner.displacement.0"} for to in (1.0, 3.0, 4.0, 6.0)]
+    scene = pds.load_scene("ring-pressure", {"spacing": 0.1, "steps": steps, "loads.0.thickness": "undeformed"})
+    levels = simulate(scene, "bond-energy").levels
+    assert levels[2]["t"] > levels[3]["t"]
+    for level in levels:
+        along = level["probes"]["inner"]["displacement"][0], np.hypot(*level["probes"]["inner-diagonal"]["displacement"][:2])
+        assert level["t"] == pytest.approx(pressure(np.mean(along), deformed=False), rel=5e-3)
+
+
+def test_a_step_of_t_can_follow_and_resumes_to_the_same_bits(tmp_path):
+    scene = arch(loads=PUSHED, steps=[{"to": -0.3, "outputs": 3, "control": DOWN}, 0.001])
+    whole = simulate(scene, "bond-energy", folder=tmp_path / "whole")
+    assert whole.levels[3]["t"] == 0.001
+    for count in (1, 3):
+        with killed_with_levels(count):
+            simulate(scene, "bond-energy", folder=tmp_path / f"cut-{count}")
+        resumed = simulate(scene, "bond-energy", folder=tmp_path / f"cut-{count}", resume=True)
+        assert resumed.levels == whole.levels
+        assert resumed.history == whole.history
+    assert [moment.t for moment in whole.states.moments] == [level["t"] for level in whole.levels]
+
+
+def test_sensitivities_are_found_beyond_the_maximum():
+    """The derivative of the displacement by t is one over that of t by the displacement, from two equilibria beside."""
+    control = "probes.inner.displacement.0"
+    scene = pds.load_scene(
+        "ring-pressure", {"spacing": 0.25, "loads.0.thickness": "undeformed"} | {"steps": [{"to": 5.0, "control": control}]}
+    )
+    found = simulate(scene, "bond-energy").sensitivity([control], ["t"])
+    steps = [{"to": to, "control": control} for to in (4.99, 5.01)]
+    beside = [
+        level["t"]
+        for level in simulate(scene.model_copy(update={"steps": tuple(map(pds.Step.model_validate, steps))}), "bond-energy").levels
+    ]
+    assert beside[1] < beside[0]
+    assert found.derivatives[0, 0] == pytest.approx(0.02 / (beside[1] - beside[0]), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"probes": []}, "steps.0.control: there is no probe 'tip'; add one to probes"),
+        ({"loads": [], "prescribed": [*HELD, {"region": NEAR, "x2": 0}]}, "steps.0.control: needs loads"),
+        ({"loads": [{**PUSHED[0], "amplitude": "sine"}]}, r"must be proportional to t: remove loads.0.amplitude"),
+        ({"prescribed": [*HELD, {"region": "bottom", "x2": 0.1}]}, r"prescribed.2 moves with t: prescribe 0 there"),
+        ({"steps": [{"to": 1, "control": "probes.tip.displacement.2"}]}, "1 is the last one here"),
+        ({"steps": [{"to": 1, "control": "tip.displacement"}]}, "steps.0.control"),
+        ({"fracture": {"critical_stretch": 2.0}, "steps": [{"to": 1, "control": DOWN}]}, "fracture"),
+        (
+            {"steps": [{"to": 1, "control": DOWN}, {"to": 1, "dynamics": {"duration": 1, "density": 1}}]},
+            "no step of the scene may be in dynamics",
+        ),
+    ],
+)
+def test_what_cannot_be_controlled_is_refused(changes, message):
+    given = {"loads": PUSHED, "steps": [{"to": -0.6, "control": DOWN}]} | changes
+    with pytest.raises(ValueError, match=message):
+        arch(**given)
+
+
+def test_solvers_and_precisions_that_cannot_control_are_refused():
+    with pytest.raises(pds.SceneError, match=r"steps\.0\.control needs solver\.method=automatic or newton, not relaxation"):
+        simulate(snapped(solver={"method": "relaxation"}), "bond-energy")
+    with pytest.raises(pds.SceneError, match=r"needs forces in double precision, but the scene sets precision=float32"):
+        simulate(snapped(precision="float32"), "bond-energy")
