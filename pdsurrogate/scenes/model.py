@@ -135,6 +135,8 @@ class Criterion(StrictModel):
 class InterfaceFracture(Criterion):
     """Fracture of the bonds that cross from one material to another, given by either `critical_stretch` or `energy`.
 
+    Between materials with different laws or parameters, `critical_stretch` alone: no crack tips were measured there.
+
     Parameters
     ----------
     between : pair of str
@@ -143,8 +145,9 @@ class InterfaceFracture(Criterion):
     critical_stretch : float, optional
         Stretch of a bond beyond which it breaks permanently. Unit: none.
     energy : float, optional
-        Fracture energy per undeformed area of a crack along the interface, converted as that of `fracture`; only between materials of
-        equal law. Unit: stress length.
+        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
+        tip, and the package rejects it if no diameter was measured for the force model, the plane, the arrangement of the points and
+        `horizon_ratio`. Unit: stress length.
     """
 
     between: tuple[str, str]
