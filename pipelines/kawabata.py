@@ -71,7 +71,9 @@ def stress_by_stress() -> str:
             left_out[~known] = off[name][~known]
         # W is a sum over the stretches: its curvatures by their logarithms are those of the summands.
         stretch = np.geomspace(0.25, 4.0, 2001)
-        curvature = (model.weights_ * stretch[:, None] ** model.exponents_).sum(axis=1) / model.weights_.sum()
+        curvature = (
+            sum(weight * stretch**term.number for term, weight in zip(model.terms_, model.weights_, strict=True)) / model.weights_.sum()
+        )
         slope = stiffness_slopes(
             pds.AnalyticBondForce(model.law_).bond_force, pds.training_samples(model.law_, 10_000, off_surface=0).X
         ).min()
@@ -241,7 +243,7 @@ def least_error(energy: SymmetricExponentials, known: np.ndarray, greatest: bool
 
 def of_classes(scattered: np.ndarray) -> str:
     """What classes of energies could do at best, and what they foretell; with and without measurements that their neighbors deny."""
-    powers = SymmetricExponentials((one, 0.0, 0.0) for one in dictionary(max(POSITIVE), max(NEGATIVE)))
+    powers = SymmetricExponentials((term.number, 0.0, 0.0) for term in dictionary(max(POSITIVE), max(NEGATIVE)))
     # Closer exponents, or more of them, differ by too little for weights of any sign.
     whole = SymmetricExponentials((float(one), 0.0, 0.0) for one in (*range(-4, 0), *range(1, 7)))
     classes = {"powers, nonnegative weights": (powers, True), "powers, Hencky-convex": (whole, False)}

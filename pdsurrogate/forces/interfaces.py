@@ -419,8 +419,7 @@ class Interfaces:
             *product(self._jump_back, on_jumps, on_points, every=self._watched),
             *on_apart,
             own_moments,
-            *product(self._one_sided_back, columns, pulls, every=True, variable=True),
-            fold[1],
+            *([*product(self._one_sided_back, columns, pulls, every=True, variable=True), fold[1]] if self._one_sided.nnz else []),
         ]
 
 
