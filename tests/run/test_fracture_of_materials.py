@@ -112,9 +112,10 @@ QUICK = {"stretches": [1.02], "dynamics": {**LAYERS["dynamics"], "stretch": 1.4,
 )
 def test_the_energy_of_torn_layers_is_accounted_for(plane, stiffer):
     """A crack along the interface of unequal layers releases what the body loses: the account closes within 0.5 %."""
-    summary = pds.simulate(
-        scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, plane=plane, **QUICK), "bond-energy"
-    ).summary
+    # In plane strain the free ends bulge over the grips at greater stretches.
+    quick = QUICK | {"dynamics": QUICK["dynamics"] | {"stretch": 1.4 if plane == "stress" else 1.25}}
+    layers = scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, plane=plane, **quick)
+    summary = pds.simulate(layers, "bond-energy").summary
     assert summary["crack"]["broken_bonds"] > 10
     (account,) = summary["dynamics"]
     assert abs(account["greatest_energy_gap"]) < 0.5
