@@ -12,6 +12,7 @@ logging.getLogger(__name__).addHandler(logging.NullHandler())
 _NAMES = {
     "artifacts": "ArtifactError load_card load_pipeline load_surrogate",
     "body": "Body",
+    "calibration": "SceneRegressor",
     "forces": "AnalyticBondForce BondEnergyForce ForceSettings",
     "identification": "fit_to_tests load_test_data",
     "learning": (

@@ -2,6 +2,7 @@
 
 from . import artifacts as artifacts
 from . import body as body
+from . import calibration as calibration
 from . import forces as forces
 from . import identification as identification
 from . import learning as learning
@@ -18,6 +19,7 @@ from .artifacts import load_card as load_card
 from .artifacts import load_pipeline as load_pipeline
 from .artifacts import load_surrogate as load_surrogate
 from .body import Body as Body
+from .calibration import SceneRegressor as SceneRegressor
 from .forces import AnalyticBondForce as AnalyticBondForce
 from .forces import BondEnergyForce as BondEnergyForce
 from .forces import ForceSettings as ForceSettings

@@ -19,6 +19,7 @@ COMMANDS = {
     "compare": ("measure", "Measure speed and error of force models, next to NOSB and BA-NOSB, on one thread and on all."),
     "materials": ("lists", "List the material laws with their parameters."),
     "identify": ("fit", "Identify the parameters of material laws from test data."),
+    "calibrate": ("calibrate", "Fit a law to displacement fields and forces measured on a body that a scene describes."),
     "run": ("run", "Run a scene, and compare the result with the reference of the scene if it has one."),
     "scenes": ("lists", "List the built-in scenes, or show (and plot) one of them."),
     "new": ("lists", "Create a commented scene file to start from."),

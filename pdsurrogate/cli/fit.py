@@ -190,7 +190,7 @@ def fit(
             warn(text)
         if refusals and not force_fit:
             raise ValueError(f"{'; '.join(refusals)}; --force-fit continues anyway")
-    with _TrainingBar() as bar, listening(bar.iteration):
+    with TrainingBar() as bar, listening(bar.iteration):
         write = settings.train(material, members, hull, tests and tests.report, bar.begin)
     with writing(folder), bad_input(TooInexact, status=FAILED):
         # The next version is that of now: another fit of the same name may have ended since.
@@ -297,7 +297,7 @@ def print_errors(report: dict) -> None:
     print_table("State at rest, and stiffness", ("quantity", "model", "exact"), cells, left=1)
 
 
-class _TrainingBar(Bar):
+class TrainingBar(Bar):
     """Progress bar of fits: the stage, which of several fits is running, and its iterations."""
 
     _begun, _iterations = ("", 0, 1), 0

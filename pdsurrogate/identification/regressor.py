@@ -7,6 +7,7 @@ from numbers import Integral, Real
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares, nnls
 from sklearn.utils._param_validation import Interval, StrOptions
 
@@ -132,19 +133,53 @@ class LawRegressor(StressRegressor):
         fits = [self._refined(start, X, y, root, incompressible_stress) for start in starts]
         best, *_ = min(fits, key=lambda one: one[-1].cost)
         values, jacobian, found = self._refined(best, X, y, root, nominal_stress)
-        names = self._names()
+        names = self.unknowns()
         at_bound = [name for name, active in zip(names, found.active_mask, strict=True) if active]
-        self._store(self._law_of(values), names, values, jacobian, 2 * found.cost, at_bound)
+        self._store(self.law_of(values), names, values, jacobian, 2 * found.cost, at_bound)
         return self
 
-    def _names(self) -> list[str]:
-        """Return the names of the unknown parameters of the law, in the order of their values in the fit."""
+    def unknowns(self) -> list[str]:
+        """Return the names of the unknown parameters of the law.
+
+        Returns
+        -------
+        list of str
+            Names in the order of the values in `law_of`.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.identification.LawRegressor("yeoh").unknowns()
+        ['shear_modulus', 'second', 'third']
+        """
         if self.law != Ogden.name:
             return ["shear_modulus", *LAWS[self.law].bounds]
         return [f"{what}_{number}" for what in ("modulus", "exponent") for number in range(1, self.n_terms + 1)]
 
-    def _law_of(self, values: np.ndarray) -> Law:
-        """Return the law with given values of its unknown parameters; moduli of Ogden's law are given by their absolute values."""
+    def law_of(self, values: ArrayLike) -> Law:
+        """Return the law with given values of its unknown parameters.
+
+        Parameters
+        ----------
+        values : array-like, shape (n_parameters,)
+            Values in the order of `unknowns`; moduli of Ogden's law are given by their absolute values.
+
+        Returns
+        -------
+        Law
+
+        Raises
+        ------
+        ValueError
+            If the values are not those of a law.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.identification.LawRegressor("gent").law_of([0.4, 80.0]).bulk_modulus
+        400.0
+        """
+        values = np.asarray(values, dtype=float)
         if self.law != Ogden.name:
             return LAWS[self.law](float(values[0]), self._bulk(float(values[0])), *map(float, values[1:]))
         sizes, exponents = np.split(values, 2)
@@ -152,17 +187,33 @@ class LawRegressor(StressRegressor):
         modulus = float((moduli * exponents).sum() / 2)
         return Ogden(modulus, self._bulk(modulus), tuple(moduli), tuple(exponents))
 
-    def _bounds(self, start: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the lower and upper bounds of the unknown parameters, and a mask of the parameters searched for by their logarithm.
+    def search_range(self, start: ArrayLike, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the bounds of the unknown parameters, and which of them are searched for by their logarithm.
 
-        The logarithm serves for positive parameters that range over decades. The stresses `y` set the bounds of the moduli.
-        Ogden's exponents keep the signs that they have in `start`.
+        The logarithm serves for positive parameters that range over decades. Ogden's exponents keep the signs that they have in `start`.
+
+        Parameters
+        ----------
+        start : array-like, shape (n_parameters,)
+            Values from which the search starts; laws other than Ogden's do not need them.
+        scale : float
+            Greatest stress of the data, which sets the bounds of the moduli.
+
+        Returns
+        -------
+        low, high : ndarray, shape (n_parameters,)
+        logarithmic : ndarray of bool, shape (n_parameters,)
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.identification.LawRegressor("gent").search_range([], 1.0)[2].tolist()
+        [True, True]
         """
-        scale = max(np.abs(y).max(), 1e-300)
         if self.law != Ogden.name:
             low, high = np.array([(1e-6 * scale, 1e6 * scale), *LAWS[self.law].bounds.values()]).T
             return low, high, low > 0
-        n, most, positive = self.n_terms, self.greatest_exponent, start[self.n_terms :] > 0
+        n, most, positive = self.n_terms, self.greatest_exponent, np.asarray(start)[self.n_terms :] > 0
         low = np.concatenate([np.full(n, 1e-9 * scale), np.where(positive, 0.1, -most)])
         high = np.concatenate([np.full(n, 1e6 * scale), np.where(positive, most, -0.1)])
         return low, high, np.repeat([True, False], n)
@@ -172,14 +223,14 @@ class LawRegressor(StressRegressor):
 
         ``stress(law, X)`` gives the nominal stresses of a law, and `root` holds square roots of row weights.
         """
-        *bounds, logarithmic = self._bounds(start, y)
+        *bounds, logarithmic = self.search_range(start, max(np.abs(y).max(), 1e-300))
 
         def value(searched):
             return np.exp(searched, out=searched.copy(), where=logarithmic)
 
         def residuals(searched):
             try:
-                predicted = stress(self._law_of(value(searched)), X)
+                predicted = stress(self.law_of(value(searched)), X)
             except ValueError:  # parameters between the bounds that are not those of a law
                 return np.full(len(y), 1e3)
             # Past its limit a law has no stress: a large residual.
@@ -194,10 +245,10 @@ class LawRegressor(StressRegressor):
 
     def _candidates(self, X, y, root):
         """Yield (squared error, parameters) of a law other than Ogden's for each point of a grid, with the best shear modulus."""
-        low, high, _ = self._bounds(np.empty(0), y)
+        low, high, _ = self.search_range(np.empty(0), max(np.abs(y).max(), 1e-300))
         for shape in _grid(low[1:], high[1:]):
             try:
-                unit = incompressible_stress(self._law_of(np.array([1.0, *shape])), X)
+                unit = incompressible_stress(self.law_of(np.array([1.0, *shape])), X)
             except ValueError:
                 continue
             if np.isfinite(unit).all():

@@ -51,7 +51,12 @@ class State:
     steps : int
         Steps in dynamics.
     wasted : int
-        Number of force evaluations for the present planned increment of the loading since an attempt at it failed; 0 if none has failed.
+        Number of force evaluations for the present planned increment of the loading since an attempt at it failed, with those for earlier
+        increments of the output that took many; 0 if none has failed.
+    begun : int
+        Number of force evaluations of the run when the search for the present output in equilibrium began.
+    costs : list of int
+        Force evaluations for every output in equilibrium so far.
     greatest_drive : float
         Greatest sum of the magnitudes of loads or reactions (`Equilibrium.drive`) of the outputs so far.
     crack : dict or None
@@ -73,8 +78,10 @@ class State:
     elapsed: float = 0.0
     steps: int = 0
     wasted: int = 0
+    begun: int = 0
     greatest_drive: float = 0.0
     crack: dict | None = None
+    costs: list[int] = field(default_factory=list)
     dynamics: list[dict] = field(default_factory=list)
     levels: list[dict] = field(default_factory=list)
     history: list[dict] = field(default_factory=list)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
-from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, falls, no_report, window_of
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooSmall, check_growth, falls, no_report, window_of
 from .nearest_bonds import strain_of_step
 from .stability import FrequencyEstimate
 from .tangent import TangentEquations
@@ -80,6 +80,7 @@ class QuasiNewton(EquilibriumSolver):
             forces = following
             report(evaluations, residual)
             residuals.append(residual)
+            check_growth(residuals[0], residual)
             before, now = residuals[-2 * self.WINDOW : -self.WINDOW], residuals[-self.WINDOW :]
             lost = evaluations >= self.PATIENCE and not min(now) < 0.1 * min(before, default=0.0)
             if not settled and (lost or evaluations >= self.most_evaluations):
@@ -184,9 +185,7 @@ class EnergyMinimizer(QuasiNewton):
 class SteppingSolver(EquilibriumSolver):
     """Base class of solvers for equilibrium by damped motion in time steps, with one force evaluation per step."""
 
-    # The iteration diverges if the residual exceeds this multiple of its first value (or of shear modulus / spacing).
-    # One that is not stable grows without bound; waves of a stable one exceed the first value by less.
-    MOST_GROWTH = 1e3
+    steps_in_time = True
     # Searches with fictitious mass that doubles each time: the last allows for a tangent that becomes 32 times as stiff.
     MOST_RESTARTS = 6
     # In single precision a residual that has not fallen by a tenth for so many evaluations has reached its rounding error.
@@ -222,8 +221,7 @@ class SteppingSolver(EquilibriumSolver):
             self.evaluate(force, positions, forces)
             residual, settled = self.judge(force, forces, tolerance)
             evaluations, first = force.evaluations - began, first or residual
-            if not residual < self.MOST_GROWTH * max(first, 1.0):
-                raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
+            check_growth(first, residual)
             if residual < 0.9 * least:
                 least, found = residual, evaluations
             if settled or evaluations % 10 == 0:
@@ -315,6 +313,10 @@ class Automatic(EquilibriumSolver):
     def __init__(self, *settings) -> None:
         super().__init__(*settings)
         self._settings, self._sure = settings, DynamicRelaxation(*settings)
+
+    @property
+    def steps_in_time(self) -> bool:
+        return self.gave_up
 
     def preconditioner(self, force):
         return self._method(force).preconditioner(force)

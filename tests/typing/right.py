@@ -108,3 +108,6 @@ identified = pds.fit_to_tests(pds.identification.LawRegressor("ogden", n_terms=2
 free = pds.identification.EnergyRegressor(max_terms=4, bulk_modulus=1000.0)
 members: list = pds.identification.committee(free, np.ones((3, 2)), np.ones(3), n_members=4)
 deviation: np.ndarray = pds.identification.committee_spread(np.ones(3), np.ones((4, 3)))
+
+calibrated = pds.SceneRegressor("hole", "gent").fit([[1.0, 0.0, 0.0, 0.0]], [3.0], standard_deviation=[0.01])
+limit: float = float(calibrated.standard_errors_[1])

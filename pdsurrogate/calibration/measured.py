@@ -1,0 +1,211 @@
+"""Scene whose measurements in a table are simulated, with their derivatives by the numbers of its law."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..artifacts import load_surrogate
+from ..body import fields_at
+from ..forces import InvalidState
+from ..materials import Law
+from ..problem.materials import checked_models, scene_errors
+from ..results import Result
+from ..run.sensitivity import Differentiated
+from ..run.simulate import SimulationFailed, simulate
+from ..scenes import Scene, SceneError
+from ..scenes.reading import leaves
+from ..scenes.regions import EDGES
+from ..solvers.equilibrium import NoEquilibrium
+
+FORCE = "bond-energy"
+"""Force model of calibrations: the exact energy of a law, which converges with the spacing at any bulk modulus."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of a table of measurements on one scene.
+
+    Attributes
+    ----------
+    step : ndarray of int, shape (n,)
+        Number of the output of the scene, from 1.
+    quantity : ndarray of int, shape (n,)
+        1, 2 or 3 for a component of the displacement; 0, -1 and so on for the first, the second output and so on.
+    places : ndarray, shape (n, d)
+        Undeformed places of displacements; without meaning for outputs.
+    """
+
+    step: np.ndarray
+    quantity: np.ndarray
+    places: np.ndarray
+
+    @property
+    def is_field(self) -> np.ndarray:
+        """Mask, shape (n,), of the rows that are displacements."""
+        return self.quantity > 0
+
+
+def with_law(scene: Scene, law: Law, spacing: float | None = None) -> Scene:
+    """Return a scene with another law of its material, and optionally another spacing."""
+    data = scene.model_dump(mode="json") | {"material": numbers_of(law) | {"law": law.name}}
+    return Scene.model_validate(data if spacing is None else data | {"spacing": spacing})
+
+
+def numbers_of(law: Law) -> dict:
+    """Return the independent parameters of a law: those of a law of sums of terms imply its shear modulus."""
+    found = law.describe()
+    del found["law"]
+    if hasattr(law, "lists"):
+        del found["shear_modulus"]
+    return found
+
+
+def pulled(scene: Scene) -> tuple[str, float]:
+    """Return the dotted key of the force of the region that a scene pulls farthest, and the sign with which it is positive in tension."""
+    if scene.stretched:
+        grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
+        axis, side = EDGES[grip.edge]
+        return f"forces.{grip.edge}.{axis}", float(side)
+    entries = [(abs(value), value, axis, entry) for entry in scene.prescribed for axis, value in enumerate(entry.displacement) if value]
+    if not entries:
+        raise ValueError(f"scene {scene.name} pulls no region: name what was measured instead of its force, as outputs=['energy']")
+    _, value, axis, entry = max(entries, key=lambda one: one[0])
+    name = entry.name or entry.region
+    if not isinstance(name, str):
+        raise ValueError(f"scene {scene.name}: give the prescribed region a name (prescribed.name), by which its force is reported")
+    return f"forces.{name}.{axis}", float(np.sign(value))
+
+
+class MeasuredScene:
+    """Scene with a table of what was measured on it; simulates the measurements for a law.
+
+    Parameters
+    ----------
+    scene : Scene
+    rows : Rows
+    outputs : sequence of str, optional
+        Dotted keys of measurements of an output, those of the quantities 0, -1, and so on; by default the force of the region pulled.
+    """
+
+    def __init__(self, scene: Scene, rows: Rows, outputs: Sequence[str] | None = None) -> None:
+        self.scene, self.rows = scene, rows
+        self.outputs = [pulled(scene)] if outputs is None else [(name, 1.0) for name in outputs]
+        self._check()
+        self._places, at = np.unique(rows.places[rows.is_field], axis=0, return_inverse=True)
+        self._at = np.full(len(rows.step), -1)
+        self._at[rows.is_field] = at.ravel()
+        self._steps = np.unique(rows.step).tolist()
+        self.count = len(self._steps)
+        self._base: Differentiated | None = None
+        self._guesses: dict[int, np.ndarray] = {}
+
+    def simulate(self, law: Law, spacing: float | None = None) -> tuple[np.ndarray, Result]:
+        """Simulate the scene; return the measurements of the rows, shape (n,), and the result of the run.
+
+        Raises
+        ------
+        SimulationFailed
+            If an output is not reached with this law.
+        """
+        result = simulate(with_law(self.scene, law, spacing), FORCE)
+        found = np.empty(len(self.rows.step))
+        places = self._interpolation(result)
+        for step in self._steps:
+            level, here = self._level(result, step), self.rows.step == step
+            row = dict(leaves(level))
+            moved = result.displacement(level["number"])
+            fields = np.stack([matrix @ moved[:, axis] for axis, matrix in enumerate(places)], axis=1) if places else np.empty((0, 0))
+            found[here] = self._of_rows(here, [sign * self._named(row, name) for name, sign in self.outputs], fields)
+        return found, result
+
+    def begin(self, law: Law) -> np.ndarray:
+        """Simulate the scene at its own spacing as the start of `differentiate`; return the measurements of the rows."""
+        values, result = self.simulate(law)
+        self._loading = "stretch" if self.scene.stretched else "t"
+        levels = {step: self._level(result, step) for step in self._steps}
+        self._parameters = {step: level[self._loading] for step, level in levels.items()}
+        self._guesses = {step: result.displacement(level["number"]) for step, level in levels.items()}
+        if self._base is None:
+            scene = with_law(self.scene, law)
+            self._base = Differentiated(scene, checked_models(scene, load_surrogate(FORCE)), self._places if len(self._places) else None)
+        return values
+
+    def differentiate(self, law: Law, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the measurements of the rows, shape (n,), and their derivatives by numbers of the law, shape (n, names).
+
+        Parameters
+        ----------
+        law : Law
+        names : sequence of str
+            Names of numbers such as "material.shear_modulus"; without names only the measurements are computed.
+
+        Raises
+        ------
+        NoEquilibrium, InvalidState, SimulationFailed
+            If the equilibria are not found with this law.
+        """
+        body = self._base.changed(dict(leaves(numbers_of(law), key="material")))
+        values, derivatives = np.empty(len(self.rows.step)), np.empty((len(self.rows.step), len(names)))
+        outputs = list(dict.fromkeys(name for name, _ in self.outputs)) if (self.rows.quantity < 1).any() else []
+        for step in self._steps:
+            try:
+                found = body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
+            except (NoEquilibrium, InvalidState):
+                self.begin(law)  # in increments, as a run goes
+                found = body.jacobian(self._parameters[step], self._guesses[step], outputs, names)
+            self._guesses[step] = found.displacements
+            here, count = self.rows.step == step, len(outputs)
+            for target, source in ((values, found.values[:, None]), (derivatives, found.derivatives)):
+                rows = [sign * source[outputs.index(name)] for name, sign in self.outputs] if count else []
+                fields = source[count:].reshape(len(self._places), self.scene.dimension, source.shape[1])
+                target[here] = self._of_rows(here, rows, fields).reshape(target[here].shape)
+        return values, derivatives
+
+    def _check(self) -> None:
+        """Raise ValueError for steps or quantities that the scene does not have."""
+        rows, d = self.rows, self.scene.dimension
+        count = len(self.scene.stretches) if self.scene.stretched else None
+        if rows.step.min() < 1 or (count is not None and rows.step.max() > count):
+            most = f", the number of its stretches ({count})" if count else ""
+            wrong = rows.step.min() if rows.step.min() < 1 else rows.step.max()
+            raise ValueError(f"step {wrong}: the outputs of scene {self.scene.name} are numbered from 1{most}")
+        if rows.quantity.max() > d or rows.quantity.min() <= -len(self.outputs):
+            wrong = rows.quantity.max() if rows.quantity.max() > d else rows.quantity.min()
+            known = f"1 to {d} are components of the displacement, and 0 to {1 - len(self.outputs)} outputs"
+            raise ValueError(f"quantity {wrong}: {known.replace('0 to 0 outputs', '0 is the output')} of scene {self.scene.name}")
+
+    def _level(self, result: Result, step: int) -> dict:
+        """Return the entry of the levels of a result for a step, with its number among the states."""
+        levels = result.levels
+        if step > len(levels) or "time" in levels[step - 1]:
+            at_rest = sum("time" not in level for level in levels)
+            raise ValueError(f"step {step}: scene {self.scene.name} has {at_rest} outputs in equilibrium, numbered from 1")
+        return levels[step - 1] | {"number": step - 1}
+
+    def _interpolation(self, result: Result) -> tuple:
+        """Return, for each axis, the weights of the points' displacements in those at the places of the rows."""
+        if not len(self._places):
+            return ()
+        with scene_errors(self.scene):
+            return fields_at(result.body, self._places, None)[0]
+
+    def _named(self, row: dict, name: str) -> float:
+        if not isinstance(row.get(name), float):
+            known = ", ".join(key for key, value in row.items() if isinstance(value, float))
+            raise ValueError(f"outputs: scene {self.scene.name} has no {name!r}; its outputs have {known}")
+        return row[name]
+
+    def _of_rows(self, here: np.ndarray, outputs: list, fields: np.ndarray) -> np.ndarray:
+        """Return the entries of the rows `here`, a mask, from those of the outputs (m, ...) and of the places (k, d, ...)."""
+        quantity, field = self.rows.quantity[here], self.rows.is_field[here]
+        found = np.empty((len(quantity), *(fields.shape[2:] if field.any() else np.shape(outputs)[1:])))
+        if field.any():
+            found[field] = fields[self._at[here][field], quantity[field] - 1]
+        if not field.all():
+            found[~field] = np.array(outputs)[-quantity[~field]]
+        return found
+
+
+FAILURES = (NoEquilibrium, InvalidState, SimulationFailed, SceneError)
+"""Errors with which a law has no equilibrium in a scene."""

@@ -1,0 +1,557 @@
+"""Regressor that finds the parameters of a law from measurements on bodies, by simulations of the tests and their derivatives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from numbers import Integral, Real
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial import cKDTree
+from scipy.stats import chi2
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from ..arguments import check_kind, in_order
+from ..identification import LawRegressor, fitted_laws, nominal_stress
+from ..materials import LAWS, Ogden
+from ..scenes import Mesh, Scene, load_scene
+from ..scenes.reading import leaves
+from .measured import FAILURES, MeasuredScene, Rows, numbers_of
+
+COLUMNS = ("step", "quantity", "x1", "x2", "x3")
+"""Columns of a table of measurements; the last one for solids only."""
+
+FORCE_SCATTER = 0.005
+"""Standard deviation of outputs such as forces without a given one, relative to the greatest in the table: that of common load cells."""
+
+LEAST_SCATTER = 1e-6
+"""Least standard deviation of displacements without a given one, relative to the greatest displacement: files have about six digits."""
+
+NEIGHBORS = 13
+"""Number of places, with the place itself, to which a quadratic is fitted in order to estimate the scatter of displacements: about twice
+its six coefficients in the plane. In space 20 neighbors serve its ten coefficients."""
+
+ORDER = 1.5
+"""Order in the spacing with which displacements and forces of sheets with holes converge (theory, section 28)."""
+
+UNDETERMINED = 0.5
+"""Relative standard error of a combination of parameters from which on the test does not determine it."""
+
+SHARE = 0.3
+"""Least component of a parameter, in the unit vector of an undetermined combination, at which the parameter is named."""
+
+ROUNDS = 3
+"""Most fits with a new correction of the discretization error: each changes the parameters by a small part of the change before."""
+
+SETTLED = 0.1
+"""Change of all parameters, in their standard errors, below which the correction of the discretization error is not computed again."""
+
+MOST_STEPS = 60
+"""Most laws that a search tries: well-posed fits take five to ten."""
+
+PENALTY = 1e3
+"""Residual, in standard deviations, of all rows with parameters for which the scene has no equilibrium: the search then turns back."""
+
+EXPONENTS = ((2.0,), (2.0, -2.0), (1.3, 5.0, -2.0), (1.3, 5.0, -2.0, 8.0))
+"""Exponents from which Ogden's law with one to four terms starts: those of Ogden (1972) for three terms."""
+
+
+@dataclass(eq=False, repr=False)
+class SceneRegressor(RegressorMixin, BaseEstimator):
+    """Parameters of a law from measurements on a body of any shape, such as displacement fields and forces.
+
+    The test is described by a scene. Its equilibria and their exact derivatives by the parameters (theory, section 23) are those of a
+    bounded least-squares iteration (Gauss-Newton steps in a trust region), so that noisy fields are never differentiated. The simulation
+    at the spacing of the scene is corrected by the difference of a finer simulation of the fitted law, and what this leaves of the
+    discretization error is part of the standard errors (theory, section 28).
+
+    Parameters
+    ----------
+    scene : Scene, str, path or list of these, default="hole"
+        Test, or several tests of one material. The material in a scene serves as the start of the search if it has the law that is
+        fitted, and gives K/mu unless `bulk_ratio` or `bulk_modulus` does.
+    law : str, default="neo-hookean"
+        Name of the law.
+    n_terms : int, default=3
+        Number of terms of Ogden's law; without effect for other laws.
+    outputs : sequence of str, optional
+        Dotted keys of measurements of an output, such as ``"forces.right.0"`` or ``"probes.tip.displacement.1"``: those of the quantities
+        0, -1, -2 and so on. By default the force of the region that is pulled, positive in tension.
+    refine : int, default=3
+        Ratio of the spacing of the scene to that of the finer simulation; 1 for no correction of the discretization error.
+    bulk_ratio : float, optional
+        K/mu of the law.
+    bulk_modulus : float, optional
+        K instead of K/mu, in the unit of the stresses.
+
+    Attributes
+    ----------
+    law_ : Law
+        Law with the parameters found.
+    parameter_names_ : list of str
+    parameters_ : ndarray, shape (n_parameters,)
+    covariance_ : ndarray, shape (n_parameters, n_parameters)
+        Covariance from the standard deviations of the measurements, times the lack of fit if it exceeds 1, plus the square of the change
+        of the parameters by the remaining discretization error.
+    standard_errors_ : ndarray, shape (n_parameters,)
+        Infinite for parameters that the data do not determine at all.
+    correlation_ : ndarray, shape (n_parameters, n_parameters)
+    at_bound_ : list of str
+        Parameters at a bound, whose standard errors have no meaning.
+    undetermined_ : list of str
+        Parameters in combinations whose relative standard error exceeds one half.
+    lack_of_fit_ : float
+        Sum of the squared residuals in standard deviations, divided by the degrees of freedom; 1 is expected.
+    p_value_ : float
+        Probability of a greater sum in a test of this law with these standard deviations.
+    residuals_ : ndarray, shape (n_samples,)
+        Measurements minus the fit, in their units.
+    standard_deviations_ : ndarray, shape (n_samples,)
+        Standard deviations of the measurements, given or estimated.
+    discretization_ : ndarray, shape (n_samples,)
+        Correction of the simulation at the spacing of the scene, in the units of the measurements.
+    n_simulations_ : int
+        Number of simulated equilibria, derivatives not counted.
+    n_features_in_ : int
+
+    See Also
+    --------
+    pdsurrogate.identification.LawRegressor : fits a law to the stresses of homogeneous tests.
+    pdsurrogate.Result.sensitivity : derivatives of a simulation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pdsurrogate as pds
+    >>> scene = pds.load_scene("hole", spacing=0.25, stretches=[1.1, 1.2])
+    >>> X = [[1, 0, 0, 0], [2, 0, 0, 0]]  # the forces of the first and the second stretch
+    >>> found = pds.SceneRegressor(scene, refine=1).fit(X, [0.855, 1.526], standard_deviation=[0.01, 0.01])
+    >>> found.parameter_names_, bool(found.standard_errors_[0] < 0.02 * found.parameters_[0])
+    (['shear_modulus'], True)
+    """
+
+    _parameter_constraints: ClassVar = {
+        "scene": "no_validation",
+        "law": [StrOptions(set(fitted_laws()))],
+        "n_terms": [Interval(Integral, 1, 4, closed="both")],
+        "outputs": [None, "array-like"],
+        "refine": [Interval(Integral, 1, None, closed="left")],
+        "bulk_ratio": [None, Interval(Real, 0, None, closed="neither")],
+        "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
+    }
+
+    scene: Scene | str | Path | Sequence = "hole"
+    law: str = "neo-hookean"
+    n_terms: int = 3
+    outputs: Sequence[str] | None = None
+    refine: int = 3
+    bulk_ratio: float | None = None
+    bulk_modulus: float | None = None
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "law_")
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns of the table of measurements, in their order in arrays.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.SceneRegressor("hole").columns
+        ('step', 'quantity', 'x1', 'x2')
+        """
+        scenes = self._scenes()
+        several = isinstance(self.scene, list | tuple)
+        return (*(("scene",) if several else ()), *COLUMNS[: 2 + scenes[0].dimension])
+
+    def fit(self, X, y, sample_weight=None, standard_deviation=None):
+        """Fit the parameters of the law to measurements.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, 2 + d)
+            What was measured, in the columns ``step``, the number of the output of the scene from 1; ``quantity``: 1, 2 or 3 for a part
+            of the displacement and 0, -1, ... for `outputs`; and ``x1``, ``x2`` (and ``x3``), the undeformed place, which outputs do not
+            need: any numbers serve there. For a list of scenes the first column is ``scene``, the number of the scene from 0. A table
+            (pandas) has these columns in any order.
+        y : array-like, shape (n_samples,)
+            Measured values in the units of the scene; the force of a sheet is per unit of thickness.
+        sample_weight : array-like, shape (n_samples,), optional
+            Weights of the squared residuals, in standard deviations; 0 leaves a row out.
+        standard_deviation : float or array-like, shape (n_samples,), optional
+            Standard deviation of each measurement. By default that of displacements is estimated from the differences of each field from
+            local quadratic fits, and that of outputs is 0.5 % of the greatest one.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If X has other columns, steps or quantities than the scene, a place lies outside the body, or the law has no equilibrium at the
+            start of the search.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> scene = pds.load_scene("hole", spacing=0.25)
+        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.01)
+        >>> model.parameter_names_
+        ['shear_modulus']
+        """
+        self._forget()
+        self._validate_params()
+        self._scenes()
+        X, y = validate_data(self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True)
+        weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        used = weight > 0
+        if not used.any():
+            raise ValueError("all sample weights are zero")
+        self._tests = self._tests_of(X[used])
+        if standard_deviation is None:
+            deviation = self.stated_deviations(X, y, {})
+        else:
+            deviation = np.broadcast_to(np.asarray(standard_deviation, dtype=float), y.shape).copy()
+        if not (np.isfinite(deviation) & (deviation > 0)).all():
+            raise ValueError("standard_deviation must be one positive number, or one for each measurement")
+        self._fitted(y[used], np.sqrt(weight[used]) / deviation[used])
+        self.standard_deviations_, self.residuals_ = deviation, np.full(len(y), np.nan)
+        self.discretization_ = np.full(len(y), np.nan)
+        self.discretization_[used], self.residuals_[used] = self._correction, y[used] - self._found
+        del self._tests, self._correction, self._found
+        return self
+
+    def predict(self, X):
+        """Return simulated measurements of the fitted law, at the spacing of the finer simulation.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, 2 + d)
+            As for `fit`.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+
+        Raises
+        ------
+        SimulationFailed
+            If the scene has no equilibrium with the fitted law.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> scene = pds.load_scene("hole", spacing=0.25)
+        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.01)
+        >>> model.predict([[1, 0, 0, 0]]).round(3).tolist()
+        [3.0]
+        """
+        check_is_fitted(self)
+        X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
+        tests = self._tests_of(X)
+        found = np.empty(len(X))
+        for test, here in tests:
+            found[here] = test.simulate(self.law_, self._fine(test.scene))[0]
+        return found
+
+    def nominal_stress(self, X) -> tuple[np.ndarray, np.ndarray]:
+        """Return nominal stresses of the fitted law in homogeneous states, with their standard errors by the covariance of the parameters.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, 2)
+            Stretches along the stress and across it, as for `pdsurrogate.identification.LawRegressor`.
+
+        Returns
+        -------
+        stress, standard_error : ndarray, shape (n_samples,)
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> scene = pds.load_scene("hole", spacing=0.25)
+        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
+        >>> stress, error = model.nominal_stress([[1.5, 1.5**-0.5]])
+        >>> (error / stress).round(3).tolist()
+        [0.01]
+        """
+        check_is_fitted(self)
+        X, values, columns = np.asarray(X, dtype=float), self.parameters_, []
+        for number, step in enumerate(1e-5 * self._scales()):
+            change = step * np.eye(len(values))[number]
+            sides = [nominal_stress(self._unknown.law_of(values + sign * change), X) for sign in (1, -1)]
+            columns.append((sides[0] - sides[1]) / (2 * step))
+        jacobian = np.stack(columns, axis=1)
+        return nominal_stress(self.law_, X), np.sqrt(np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian))
+
+    def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
+        """Return standard deviations of measurements: stated ones of all displacements or all outputs, and estimated ones of the others.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, 2 + d)
+            As for `fit`.
+        y : array-like, shape (n_samples,)
+        stated : dict
+            Standard deviation by kind: 1 for displacements, 0 for outputs; None for an estimate, as `fit` makes it.
+
+        Returns
+        -------
+        ndarray, shape (n_samples,)
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> pds.SceneRegressor("hole").stated_deviations([[1, 0, 0, 0]], [3.0], {0: None, 1: 1e-3}).tolist()
+        [0.015]
+        """
+        X, y = np.asarray(in_order(X, self.columns, "X"), dtype=float), np.asarray(y, dtype=float)
+        found = np.empty(len(y))
+        for test, here in self._tests_of(X):
+            found[here] = _estimated(test.rows, y[here])
+            for kind, value in stated.items():
+                if value is not None:
+                    found[here[test.rows.is_field == bool(kind)]] = value
+        return found
+
+    def _forget(self) -> None:
+        """Delete the results of an earlier fit, which must not outlive a failed one."""
+        for key in [key for key in vars(self) if key.endswith("_") and not key.startswith("_")]:
+            delattr(self, key)
+
+    def _scenes(self) -> list[Scene]:
+        """Return the scenes, loaded if they are given by name; raise ValueError for none or for bodies of different dimension."""
+        scenes: list[Scene] = []
+        given: Sequence = self.scene if isinstance(self.scene, list | tuple) else [self.scene]
+        for one in (load_scene(each) if isinstance(each, str | Path) else each for each in given):
+            check_kind(one, Scene, "scene", "a Scene, or the name or file of one, or a list of these")
+            if self.refine > 1 and isinstance(one.body, Mesh):
+                raise ValueError(f"refine: scene {one.name} is a mesh, which has a spacing of its own: set refine=1 (--refine 1)")
+            scenes.append(one)
+        if not scenes:
+            raise ValueError("scene: the list is empty; give at least one scene")
+        if len({one.dimension for one in scenes}) > 1:
+            raise ValueError("scene: bodies in the plane and solids cannot share a table, as their places have different columns")
+        return scenes
+
+    def _fine(self, scene: Scene) -> float | None:
+        """Return the spacing of the finer simulation of a scene; None for the scene's own."""
+        return None if self.refine == 1 or scene.spacing is None else scene.spacing / self.refine
+
+    def _tests_of(self, X: np.ndarray) -> list[tuple[MeasuredScene, np.ndarray]]:
+        """Return each scene with its rows of a table, and the numbers of these rows."""
+        scenes, columns = self._scenes(), self.columns
+        if X.shape[1] != len(columns):
+            raise ValueError(f"X must have the columns {', '.join(columns)}, but n_features = {X.shape[1]}")
+        whole = X[:, : X.shape[1] - scenes[0].dimension]
+        if (whole != np.round(whole)).any():
+            wrong = whole[whole != np.round(whole)][0]
+            raise ValueError(f"{', '.join(columns[: whole.shape[1]])} must be whole numbers, not {wrong:g}")
+        number = whole[:, 0] if len(columns) > 2 + scenes[0].dimension else np.zeros(len(X))
+        if (number < 0).any() or (number >= len(scenes)).any():
+            raise ValueError(f"scene: the {len(scenes)} scenes are numbered from 0, so that there is no {number.max():g}")
+        step, quantity = whole[:, -2:].astype(int).T
+        tests = []
+        for which, scene in enumerate(scenes):
+            here = np.flatnonzero(number == which)
+            if len(here):
+                rows = Rows(step[here], quantity[here], X[here][:, whole.shape[1] :])
+                tests.append((MeasuredScene(scene, rows, self.outputs), here))
+        return tests
+
+    def _fitted(self, y: np.ndarray, root: np.ndarray) -> None:
+        """Set the results of the fit to values with roots of weights; keep the simulated values and the correction."""
+        self._unknown = LawRegressor(self.law, self.n_terms).set_params(**self._bulk())
+        start = self._start(y, root)
+        scale = float(self._unknown.law_of(start).shear_modulus)
+        low, high, logarithmic = self._unknown.search_range(start, scale)
+
+        def values(x):
+            return np.exp(x, out=x.copy(), where=logarithmic)
+
+        x, low, high = (np.log(each, out=np.array(each, dtype=float), where=logarithmic) for each in (start, low, high))
+        x = np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+        correction, law_of = np.zeros(len(y)), lambda x: self._unknown.law_of(values(x))
+        for test, _ in self._tests:
+            test.begin(law_of(x))
+        search = _Search(self._tests, law_of, y, root)
+        for number in range(ROUNDS if self.refine > 1 else 1):
+            # Changes of the cost by less than these are those of parameters within a part of their standard errors.
+            close = 1e-3 if self.refine > 1 and not number else 1e-2 / len(y)
+            bounds = {"bounds": (low, high), "x_scale": "jac"}
+            found = least_squares(search.residuals, x, search.jacobian, **bounds, ftol=close, xtol=1e-8, gtol=1e-12, max_nfev=MOST_STEPS)
+            moved, x = found.x - x, found.x
+            if self.refine == 1:
+                break
+            errors = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)))
+            if number and (np.abs(moved) <= SETTLED * errors).all():
+                break
+            fine = np.empty(len(y))
+            for test, here in self._tests:
+                fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
+            correction = fine - search.values(x)
+            search.y = y - correction
+        self.n_simulations_ = search.count
+        simulated = search.values(x) + correction
+        self._store(x, values, found, logarithmic, root * (y - simulated), root * correction)
+        self._found, self._correction = simulated, correction
+
+    def _store(self, x, values, found, logarithmic, residuals, correction) -> None:
+        """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the solution."""
+        jacobian = found.jac / np.where(logarithmic, values(x), 1.0)
+        self.parameter_names_, self.parameters_ = self._unknown.unknowns(), values(x)
+        self.law_ = self._unknown.law_of(self.parameters_)
+        self.at_bound_ = [name for name, active in zip(self.parameter_names_, found.active_mask, strict=True) if active]
+        free = len(residuals) - len(x)
+        self.lack_of_fit_ = float((residuals**2).sum() / free) if free > 0 else np.nan
+        self.p_value_ = float(chi2.sf((residuals**2).sum(), free)) if free > 0 else np.nan
+        scales = self._scales()
+        left, singular, right = np.linalg.svd(jacobian * scales, full_matrices=False)
+        known = singular > 1e-10 * singular.max(initial=0.0)
+        inverse = (right[known].T / singular[known]) @ left[:, known].T
+        covariance = inverse @ inverse.T * max(1.0, self.lack_of_fit_ if free > 0 else 1.0)
+        remaining = inverse @ (correction / (self.refine**ORDER - 1)) if self.refine > 1 else np.zeros(len(x))
+        covariance += np.outer(remaining, remaining)
+        unknown = (np.abs(right[~known]) > SHARE).any(axis=0) if not known.all() else np.zeros(len(x), dtype=bool)
+        doubtful = ~known | (1 / np.where(known, singular, 1.0) > UNDETERMINED)
+        named = (np.abs(right[doubtful]) > SHARE).any(axis=0)
+        self.undetermined_ = [name for name, one in zip(self.parameter_names_, named, strict=True) if one]
+        covariance = covariance * np.outer(scales, scales)
+        errors = np.sqrt(np.diag(covariance))
+        self.correlation_ = covariance / np.outer(np.where(errors > 0, errors, 1.0), np.where(errors > 0, errors, 1.0))
+        covariance[unknown, unknown] = np.inf
+        self.covariance_, self.standard_errors_ = covariance, np.sqrt(np.diag(covariance))
+
+    def _scales(self) -> np.ndarray:
+        """Return the sizes of the parameters by which they are compared: their values, or a hundredth of the range between bounds."""
+        spans = [LAWS[self.law].bounds.get(name, (0.0, 0.0)) for name in self.parameter_names_]
+        return np.maximum(np.abs(self.parameters_), [1e-2 * min(high - low, 1.0) for low, high in spans])
+
+    def _bulk(self) -> dict[str, float]:
+        """Return the bulk modulus or its ratio, as arguments of a `LawRegressor`: given, or that of the first scene with a material."""
+        if self.bulk_modulus is not None or self.bulk_ratio is not None:
+            given = {"bulk_modulus": self.bulk_modulus, "bulk_ratio": self.bulk_ratio}
+            return {key: value for key, value in given.items() if value is not None}
+        for scene in self._scenes():
+            if scene.material is not None:
+                return {"bulk_ratio": scene.law().bulk_modulus / scene.law().shear_modulus}
+        return {}
+
+    def _start(self, y: np.ndarray, root: np.ndarray) -> np.ndarray:
+        """Return the parameters at which the search starts: those of a scene or the law's defaults, with moduli that fit the forces."""
+        stated = [scene.law() for scene in self._scenes() if scene.material is not None and scene.material.law == self.law]
+        if self.law == Ogden.name:
+            exponents = np.array(EXPONENTS[self.n_terms - 1])
+            sizes = 1 / np.abs(exponents)
+            if stated and isinstance(stated[0], Ogden) and len(stated[0].exponents) == self.n_terms:
+                sizes, exponents = np.abs(stated[0].moduli), np.array(stated[0].exponents)
+            start = np.concatenate([sizes, exponents])
+        else:
+            law = stated[0] if stated else LAWS[self.law]()
+            start = np.array([getattr(law, name) for name in self._unknown.unknowns()])
+        outputs, product, square = self.outputs or ["forces."], 0.0, 0.0
+        for test, here in self._tests:
+            forces = test.rows.quantity < 1
+            if test.scene.loads or not forces.any() or not all(name.startswith("forces.") for name in outputs):
+                continue
+            try:
+                simulated = test.simulate(self._unknown.law_of(start))[0]
+            except FAILURES as error:
+                raise ValueError(f"{self.law}: the search cannot start at {self._unknown.law_of(start).describe()}: {error}") from None
+            weight, product = root[here][forces] ** 2, product + 0.0
+            product += float((weight * simulated[forces] * y[here][forces]).sum())
+            square += float((weight * simulated[forces] ** 2).sum())
+        if product > 0 and square > 0:
+            start[: self.n_terms if self.law == Ogden.name else 1] *= product / square
+        return start
+
+
+class _Search:
+    """Weighted residuals of a law at the measurements, and their Jacobian by the search variables, for `scipy.optimize.least_squares`."""
+
+    def __init__(self, tests: list, law_of, y: np.ndarray, root: np.ndarray) -> None:
+        self.tests, self.law_of, self.y, self.root, self.count = tests, law_of, y, root, 0
+        self.known: dict[bytes, np.ndarray] = {}
+        self.differentiated: dict[bytes, np.ndarray] = {}
+
+    def values(self, x: np.ndarray) -> np.ndarray:
+        """Return the measurements at the search variables; raise one of `FAILURES` where a scene has no equilibrium."""
+        key = x.tobytes()
+        if key not in self.known:
+            self.known[key] = self._differentiated(x, [])[0]
+        return self.known[key]
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        try:
+            return self.root * (self.values(x) - self.y)
+        except (*FAILURES, ValueError):
+            return np.full(len(self.y), PENALTY)
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        if x.tobytes() in self.differentiated:
+            return self.root[:, None] * self.differentiated[x.tobytes()]
+        law, step = self.law_of(x), 1e-6
+        numbers = dict(leaves(numbers_of(law), key="material"))
+        sides = []
+        for change in step * np.eye(len(x)):
+            ahead, behind = (dict(leaves(numbers_of(self.law_of(x + sign * change)), key="material")) for sign in (1, -1))
+            sides.append([(ahead[name] - behind[name]) / (2 * step) for name in numbers])
+        chain = np.array(sides).T
+        moving = [row for row, changes in enumerate(chain) if changes.any()]
+        values, derivatives = self._differentiated(x, [list(numbers)[row] for row in moving])
+        self.known[x.tobytes()], self.differentiated[x.tobytes()] = values, derivatives @ chain[moving]
+        return self.root[:, None] * self.differentiated[x.tobytes()]
+
+    def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
+        law, values, derivatives = self.law_of(x), np.empty(len(self.y)), np.empty((len(self.y), len(names)))
+        for test, here in self.tests:
+            self.count += test.count
+            values[here], derivatives[here] = test.differentiate(law, names)
+        return values, derivatives
+
+
+def _estimated(rows: Rows, values: np.ndarray) -> np.ndarray:
+    """Return estimated standard deviations of measurements on one scene, shape (n,)."""
+    found = np.empty(len(values))
+    for quantity in np.unique(rows.quantity):
+        same = rows.quantity == quantity
+        size = np.abs(values[same]).max() or 1.0
+        found[same] = FORCE_SCATTER * size if quantity < 1 else max(_scatter(rows, values, same), LEAST_SCATTER * size)
+    return found
+
+
+def _scatter(rows: Rows, values: np.ndarray, same: np.ndarray) -> float:
+    """Return the standard deviation of one component of measured displacements, from its differences from local quadratic fits.
+
+    The median over all places is that of a normal distribution, and does not notice the few places where the field bends sharply. With too
+    few places in each field it is 0.
+    """
+    found = []
+    for step in np.unique(rows.step[same]):
+        here = same & (rows.step == step)
+        places, u = rows.places[here], values[here]
+        d = places.shape[1]
+        count = NEIGHBORS if d == 2 else 20
+        if len(u) < 2 * count:
+            continue
+        near = cKDTree(places).query(places, count)[1]
+        off = places[near] - places[:, None]
+        off /= np.abs(off).max(axis=(1, 2), keepdims=True)
+        quadratic = [off[..., i] * off[..., j] for i in range(d) for j in range(i, d)]
+        basis = np.concatenate([np.ones((*near.shape, 1)), off, np.stack(quadratic, axis=-1)], axis=2)
+        # Row of the hat matrix of each place in its own fit: the variance of the residual is 1 - h.
+        hat = (basis @ np.linalg.pinv(basis))[:, 0]
+        left = 1 - hat[:, 0]
+        residual = u - (hat * u[near]).sum(axis=1)
+        found.append((residual / np.sqrt(np.maximum(left, 1e-6)))[left > 1e-6])
+    return float(np.median(np.abs(np.concatenate(found))) / 0.6745) if found else 0.0

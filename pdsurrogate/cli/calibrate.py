@@ -1,0 +1,105 @@
+"""Command ``calibrate``, which finds a law from displacement fields and forces measured on a body that a scene describes."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from ..artifacts.store import new_artifact, next_version
+from ..calibration import SceneRegressor, reporting
+from ..forces.identity import digest_of
+from ..identification import fitted_laws
+from ..identification.regressor import N_TERMS
+from ..identification.reporting import bulk_arguments
+from ..learning.fitting import TooInexact
+from ..learning.levenberg_marquardt import listening
+from ..learning.settings import FitSettings
+from ..results import figures
+from ..results.files import write_json
+from ..scenes import load_scene
+from ..scenes.reading import parse_change
+from .command import SCENE_HELP, Overwrite, SetScene, check_folder
+from .completion import scenes
+from .fit import BulkModulus, Terms, TrainingBar
+from .terminal import FAILED, Bar, bad_input, note, out, print_json, print_table, warn, writing
+
+FIELDS_HELP = "CSV file of displacements with the columns step, x1, x2, u1, u2 (solids: also x3 and u3)."
+FORCES_HELP = "CSV file with the columns step and force, of the region that is pulled."
+
+
+def calibrate(
+    scene: Annotated[str, Argument(metavar="SCENE", autocompletion=scenes, help=f"{SCENE_HELP}. Step k is its k-th output.")],
+    name: Annotated[str, Argument(metavar="NAME", help="Name of the new artifact.")],
+    *,
+    fields: Annotated[Path | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)] = None,
+    forces: Annotated[Path | None, Option("--forces", metavar="G.csv", help=FORCES_HELP)] = None,
+    law: Annotated[str, Option(metavar="LAW", autocompletion=fitted_laws, help="Law whose parameters are fitted.")],
+    terms: Terms = None,
+    field_noise: Annotated[float | None, Option(help="Standard deviation of the displacements (default: estimated).", min=0)] = None,
+    force_noise: Annotated[float | None, Option(help="Standard deviation of the forces (default: 0.5 % of the greatest).", min=0)] = None,
+    refine: Annotated[int, Option(help="Spacing divided by that of the finer simulation; 1: no correction.", min=1)] = 3,
+    bulk_modulus: BulkModulus = None,
+    bulk_ratio: Annotated[float | None, Option(help="Ratio of bulk modulus to shear modulus (default: that of the scene).")] = None,
+    change: SetScene = None,
+    folder: Annotated[Path, Option("--out", metavar="DIR", help="Folder for the artifact, calibration.json and the figures.")],
+    overwrite: Overwrite = False,
+) -> None:
+    """Fit the parameters of a law to the measurements, store an artifact of the law, and print and write a report."""
+    if terms is not None and law != "ogden":
+        raise ValueError("--terms needs --law ogden")
+    bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
+    test = load_scene(scene, dict(parse_change(item) for item in change or ()))
+    X, y = reporting.measurements(test, fields, forces)
+    with bad_input(OSError):
+        new_artifact(folder, name, next_version(folder, name))
+    asked = {"scene": test.model_dump(mode="json"), "law": law, "terms": terms or N_TERMS, **bulk, "refine": refine, "name": name}
+    asked |= {"field_noise": field_noise, "force_noise": force_noise, "digest": digest_of({"X": X.tolist(), "y": y.tolist()})}
+    check_folder(folder, "calibration.json", asked, overwrite)
+    model, began = SceneRegressor(test, law, terms or N_TERMS, refine=refine, **bulk), time.perf_counter()
+    with Bar(f"Calibrating {law} in {test.name}"):
+        model.fit(X, y, standard_deviation=model.stated_deviations(X, y, {1: field_noise, 0: force_noise}))
+    found = reporting.report(model, X, y)
+    seconds = time.perf_counter() - began
+    print_calibrated(found)
+    data = f"{fields.name if fields else ''}{' and ' if fields and forces else ''}{forces.name if forces else ''} in {test.name}"
+    settings = FitSettings(energy=test.plane != "stress", folds=0)
+    with TrainingBar() as bar, listening(bar.iteration):
+        write = settings.train(model.law_, identification={"data": data, **found}, progress=bar.begin)
+    with writing(folder), bad_input(TooInexact, status=FAILED):
+        path = write(folder, name, None)
+        write_json(folder / "calibration.json", {"asked": asked, "artifact": str(path), **found, "seconds": seconds})
+        for which, drawn in reporting.figures(model, X, y).items():
+            figures.save(drawn, folder / f"calibration-{which}.png")
+    print_json({"artifact": str(path), **found, "seconds": seconds})
+    note(f"Wrote {path}, and the report in {folder}")
+
+
+def print_calibrated(found: dict) -> None:
+    """Print the parameters of a calibrated law with their standard errors, the residuals, and what the test leaves open."""
+    cells = []
+    for name, value in found["parameters"].items():
+        error = found["standard_errors"][name]
+        shown = "at its bound" if name in found["at_bound"] else "not determined by the data" if error is None else f"{error:.2g}"
+        cells.append((name, f"{value:.5g}", shown))
+    print_table(f"{found['law']['law']}, calibrated", ("parameter", "value", "standard error"), cells, left=1)
+    columns = {"rows": "rows", "noise": "standard_deviation", "RMS residual": "rms_residual", "lack of fit": "lack_of_fit"}
+    columns |= {"discretization": "rms_discretization"}
+    rows = ((kind, *(f"{row[key]:.3g}" for key in columns.values())) for kind, row in found["measurements"].items())
+    print_table("Measurements: residuals in their units", ("measured", *columns), rows, left=1)
+    for mode, rows in found["stresses"].items():
+        shown = [
+            f"{row['nominal_stress']:.4g} ± {row['standard_error']:.1g} at {row['stretch']:g}" for row in rows if row["standard_error"]
+        ]
+        out.print(f"{mode}: {', '.join(shown)}", highlight=False)
+    if found["undetermined"]:
+        warn(
+            f"The test does not determine {', '.join(found['undetermined'])}: a combination has a standard error above a half of its value."
+        )
+    if found["at_bound"]:
+        warn(f"{', '.join(found['at_bound'])} reached a bound of the search: another law may fit better.")
+    if found["lack_of_fit"] is not None and found["lack_of_fit"] > 1.5:
+        warn(
+            f"The law leaves residuals of {found['lack_of_fit'] ** 0.5:.2g} standard deviations: the law, the scene or the stated noise is "
+            "not that of the test. Standard errors are increased by this factor."
+        )

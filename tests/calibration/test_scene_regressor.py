@@ -1,0 +1,168 @@
+"""Laws from fields and forces: parameters come back with their standard errors, and bad tables are refused."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pdsurrogate as pds
+from pdsurrogate.calibration.measured import MeasuredScene, Rows
+from pdsurrogate.cli import app
+from pdsurrogate.identification import MODES, nominal_stress
+
+STRETCHES = [1.15, 1.3, 1.45]
+NOISE, FORCE_NOISE = 1e-3, 0.01
+
+
+def sheet(material, spacing=0.25, **changes):
+    return pds.load_scene("hole", {"spacing": spacing, "stretches": STRETCHES, "material": material, "reference": None, **changes})
+
+
+def table(places, steps):
+    """Return rows for both components at places in all steps, then for the force in all steps."""
+    rows = [(step, axis, *place) for step in steps for axis in (1, 2) for place in places]
+    return np.array([*rows, *((step, 0, 0.0, 0.0) for step in steps)])
+
+
+PLACES = np.array([(x, y) for x in np.linspace(-1.35, 1.35, 10) for y in np.linspace(-1.8, 1.8, 13) if x * x + y * y > 0.5**2])
+X = table(PLACES, (1, 2, 3))
+DEVIATION = np.where(X[:, 1] > 0, NOISE, FORCE_NOISE)
+
+
+def measured(law, scene=None, rows=X):
+    """Return what a simulation gives at rows of a table, without noise."""
+    table = Rows(rows[:, 0].astype(int), rows[:, 1].astype(int), rows[:, 2:])
+    return MeasuredScene(scene or sheet("neo-hookean"), table).simulate(law)[0]
+
+
+@pytest.fixture(scope="module")
+def gent():
+    return pds.materials.Gent(0.8, 80.0, 12.0)
+
+
+@pytest.fixture(scope="module")
+def exact(gent):
+    return measured(gent)
+
+
+def test_parameters_come_back_from_exact_measurements(gent, exact):
+    """The same discrete body: what is left are the tolerances of the search and of the run that made the data, 1e-5 of the stresses."""
+    found = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, exact, standard_deviation=DEVIATION)
+    np.testing.assert_allclose(found.parameters_, [0.8, 12.0], rtol=1e-3)
+    assert found.undetermined_ == found.at_bound_ == []
+    assert found.law_.bulk_modulus == pytest.approx(100 * found.parameters_[0])
+
+
+def test_standard_errors_are_the_scatter_of_repeated_fits(exact, random):
+    """The scatter of 16 fits is the reported standard error within three errors of a scatter of 16, 0.18 each."""
+    scene, fits = sheet("neo-hookean"), []
+    for _ in range(16):
+        y = exact + DEVIATION * random.standard_normal(len(X))
+        fits.append(pds.SceneRegressor(scene, "gent", refine=1).fit(X, y, standard_deviation=DEVIATION))
+    found = np.array([fit.parameters_ for fit in fits])
+    reported = np.mean([fit.standard_errors_ for fit in fits], axis=0)
+    assert (np.abs(found.std(axis=0, ddof=1) / reported - 1) < 3 * 0.18).all()
+    assert (np.abs(found.mean(axis=0) - [0.8, 12.0]) < 4 * reported / 4).all()
+    assert np.mean([fit.lack_of_fit_ for fit in fits]) == pytest.approx(1.0, abs=4 * (2 / 16 / len(X)) ** 0.5)
+
+
+def test_the_noise_of_a_field_is_found_without_being_stated(exact, random):
+    """The median of 600 differences has a standard deviation of 4 %; what the field bends between places adds a little."""
+    y = exact + 5 * DEVIATION * random.standard_normal(len(X))
+    found = pds.SceneRegressor(sheet("neo-hookean")).stated_deviations(X, y, {})
+    field = X[:, 1] > 0
+    assert found[field] == pytest.approx(5 * NOISE, rel=0.25)
+    assert found[~field] == pytest.approx(0.005 * np.abs(y[~field]).max())
+
+
+def test_a_field_without_forces_does_not_determine_moduli(exact, random):
+    """Equilibria of prescribed motions depend on ratios of moduli alone."""
+    field = X[:, 1] > 0
+    y = exact + DEVIATION * random.standard_normal(len(X))
+    model = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X[field], y[field], standard_deviation=NOISE)
+    assert model.undetermined_ == ["shear_modulus"]
+    assert model.standard_errors_[1] < 0.2 * 12
+
+
+def test_fields_tell_more_than_forces(exact, random):
+    y, forces = exact + DEVIATION * random.standard_normal(len(X)), X[:, 1] == 0
+    both = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, y, standard_deviation=DEVIATION)
+    alone = pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X[forces], y[forces], standard_deviation=FORCE_NOISE)
+    assert both.standard_errors_[1] < alone.standard_errors_[1]
+
+
+def test_a_finer_simulation_corrects_the_discretization_error(gent):
+    """Data of a body with half the spacing: without the correction the modulus is off by the stiffness of a coarse sheet."""
+    fine = measured(gent, sheet("neo-hookean", 0.125))
+    coarse, corrected = (
+        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=refine).fit(X, fine, standard_deviation=DEVIATION) for refine in (1, 2)
+    )
+    off = [np.abs(fit.parameters_ / [0.8, 12.0] - 1).max() for fit in (coarse, corrected)]
+    assert off[1] < 0.1 * off[0]
+    assert coarse.lack_of_fit_ > 10 * corrected.lack_of_fit_
+    assert (np.abs(corrected.parameters_ - [0.8, 12.0]) < 2 * corrected.standard_errors_).all()
+
+
+def test_several_scenes_share_a_law(gent, exact):
+    """A sheet without a hole adds a row; its scene has the number 1."""
+    other = sheet("neo-hookean", holes=[], stretches=[1.6])
+    rows = np.vstack([np.column_stack([np.zeros(len(X)), X]), [[1, 1, 0, 0, 0]]])
+    force = measured(gent, other, np.array([[1.0, 0, 0, 0]]))
+    model = pds.SceneRegressor([sheet("neo-hookean"), other], "gent", refine=1)
+    model.fit(rows, np.append(exact, force), standard_deviation=np.append(DEVIATION, FORCE_NOISE))
+    np.testing.assert_allclose(model.parameters_, [0.8, 12.0], rtol=1e-3)
+    assert model.predict(rows[-1:]) == pytest.approx(force, rel=1e-3)
+
+
+def test_stresses_have_the_errors_of_the_parameters():
+    model = pds.SceneRegressor(sheet("neo-hookean"), refine=1).fit([[1, 0, 0, 0]], [2.0], standard_deviation=0.1)
+    states = np.stack([[1.5, 2.0], MODES["uniaxial"](np.array([1.5, 2.0]))], axis=1)
+    stress, error = model.nominal_stress(states)
+    np.testing.assert_allclose(stress, nominal_stress(model.law_, states))
+    np.testing.assert_allclose(error / stress, 0.05, rtol=1e-2)  # a modulus is known as well as the force
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ([4, 0, 0, 0], "step 4: the outputs of scene hole are numbered from 1, the number of its stretches"),
+        ([0, 0, 0, 0], "step 0"),
+        ([1, 3, 0, 1], "quantity 3: 1 to 2 are components"),
+        ([1, -1, 0, 1], "quantity -1"),
+        ([1.5, 0, 0, 0], "whole numbers, not 1.5"),
+        ([1, 1, 0, 0], "outside|lies in|no points"),
+    ],
+)
+def test_rows_that_the_scene_does_not_have_are_refused(row, message):
+    with pytest.raises(ValueError, match=message):
+        pds.SceneRegressor(sheet("neo-hookean"), refine=1).fit([row], [1.0], standard_deviation=0.1)
+
+
+def test_the_command_writes_artifact_report_and_figures(tmp_path, gent, exact):
+    field = X[:, 1] == 1
+    fields = np.column_stack([X[field, 0], X[field, 2:], exact[field], exact[X[:, 1] == 2]])
+    np.savetxt(tmp_path / "F.csv", fields, delimiter=",", header="step,x1,x2,u1,u2", comments="")
+    forces = np.column_stack([[1, 2, 3], exact[X[:, 1] == 0]])
+    np.savetxt(tmp_path / "G.csv", forces, delimiter=",", header="step,force", comments="")
+    options = ["--set", "spacing=0.25", "--set", f"stretches={STRETCHES}", "--refine", "1", "--law", "gent", "--out", str(tmp_path / "out")]
+    files = ["--fields", str(tmp_path / "F.csv"), "--forces", str(tmp_path / "G.csv")]
+    done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", *files, *options, "--json"])
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert found["parameters"]["chain_limit"] == pytest.approx(12.0, rel=2e-3)
+    assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"calibration-forces.png", "calibration-residuals.png"}
+    stored = pds.load_card(tmp_path / "out" / "sheet")
+    assert stored.material.trained_with == found["law"]
+    scene, models = sheet(found["law"], stretches=[1.2]), (pds.load_surrogate(tmp_path / "out" / "sheet"), "analytic")
+    stored, of_the_law = (pds.simulate(scene, model).levels[-1]["nominal_stress"] for model in models)
+    assert stored == pytest.approx(of_the_law, rel=1e-3)
+
+
+def test_files_without_their_columns_are_refused(tmp_path):
+    (tmp_path / "F.csv").write_text("step,x1,x2,u1\n1,0,0,0\n")
+    done = CliRunner().invoke(
+        app, ["calibrate", "hole", "sheet", "--fields", str(tmp_path / "F.csv"), "--law", "gent", "--out", str(tmp_path)]
+    )
+    assert done.exit_code == 2
+    assert "there is no u2 among step, x1, x2, u1" in " ".join(done.stderr.split())
