@@ -175,7 +175,9 @@ class BondForces(Term):
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
-        self._parts[0].find_geometry(changed, self._strength, self.correction)
+        for part in self._parts:
+            places, _ = part.points.places_of_pairs(changed)
+            part.find_geometry(places.astype(np.uint32), self._strength[part.points.pairs], self.correction)
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         if self.binding.whole:

@@ -103,6 +103,14 @@ class MaterialPoints:
         self.seen = [self.copies(*places, self.positions, self.gradients), ratios]
         self._keep = [self.copied(every, self.numbers, self.volume_ratios, self.kept_ratios)]
 
+    def places_of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the places of some pairs of the body, in ascending order, among those of this object, and these pairs themselves."""
+        if self.whole:
+            return pairs, pairs
+        place = np.minimum(np.searchsorted(self.pairs, pairs), len(self.pairs) - 1)
+        within = self.pairs[place] == pairs
+        return place[within], pairs[within]
+
     def copied(self, numbers: np.ndarray, places: np.ndarray, values: np.ndarray, out: np.ndarray) -> BoundPass:
         """Return the pass that writes ``values[numbers]`` to ``out[places]``."""
         return copy_values.bind(numbers.astype(np.uint32), places.astype(np.uint32), values, out, chunks=self._kinematics.chunks)

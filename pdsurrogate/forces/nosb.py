@@ -23,12 +23,14 @@ class PointStress(Term):
         super().__init__(binding)
         kinematics, body, bonds, d = self.kinematics, self.body, self.body.bonds, self.body.dimension
         self._stresses, passes = aligned_rows((len(body.all_points), d * d)), []
-        self._broken = np.zeros(len(bonds.first), dtype=bool)
+        self._broken, self._shapes = np.zeros(len(bonds.first), dtype=bool), []
         materials = [self.points_of(number) for number in range(len(binding.portions))]
         # P K^-1 of points and images; a single material writes to this array directly.
         rows, of_each = (self._stresses, [self._stresses]) if binding.whole else rows_of(materials, d * d)
         for points, stresses in zip(materials, of_each, strict=True):
-            state = points.gradients, points.volume_ratios, kinematics.inverse_shape[points.numbers]
+            shapes = kinematics.inverse_shape[points.numbers]
+            self._shapes.append((points.numbers, shapes))
+            state = points.gradients, points.volume_ratios, shapes
             law = points.law.shear_modulus, points.response.address, points.parameters, kinematics.scratch
             passes.append(nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks))
         if not binding.whole:
@@ -53,6 +55,8 @@ class PointStress(Term):
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._broken[pairs] = True
+        for numbers, shapes in self._shapes:
+            shapes[:] = self.kinematics.inverse_shape[numbers]
 
 
 class NOSBForce(ForceModel):

@@ -55,10 +55,7 @@ class VolumeEnergy:
         self.binding, self.shares, self.parts = binding, shares, parts
         body, chunks, n = binding.kinematics.body, binding.kinematics.chunks, len(binding.kinematics.body)
         bonds, breakable = body.bonds, binding.settings.breakable
-        carries = shares.carrying(breakable)
-        if not binding.whole:
-            carries &= binding.portion_of[bonds.first] == binding.portion_of[bonds.second]
-        self.smoothing = Smoothing(body, carries, breakable)
+        self.smoothing = Smoothing(body, self._carrying(), breakable)
         means, self.dilatations, slopes = np.ones(n), np.ones(n), np.zeros(n)
         self.places = self._places()
         shares_of_bonds = bonds.pointers, self.places, shares.bond_shares
@@ -107,10 +104,14 @@ class VolumeEnergy:
         """Compute `dilatations` from the current deformation gradients; return the number of pairs turned inside out."""
         return sum(self._find())
 
-    def renew(self, pairs: np.ndarray) -> None:
-        """Update volume shares and smoothing after the weights of given pairs have changed, in a body of one material."""
-        self.shares.fill_end_shares(self.parts[0].end_shares, pairs, pairs)
-        self.smoothing.renew(self.shares.carrying(self.binding.settings.breakable))
+    def renew(self) -> None:
+        """Update the smoothing after the weights of pairs have changed."""
+        self.smoothing.renew(self._carrying())
+
+    def _carrying(self) -> np.ndarray:
+        """Return flags of the pairs within one material that carry forces."""
+        carries, bonds, binding = self.shares.carrying(self.binding.settings.breakable), self.binding.kinematics.body.bonds, self.binding
+        return carries if binding.whole else carries & (binding.portion_of[bonds.first] == binding.portion_of[bonds.second])
 
 
 class LinearizedDilatation:

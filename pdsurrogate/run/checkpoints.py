@@ -212,7 +212,7 @@ class Record:
             "levels": state.levels,
             "states": len(run.states),
             **({"n_steps": state.steps} if "n_steps" in self._summary else {}),
-            **({"critical_stretch": run.problem.critical_stretch, "crack": state.crack} if state.crack is not None else {}),
+            **(run.problem.critical_stretches.summary | {"crack": state.crack} if state.crack is not None else {}),
         }
         write_tables(run.folder, self._summary | reached, state.history, state.convergence, run.problem.scene.units)
         ended = time.monotonic()

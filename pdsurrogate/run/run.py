@@ -145,8 +145,8 @@ class Run:
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
         self.residual: float | None = None
-        critical = self.problem.critical_stretch
-        self.damage = None if critical is None else Damage(self.body, critical)
+        critical = self.problem.critical_stretches
+        self.damage = None if critical is None else Damage(self.body, critical.of_pairs(self.body))
         self.states = self.states_of()
         self.checkpoints = Checkpoints(self)
         self.tables = Record(self)

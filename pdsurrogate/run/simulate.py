@@ -389,7 +389,7 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         summary["n_steps"] = state.steps
         summary["dynamics"] = state.dynamics
     if state.crack is not None:
-        summary["critical_stretch"] = run.problem.critical_stretch
+        summary |= {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary
         path = {"path": crack_path(state.crack["tips"])}
         summary["crack"] = state.crack | path | ({} if stress is None else {"peak": _peak(state.history)})
     body, differentiated = run.body if run.whole is None else run.whole, partial(differentiate, run.problem.scene, run.problem.models)

@@ -10,7 +10,7 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.problem.fracture import critical_stretch_in
+from pdsurrogate.problem.fracture import CriticalStretches
 from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameter
 
 PIPELINES = Path(__file__).resolve().parents[2] / "pipelines"
@@ -67,7 +67,7 @@ def test_diameters_are_interpolated_in_the_horizon():
 def test_a_scene_has_the_critical_stretch_of_its_diameter(force):
     scene = pds.Scene.model_validate(STRIP)
     law, diameter = scene.material.build(), tip_diameter("stress", 2.2, force)
-    found = critical_stretch_in(scene, law, 0.1375, force)
+    (found,) = CriticalStretches(scene, scene.fracture, 0.1375, force, np.zeros(1, dtype=int)).of_materials
     assert homogeneous.uniaxial(law, found).energy_density * diameter * 0.1375 == pytest.approx(0.35, rel=1e-9)
 
 
