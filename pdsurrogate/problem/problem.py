@@ -254,8 +254,6 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
-        critical = (
-            CriticalStretches(scene, scene.fracture, body.horizon, models[0].family, of_points) if scene.fracture and portions else None
-        )
+        critical = CriticalStretches(scene, scene.fracture, body, models[0].family, of_points) if scene.fracture and portions else None
     held = (regions, prescriptions, stages, loading)
     return Problem(scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical)

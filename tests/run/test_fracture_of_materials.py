@@ -61,7 +61,7 @@ def limits(layers, force="bond-energy"):
     run = started(layers, force)
     bonds, points = run.body.bonds, run.body.all_points
     upper = points[:, 1] > 0.5
-    return run.problem.critical_stretches.of_pairs(run.body), upper[bonds.first].astype(int) + upper[bonds.second]
+    return run.problem.critical_stretches.of_pairs(), upper[bonds.first].astype(int) + upper[bonds.second]
 
 
 @pytest.mark.parametrize("stiffer", [None, 3.0])
@@ -161,6 +161,20 @@ def test_limits_that_make_no_sense_are_refused(data, message):
         pds.Scene.model_validate(
             {**{key: value for key, value in LAYERS.items() if key not in data}, **{k: v for k, v in data.items() if v}}
         )
+
+
+@pytest.mark.parametrize(
+    ("between", "precut"),
+    [(("upper", "lower"), LAYERS["precuts"]), (("upper", "rest"), [{"start": [-1.0, 0.5], "end": [5.0, 0.5]}])],
+    ids=["apart", "cut"],
+)
+def test_an_interface_that_no_bond_crosses_is_refused(between, precut):
+    regions = LAYERS["regions"] | {"lower": {"box": [[-1, -1], [5, 0.2]]}}
+    materials = [*LAYERS["materials"], {**LAYERS["materials"][0], "region": "lower"}]
+    fracture = {"critical_stretch": 2.0, "interfaces": [{"between": between, "critical_stretch": 1.5}]}
+    layers = LAYERS | {"regions": regions, "materials": materials, "fracture": fracture, "precuts": precut}
+    with pytest.raises(pds.SceneError, match=r"fracture\.interfaces\.0\.between: no bond crosses from .*leave the entry out"):
+        pds.simulate(pds.Scene.model_validate(layers), "bond-energy")
 
 
 def test_an_energy_between_different_laws_is_refused():
