@@ -1,6 +1,7 @@
 """Programs of steps: in equilibrium and in dynamics, automatic increments, forces by name, resuming, and what is said on failure."""
 
 import json
+import re
 
 import numpy as np
 import pytest
