@@ -419,7 +419,7 @@ class Interfaces:
         apart, on_apart = [], []
         if self._watched:
             parted = np.zeros((n, d))
-            apart = [partial(np.multiply, on_jumps[:n], self._parted, out=parted), partial(_scale, on_jumps[:n], self._intact)]
+            apart = [partial(np.multiply, on_jumps[:n], self._parted, out=parted), parted, partial(_scale, on_jumps[:n], self._intact)]
             on_apart = [parted, *product(self._torn_back, parted, on_points, add=True)]
         return [
             fold_matrices.bind(moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks),
