@@ -186,7 +186,7 @@ class Interfaces:
                 both, normal_up = (own, other) if own < other else (other, own), normal if own < other else -normal
                 key = *place, *normal_up, *both, *(() if shape is None else shape.center)
                 if key not in fits:
-                    fits[key] = _fits_at(body, tree, portion_of, place, normal_up, both, shape, quadratic, self._watched)
+                    fits[key] = _fits_at((body, tree, portion_of, place, normal_up, both, shape), quadratic, self._watched)
                 jump, apart = fits[key]
                 if jump is None:
                     continue
@@ -488,14 +488,13 @@ def _two_sides(
     return around[near], x[near], beyond[near], heights[near], reach
 
 
-def _fits_at(
-    body: Body, tree, portion_of: np.ndarray, place: np.ndarray, normal: np.ndarray, both: tuple[int, int], shape, quadratic: bool, watched
-) -> tuple:
-    """Return the numbers and weights of points whose values give the jump of the slope at a place on an interface, see `_two_sides`.
+def _fits_at(at: tuple, quadratic: bool, watched: bool) -> tuple:
+    """Return the numbers and weights of points whose values give the jump of the slope at a place on an interface.
 
-    The second item returned holds those of fits to each side alone, if `watched`. Both items may be None, see `_jump_of_slopes`.
+    `at` holds the arguments of `_two_sides`. The second item returned holds those of fits to each side alone, if `watched`. Both items may
+    be None, see `_jump_of_slopes`.
     """
-    around, x, beyond, heights, reach = _two_sides(body, tree, portion_of, place, normal, both, shape)
+    (around, x, beyond, heights, reach), (body, *_, normal, _, _) = _two_sides(*at), at
     volumes, apart_reach = body.volumes[around], TORN_REACH * body.horizon
     jump = _jump_of_slopes(x, volumes, heights * beyond, quadratic)
     apart = _jump_of_sides(x * reach / apart_reach, volumes, normal, beyond) if watched else None
