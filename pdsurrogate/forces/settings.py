@@ -41,6 +41,8 @@ OTHERS = {
     "space": "force=bond-energy, force=nosb and artifacts of isochoric energies support solids",
 }
 """Advice for error messages about a model that does not support a plane: which models do, by the plane."""
+CORRECTED = {"quadratic": "force=bond-energy supports quadratic in solids", "balanced": "force=bond-energy supports balanced"}
+"""The same for corrections that the default force of a sheet, a bond force, does not support."""
 
 ROTATION, OUTSIDE = "polar", "fallback"
 """Default rotation of a horizon and default policy outside the domain, for models that honor these settings."""
@@ -129,7 +131,8 @@ class ForceSettings:
             where = WHERE[self.plane] if key != "plane" else ""
             taken = {key: honors[key]} if key in honors else honors
             words = ", ".join(_words(key, *values) for key, values in taken.items()) or "none of these settings"
-            advice = f"; {OTHERS[value]}" if key == "plane" else ""
+            others = OTHERS if key == "plane" else CORRECTED if key == "correction" else {}
+            advice = f"; {others[value]}" if value in others else ""
             raise ValueError(f"{name} does not support {_words(key, value)}{where}; it supports {words}{advice}")
 
     def check_body(self, body: Body) -> None:
