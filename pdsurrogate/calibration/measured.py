@@ -126,9 +126,8 @@ class MeasuredScene:
         levels = {step: self._level(result, step) for step in self._steps}
         self._parameters = {step: level[self._loading] for step, level in levels.items()}
         self._guesses = {step: result.displacement(level["number"]) for step, level in levels.items()}
-        if self._base is None:
-            scene = with_law(self.scene, law)
-            self._base = Differentiated(scene, checked_models(scene, load_surrogate(FORCE)), self._places if len(self._places) else None)
+        scene = with_law(self.scene, law)
+        self._base = Differentiated(scene, checked_models(scene, load_surrogate(FORCE)), self._places if len(self._places) else None)
         return values
 
     def differentiate(self, law: Law, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

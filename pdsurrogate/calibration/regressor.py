@@ -15,10 +15,12 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from ..arguments import check_kind, in_order
-from ..identification import LawRegressor, fitted_laws, nominal_stress
+from ..identification import LawRegressor, committee_spread, fitted_laws, nominal_stress
+from ..identification.stress_regressor import BULK_RATIO
 from ..materials import LAWS, Ogden
 from ..scenes import Mesh, Scene, load_scene
 from ..scenes.reading import leaves
+from .free import FLOOR, EnergyUnknowns, members, non_negative
 from .measured import FAILURES, MeasuredScene, Rows, numbers_of
 
 COLUMNS = ("step", "quantity", "x1", "x2", "x3")
@@ -52,6 +54,9 @@ SETTLED = 0.1
 MOST_STEPS = 60
 """Most laws that a search tries: well-posed fits take five to ten."""
 
+MEMBERS = 16
+"""Number of members of the committee of an energy without a law: their spread is then known to some 18 %."""
+
 PENALTY = 1e3
 """Residual, in standard deviations, of all rows with parameters for which the scene has no equilibrium: the search then turns back."""
 
@@ -73,8 +78,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     scene : Scene, str, path or list of these, default="hole"
         Test, or several tests of one material. The material in a scene serves as the start of the search if it has the law that is
         fitted, and gives K/mu unless `bulk_ratio` or `bulk_modulus` does.
-    law : str, default="neo-hookean"
-        Name of the law.
+    law : str or None, default="neo-hookean"
+        Name of the law; None for an energy without a law, a sum of polyconvex terms with non-negative coefficients: powers of the stretches
+        and of the invariants, as in `pdsurrogate.materials.Polyconvex`.
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
@@ -135,7 +141,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     _parameter_constraints: ClassVar = {
         "scene": "no_validation",
-        "law": [StrOptions(set(fitted_laws()))],
+        "law": [StrOptions(set(fitted_laws())), None],
         "n_terms": [Interval(Integral, 1, 4, closed="both")],
         "outputs": [None, "array-like"],
         "refine": [Interval(Integral, 1, None, closed="left")],
@@ -144,7 +150,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     }
 
     scene: Scene | str | Path | Sequence = "hole"
-    law: str = "neo-hookean"
+    law: str | None = "neo-hookean"
     n_terms: int = 3
     outputs: Sequence[str] | None = None
     refine: int = 3
@@ -291,8 +297,11 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             change = step * np.eye(len(values))[number]
             sides = [nominal_stress(self._unknown.law_of(values + sign * change), X) for sign in (1, -1)]
             columns.append((sides[0] - sides[1]) / (2 * step))
-        jacobian = np.stack(columns, axis=1)
-        return nominal_stress(self.law_, X), np.sqrt(np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian))
+        jacobian, stress = np.stack(columns, axis=1), nominal_stress(self.law_, X)
+        variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian)
+        if self.law is None:
+            variance += committee_spread(stress, [nominal_stress(law, X) for law in self.members_]) ** 2
+        return stress, np.sqrt(variance)
 
     def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
         """Return standard deviations of measurements: stated ones of all displacements or all outputs, and estimated ones of the others.
@@ -371,25 +380,38 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     def _fitted(self, y: np.ndarray, root: np.ndarray) -> None:
         """Set the results of the fit to values with roots of weights; keep the simulated values and the correction."""
-        self._unknown = LawRegressor(self.law, self.n_terms).set_params(**self._bulk())
+        bulk = self._bulk()
+        if self.law is None:
+            self._unknown = EnergyUnknowns.all_terms(**(bulk or {"bulk_ratio": BULK_RATIO}))
+        else:
+            self._unknown = LawRegressor(self.law, self.n_terms).set_params(**bulk)
         start = self._start(y, root)
-        scale = float(self._unknown.law_of(start).shear_modulus)
-        low, high, logarithmic = self._unknown.search_range(start, scale)
+        if isinstance(self._unknown, EnergyUnknowns):
+            low, high, logarithmic = np.zeros(len(start)), np.full(len(start), np.inf), np.zeros(len(start), dtype=bool)
+            start = np.maximum(start, FLOOR * start.max())
+        else:
+            low, high, logarithmic = self._unknown.search_range(start, float(self._unknown.law_of(start).shear_modulus))
 
         def values(x):
-            return np.exp(x, out=x.copy(), where=logarithmic)
+            return np.exp(x, out=x.copy(), where=logarithmic) if logarithmic.any() else x
 
         x, low, high = (np.log(each, out=np.array(each, dtype=float), where=logarithmic) for each in (start, low, high))
-        x = np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+        if self.law is not None:
+            x = np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
         correction, law_of = np.zeros(len(y)), lambda x: self._unknown.law_of(values(x))
         for test, _ in self._tests:
             test.begin(law_of(x))
-        search = _Search(self._tests, law_of, y, root)
+        search = _Search(self._tests, law_of, y, root, linear=self.law is None)
         for number in range(ROUNDS if self.refine > 1 else 1):
             # Changes of the cost by less than these are those of parameters within a part of their standard errors.
             close = 1e-3 if self.refine > 1 and not number else 1e-2 / len(y)
-            bounds = {"bounds": (low, high), "x_scale": "jac"}
-            found = least_squares(search.residuals, x, search.jacobian, **bounds, ftol=close, xtol=1e-8, gtol=1e-12, max_nfev=MOST_STEPS)
+            if self.law is None:
+                found = non_negative(search, x, close)
+            else:
+                bounds = {"bounds": (low, high), "x_scale": "jac"}
+                found = least_squares(
+                    search.residuals, x, search.jacobian, **bounds, ftol=close, xtol=1e-8, gtol=1e-12, max_nfev=MOST_STEPS
+                )
             moved, x = found.x - x, found.x
             if self.refine == 1:
                 break
@@ -401,6 +423,18 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
             correction = fine - search.values(x)
             search.y = y - correction
+        if isinstance(self._unknown, EnergyUnknowns):
+            everything = self._unknown
+            right = found.jac @ x - search.residuals(x)
+            drawn = members(found.jac, right, everything.stiff, MEMBERS, np.random.default_rng(0))
+            self.members_ = [everything.of(each > 0).law_of(each[each > 0]) for each in drawn]
+            kept = x > 2 * FLOOR * x.max()
+            self._unknown, x, logarithmic = everything.of(kept), x[kept], logarithmic[kept]
+            search.forget()
+            for test, _ in self._tests:
+                test.begin(law_of(x))
+            found = non_negative(search, x, 1e-2 / len(y))
+            x = found.x
         self.n_simulations_ = search.count
         simulated = search.values(x) + correction
         self._store(x, values, found, logarithmic, root * (y - simulated), root * correction)
@@ -434,6 +468,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     def _scales(self) -> np.ndarray:
         """Return the sizes of the parameters by which they are compared: their values, or a hundredth of the range between bounds."""
+        if self.law is None:
+            return np.abs(self.parameters_)
         spans = [LAWS[self.law].bounds.get(name, (0.0, 0.0)) for name in self.parameter_names_]
         return np.maximum(np.abs(self.parameters_), [1e-2 * min(high - low, 1.0) for low, high in spans])
 
@@ -450,7 +486,10 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     def _start(self, y: np.ndarray, root: np.ndarray) -> np.ndarray:
         """Return the parameters at which the search starts: those of a scene or the law's defaults, with moduli that fit the forces."""
         stated = [scene.law() for scene in self._scenes() if scene.material is not None and scene.material.law == self.law]
-        if self.law == Ogden.name:
+        if isinstance(self._unknown, EnergyUnknowns):
+            start = self._unknown.start()
+            start = np.maximum(start, FLOOR * start.max())
+        elif self.law == Ogden.name:
             exponents = np.array(EXPONENTS[self.n_terms - 1])
             sizes = 1 / np.abs(exponents)
             if stated and isinstance(stated[0], Ogden) and len(stated[0].exponents) == self.n_terms:
@@ -472,17 +511,22 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             product += float((weight * simulated[forces] * y[here][forces]).sum())
             square += float((weight * simulated[forces] ** 2).sum())
         if product > 0 and square > 0:
-            start[: self.n_terms if self.law == Ogden.name else 1] *= product / square
+            moduli = len(start) if self.law is None else self.n_terms if self.law == Ogden.name else 1
+            start[:moduli] *= product / square
         return start
 
 
 class _Search:
     """Weighted residuals of a law at the measurements, and their Jacobian by the search variables, for `scipy.optimize.least_squares`."""
 
-    def __init__(self, tests: list, law_of, y: np.ndarray, root: np.ndarray) -> None:
-        self.tests, self.law_of, self.y, self.root, self.count = tests, law_of, y, root, 0
+    def __init__(self, tests: list, law_of, y: np.ndarray, root: np.ndarray, linear: bool) -> None:
+        self.tests, self.law_of, self.y, self.root, self.linear, self.count = tests, law_of, y, root, linear, 0
         self.known: dict[bytes, np.ndarray] = {}
         self.differentiated: dict[bytes, np.ndarray] = {}
+
+    def forget(self) -> None:
+        """Delete what is known of laws with other unknowns."""
+        self.known, self.differentiated = {}, {}
 
     def values(self, x: np.ndarray) -> np.ndarray:
         """Return the measurements at the search variables; raise one of `FAILURES` where a scene has no equilibrium."""
@@ -500,10 +544,10 @@ class _Search:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         if x.tobytes() in self.differentiated:
             return self.root[:, None] * self.differentiated[x.tobytes()]
-        law, step = self.law_of(x), 1e-6
+        law, steps = self.law_of(x), 1e-6 * (np.abs(x) if self.linear else np.ones(len(x)))
         numbers = dict(leaves(numbers_of(law), key="material"))
         sides = []
-        for change in step * np.eye(len(x)):
+        for step, change in zip(steps, np.diag(steps), strict=True):
             ahead, behind = (dict(leaves(numbers_of(self.law_of(x + sign * change)), key="material")) for sign in (1, -1))
             sides.append([(ahead[name] - behind[name]) / (2 * step) for name in numbers])
         chain = np.array(sides).T

@@ -176,7 +176,9 @@ class Differentiated:
         """Return the value of a parameter, and its change in central differences."""
         run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
-        scale = abs(value) if array is None else float(np.abs(array).max())
+        # Numbers of a list, such as coefficients of terms of an energy, may be small parts of it.
+        listed = [abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == name.rpartition(".")[0]]
+        scale = float(np.abs(array).max()) if array is not None else max(listed) if name.rpartition(".")[2].isdigit() else abs(value)
         return value, STEP * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
 
     def _beside(self, name: str, value: float) -> "Differentiated":

@@ -166,3 +166,16 @@ def test_files_without_their_columns_are_refused(tmp_path):
     )
     assert done.exit_code == 2
     assert "there is no u2 among step, x1, x2, u1" in " ".join(done.stderr.split())
+
+
+def test_an_energy_without_a_law_gives_the_stresses_of_a_law_in_other_states(gent, exact):
+    """Stresses up to the stretches that the sheet visits, of a law whose logarithm the terms follow within 2 %, as a fit to stresses does."""
+    model = pds.SceneRegressor(sheet("neo-hookean"), None, refine=1).fit(X, exact, standard_deviation=DEVIATION)
+    stretches = np.linspace(1.1, 1.5, 5)
+    states = np.vstack([np.stack([stretches, MODES[mode](stretches)], axis=1) for mode in ("uniaxial", "pure-shear")])
+    stress, error = model.nominal_stress(states)
+    of_the_law = nominal_stress(gent, states)
+    assert np.sqrt(((stress / of_the_law - 1) ** 2).mean()) < 0.02
+    assert (error > 0).all()
+    assert (model.parameters_ > 0).all()
+    assert len(model.members_) == 16
