@@ -69,16 +69,27 @@ def stress_by_stress() -> str:
         sizes = np.sort(np.abs(off[name][inside]))
         if name in ("half of the grid", "the other half"):
             left_out[~known] = off[name][~known]
-        # W is a sum over the stretches: its curvatures by their logarithms are those of the summands.
-        stretch = np.geomspace(0.25, 4.0, 2001)
-        curvature = (model.weights_ * stretch[:, None] ** model.exponents_).sum(axis=1) / model.weights_.sum()
+        # Where W is a sum over the stretches, its curvatures by their logarithms are those of the summands.
+        stretch, curvature = np.geomspace(0.25, 4.0, 2001), np.full(1, np.nan)
+        if all(term.kind == "stretches" for term in model.terms_):
+            powers = [weight * stretch**term.number for term, weight in zip(model.terms_, model.weights_, strict=True)]
+            curvature = sum(powers) / model.weights_.sum()
         slope = stiffness_slopes(
             pds.AnalyticBondForce(model.law_).bond_force, pds.training_samples(model.law_, 10_000, off_surface=0).X
         ).min()
         asked = LARGE & (~known if not known.all() else known)
         shares = [f"{100 * (sizes <= most).mean():.0f} %" for most in (0.03, LIMIT)]
         greatest = f"{100 * np.median(sizes):.1f} %, {100 * sizes[-1]:.0f} %"
-        rows.append([name, f"{inside.sum()} of {asked.sum()}", *shares, greatest, f"{curvature.min():.2f}", f"{slope:.3f}"])
+        rows.append(
+            [
+                name,
+                f"{inside.sum()} of {asked.sum()}",
+                *shares,
+                greatest,
+                "" if np.isnan(curvature).any() else f"{curvature.min():.2f}",
+                f"{slope:.3f}",
+            ]
+        )
     header = ["fitted to", "stresses in the hull", "error below 3 %", "error below 5 %", "median and largest error"]
     header += ["least curvature", "least slope"]
     alone = neighbors()
@@ -241,7 +252,7 @@ def least_error(energy: SymmetricExponentials, known: np.ndarray, greatest: bool
 
 def of_classes(scattered: np.ndarray) -> str:
     """What classes of energies could do at best, and what they foretell; with and without measurements that their neighbors deny."""
-    powers = SymmetricExponentials((one, 0.0, 0.0) for one in dictionary(max(POSITIVE), max(NEGATIVE)))
+    powers = SymmetricExponentials((term.number, 0.0, 0.0) for term in dictionary(max(POSITIVE), max(NEGATIVE)))
     # Closer exponents, or more of them, differ by too little for weights of any sign.
     whole = SymmetricExponentials((float(one), 0.0, 0.0) for one in (*range(-4, 0), *range(1, 7)))
     classes = {"powers, nonnegative weights": (powers, True), "powers, Hencky-convex": (whole, False)}

@@ -91,12 +91,20 @@ HOLE = (0.04, 0.02667, 0.02, 0.01333)
 """From 50 points a side on: with 25 the hole is less than four cells in radius, hardly more than a horizon, and two errors of opposite sign
 cancel along parts of its boundary."""
 
+FOLLOWED = {"steps": [{"to": to, "control": "probes.inner.displacement.0"} for to in (1.0, 3.5, 5.0)]}
+
 UNDEFORMED = {"loads.0.thickness": "undeformed"}
 
 CASES = {
     "ring, p = 0.1": ring(0, 0.0791810720304842, 0.0497205459671277),
     "ring, p = 0.2": ring(1, 0.17570573731518957, 0.11259074746266551),
     "ring, p = 0.3": ring(2, 0.29766196909141773, 0.19526067243562162),
+    **{
+        f"ring, inner boundary moved by {to}": Case(
+            "ring-pressure", level, {"pressure": (lambda found: found["t"], pressure)}, FOLLOWED, "bond-energy", (0.1, 0.05, 0.02)
+        )
+        for level, (to, pressure) in enumerate({1.0: 0.5816745356708811, 3.5: 0.7164287438005016, 5.0: 0.7039650505025816}.items())
+    },
     "ring, undeformed thickness, p = 0.3": ring(2, 0.312205280106131, 0.2053426967496, **UNDEFORMED),
     "ring, plane strain, p = 0.1": ring(0, 0.07372065726592725, 0.03813612020337542, plane="strain"),
     "ring, plane strain, p = 0.2": ring(1, 0.1650460507436997, 0.08803956655629719, plane="strain"),

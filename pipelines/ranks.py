@@ -1,10 +1,12 @@
 """What ranks cost and save, into the documentation: all tables, or those that are named.
 
     python pipelines/ranks.py [ranks] [parts] [weak] [against-threads] [--points 100000 1000000] [--ranks 1 2 4]
+    python pipelines/ranks.py small-bodies [--sides 12x9x8 20x20x20]
 
 `ranks`: processor time and memory of each, and its exchanges.  Not time on the wall: it may be measured beside other work, where ranks that
 wait for one another tell nothing.  `parts`, `weak`: how evenly parts are cut.  `against-threads`: two ranks against two threads by
-the clock, and the share of exchanges in it, which wants two cores that nobody else uses, for some four minutes.
+the clock, and the share of exchanges in it, which wants two cores that nobody else uses, for some four minutes.  `small-bodies`: one
+rank against two by the clock, with threads as the package chooses them, on two cores that nobody else uses, for some five minutes.
 """
 
 import argparse
@@ -25,7 +27,9 @@ from pdsurrogate.discretization import discretize
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.problem.materials import checked_models
 from pdsurrogate.ranks import bisected, bond_counts, communicator
+from pdsurrogate.run import waiting
 from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import load_scene
 
 EVALUATIONS = 20
@@ -34,6 +38,12 @@ PARTS = 2, 4, 8, 16, 32, 64
 
 TURNS = 3
 """Processes of each kind, one after the other, so that what else the machine does meets all alike."""
+
+SMALL = "12x9x8", "20x20x20", "32x25x25", "31x31x31", "36x36x35"
+"""Points along the sides of nearly incompressible blocks: 864, 8,000, 20,000, 29,791 and 45,360 points."""
+
+REPEATED = 10_000
+"""Number of points up to which runs of the table `small-bodies` are repeated `TURNS` times: they take seconds."""
 
 POINTS_PER_PART = 4096
 BODIES = "hole", "bonded-block"
@@ -227,10 +237,67 @@ def table_of_threads(points: list[int]) -> list[list[str]]:
     ]
 
 
-def main(tables: list[str], points: list[int], ranks: list[int], shown: bool) -> None:
+def block(sides: str, bulk_modulus: float):
+    """The scene `bonded-block` at stretch 1.05, with so many points along its sides."""
+    spacing = 0.1
+    size = spacing * np.array([int(side) for side in sides.split("x")])
+    lower = [0.0, -size[1] / 2, -size[2] / 2]
+    changes = {"body.size": size.tolist(), "body.lower": lower, "spacing": spacing, "probes": [], "stretches": 1.05}
+    return load_scene("bonded-block", changes | {"material.bulk_modulus": bulk_modulus})
+
+
+def measure_block(sides: str, bulk_modulus: float, all_work: bool) -> None:
+    """Run a block once, and print the seconds without compilation; with `all_work`, no rank waits however small the body is."""
+    if all_work:
+        waiting.POINTS_PER_RANK = 0
+    summary = simulate(block(sides, bulk_modulus)).summary
+    if communicator().rank == 0:
+        found = {
+            "points": summary["n_points"],
+            "seconds": summary["seconds_total"] - summary["seconds_compile"],
+            "evaluations": summary["n_force_evaluations"],
+            "working": summary.get("ranks", 1),
+        }
+        print("FOUND " + json.dumps(found))
+
+
+def measured_block(sides: str, bulk_modulus: float, ranks: int, all_work: bool = False) -> dict:
+    """What `measure_block` finds on some ranks."""
+    command = [sys.executable, "-W", "ignore", "-m", "mpi4py", __file__, "--block", sides, "--bulk-modulus", str(bulk_modulus)]
+    command += ["--all-work"] * all_work
+    if ranks > 1:
+        command = [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks), *command]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(next(line for line in done.stdout.splitlines() if line.startswith("FOUND")).removeprefix("FOUND "))
+
+
+def table_of_small_bodies(sides: list[str]) -> list[list[str]]:
+    """One rank against two on small bodies, and two that both work however small the body is."""
+    kinds, rows = ((1,), (2,), (2, True)), []
+    for kind in kinds:  # compile
+        measured_block("6x5x4", 100.0, *kind)
+    for one in sides:
+        for bulk_modulus in (100.0, 1000.0):
+            turns = TURNS if np.prod([int(side) for side in one.split("x")]) <= REPEATED else 1
+            found = [[measured_block(one, bulk_modulus, *kind) for kind in kinds] for _ in range(turns)]
+            alone, two, both = (float(np.median([run["seconds"] for run in kind])) for kind in zip(*found, strict=True))
+            first = found[0]
+            evaluations = " / ".join(str(run["evaluations"]) for run in first)
+            rows.append(
+                [
+                    *(f"{first[0]['points']:,}", f"{bulk_modulus:g}", f"{alone:.2f}", str(first[1]["working"])),
+                    *(f"{two:.2f}", f"{two / alone:.2f}", f"{both:.2f}", f"{both / alone:.2f}", evaluations),
+                ]
+            )
+            print(*rows[-1], sep=" | ", flush=True)
+    figures = "two ranks (s)", "two ranks / one", "both at work (s)", "both at work / one", "evaluations"
+    return [["points", "K / μ", "one rank (s)", "working of two", *figures], *rows]
+
+
+def main(tables: list[str], points: list[int], ranks: list[int], sides: list[str], shown: bool) -> None:
     """Make tables, and put them into the documentation or only print them."""
     for name in tables:
-        header, *rows = TABLES[name](points, ranks)
+        header, *rows = TABLES[name](points, ranks, sides)
         table = markdown_table(header, rows)
         print(table, flush=True)
         if not shown:
@@ -238,10 +305,11 @@ def main(tables: list[str], points: list[int], ranks: list[int], shown: bool) ->
 
 
 TABLES = {
-    "ranks": table_of_ranks,
-    "parts": lambda points, ranks: table_of_parts(points),
-    "weak": lambda points, ranks: table_of_weak(points),
-    "against-threads": lambda points, ranks: table_of_threads(points),
+    "ranks": lambda points, ranks, sides: table_of_ranks(points, ranks),
+    "parts": lambda points, ranks, sides: table_of_parts(points),
+    "weak": lambda points, ranks, sides: table_of_weak(points),
+    "against-threads": lambda points, ranks, sides: table_of_threads(points),
+    "small-bodies": lambda points, ranks, sides: table_of_small_bodies(sides),
 }
 
 if __name__ == "__main__":
@@ -249,6 +317,10 @@ if __name__ == "__main__":
     parser.add_argument("tables", nargs="*", default=[], metavar="TABLE", help=f"of {', '.join(TABLES)}; by default all")
     parser.add_argument("--points", type=int, nargs="+", default=[100_000, 1_000_000])
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 4])
+    parser.add_argument("--sides", nargs="+", default=SMALL, help="points along the sides of the blocks of small-bodies")
+    parser.add_argument("--block", help=argparse.SUPPRESS)
+    parser.add_argument("--bulk-modulus", type=float, help=argparse.SUPPRESS)
+    parser.add_argument("--all-work", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--shown", action="store_true", help="print the tables and leave the documentation as it is")
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     parser.add_argument("--threads", type=int, default=1, help=argparse.SUPPRESS)
@@ -257,5 +329,7 @@ if __name__ == "__main__":
         parser.error(f"there is no table {', '.join(unknown)}; there are {', '.join(TABLES)}")
     if given.measure:
         measure(given.measure, given.points[0], given.threads)
+    elif given.block:
+        measure_block(given.block, given.bulk_modulus, given.all_work)
     else:
-        main(given.tables or list(TABLES), given.points, given.ranks, given.shown)
+        main(given.tables or list(TABLES), given.points, given.ranks, given.sides, given.shown)

@@ -62,6 +62,8 @@ TABLES = {
         "probes": loading.Probe,
         "solver": model.SolverSpec,
         "fracture": model.Fracture,
+        "fracture.interfaces": model.InterfaceFracture,
+        "materials.fracture": model.Criterion,
         "dynamics": model.Dynamics,
         "units": model.Units,
     },

@@ -119,4 +119,5 @@ class _Reader:
         name = self.name()
         if name.endswith("_k"):
             return lambda names: names[name][int(names["k"]) - 1]
-        return lambda names: names[name]
+        # An element of a list that has a name only with the index k.
+        return lambda names: names[name] if name in names else names[name[:-1] + "k"][int(name[-1]) - 1]

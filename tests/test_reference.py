@@ -232,7 +232,17 @@ COMPARED = [
     ArrudaBoyce(0.27, 54.0, 12.0),
 ]
 COMPARED += [Ogden(), Ogden(moduli=(0.5,), exponents=(2.0,), bulk_modulus=20.0), FullNetwork(0.3, 30.0, 25.0)]
-COMPARED += [Polyconvex(moduli=(0.4, -0.1), exponents=(1.5, -2.0), first=(0.2, 0.02, 1e-3), second=(0.04, 1e-3, 1e-4))]
+COMPARED += [
+    Polyconvex(
+        moduli=(0.4, -0.1),
+        exponents=(1.5, -2.0),
+        first=(0.2, 0.02, 1e-3, 1e-4),
+        second=(0.04, 1e-3, 1e-4),
+        roots=(0.1, 0.3),
+        logarithms=(0.2, 0.1),
+        limits=(30.0, 60.0),
+    )
+]
 COMPARED += [law() for name, law in reference.LAWS.items() if name not in {compared.name for compared in COMPARED}]
 
 

@@ -271,7 +271,9 @@ def _print_crack(result: Result) -> None:
     summary, units = result.summary, result.scene.units
     crack = summary["crack"]
     if crack["start"] is None:
-        out.print(f"No bond broke: none reached the critical stretch {summary['critical_stretch']:.4g}")
+        materials = [summary, *summary.get("materials", ()), *summary.get("interfaces", ())]
+        stretches = sorted({f"{one['critical_stretch']:.4g}" for one in materials if "critical_stretch" in one})
+        out.print(f"No bond broke: none reached the critical stretch {' or '.join(stretches)}")
         return
     start = crack["start"]
     where = " and ".join(f"({', '.join(f'{value:.3g}' for value in tip)})" for tip in start["tips"])

@@ -2,5 +2,5 @@
 
 from .planes import held_at_points
 from .points import contained, discretize, grip_areas
-from .size import check_size, memory_here
+from .size import check_size, estimated_points, memory_here
 from .surfaces import surface_of

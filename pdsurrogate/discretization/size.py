@@ -9,6 +9,7 @@ import numpy as np
 
 from ..body import MOST_POINTS
 from ..scenes import Mesh, Scene, SceneError
+from .meshes import mesh_of
 from .points import material_at
 
 BYTES_PER_BOND = 50
@@ -31,6 +32,26 @@ def memory_here() -> float:
     with suppress(OSError, ValueError):  # "max" where there is no bound
         found.append(float(Path("/sys/fs/cgroup/memory.max").read_text()))
     return min(found)
+
+
+def estimated_points(scene: Scene) -> float:
+    """Return about how many points the body of a scene will have; of a mesh, the number of its cells.
+
+    Raises
+    ------
+    SceneError
+        If the file of a mesh cannot be read.
+    """
+    if isinstance(scene.body, Mesh):
+        try:
+            return float(sum(map(len, mesh_of(scene.body).cells)))
+        except ValueError as error:
+            raise SceneError(f"scene {scene.name}: {error}") from None
+    lower, upper = (np.array(corner, dtype=float) for corner in scene.body.bounds())
+    dimension = len(lower)
+    axis = (np.arange(SAMPLED) + 0.5) / SAMPLED
+    places = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    return float(np.prod((upper - lower) / scene.spacing) * material_at(scene, lower + places * (upper - lower)).mean())
 
 
 def check_size(scene: Scene, memory: float) -> None:
@@ -56,9 +77,7 @@ def check_size(scene: Scene, memory: float) -> None:
     bytes_per_point = (ball * scene.horizon_ratio**dimension - 1) * BYTES_PER_BOND
     if cells <= MOST_POINTS and cells * bytes_per_point <= memory:
         return
-    axis = (np.arange(SAMPLED) + 0.5) / SAMPLED
-    places = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
-    points = cells * float(material_at(scene, lower + places * (upper - lower)).mean())
+    points = estimated_points(scene)
     needed = points * bytes_per_point
     # Every cell of the box is tested, so that their number is bounded as well.
     excess = max(cells / MOST_POINTS, needed / memory)

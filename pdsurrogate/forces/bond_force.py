@@ -152,14 +152,13 @@ class BondForces(Term):
             self.watches.append(DomainWatch(binding, model, points, "force", "bond force"))
         self.learned_thickness = any(part.learns_thickness for part in self._parts)
         self._model, self._domain = models[0], models[0].domain if binding.whole else None
-        bounds, sums, forces, unit = np.arange(len(body) + 1, dtype=np.uint64), [], self._parts[0].forces, self._parts[0].unit
-        lists = bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
-        if not binding.whole:
-            # The sums of all materials are copied, and counted where they are not finite.
-            forces, unit, lists = np.zeros_like(body.all_points), 1.0, (bounds, np.zeros_like(bounds), bonds.incidence)
-            sums = material_sums(self.kinematics, self.materials, "forces", self._parts, forces)
-        to_points = sum_pair_forces[2].bind(forces, *lists, unit, np.empty_like(body.points), chunks=self.kinematics.chunks)
-        self.bind_steps(*(part.find for part in self._parts), *sums, to_points)
+        out, chunks = np.empty_like(body.points), self.kinematics.chunks
+        if binding.whole:
+            (part,), lists = self._parts, (bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence)
+            sums = [sum_pair_forces[2].bind(part.forces, *lists, part.unit, out, chunks=chunks)]
+        else:
+            sums = material_sums(self.kinematics, self.materials, "forces", self._parts, out)
+        self.bind_steps(*(part.find for part in self._parts), *sums)
 
     def diagnose(self, out: np.ndarray) -> str:
         body = self.body
@@ -176,7 +175,9 @@ class BondForces(Term):
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
-        self._parts[0].find_geometry(changed, self._strength, self.correction)
+        for part in self._parts:
+            places, _ = part.points.places_of_pairs(changed)
+            part.find_geometry(places.astype(np.uint32), self._strength[part.points.pairs], self.correction)
 
     def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
         if self.binding.whole:

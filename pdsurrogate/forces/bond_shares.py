@@ -73,12 +73,17 @@ class BondShares:
         if body.share.divided:
             body.bond_halo.fill(self.bond_shares)
             around = np.union1d(around, body.share.beside_halo(bonds.first, bonds.second))
-        one, other = (bonds[around] for bonds in kinematics.bonds_of_pairs)
-        self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
+        self.bond_weights[around] = self.weights_of(around)
         _, neighbors, weighted_bonds, volumes = self._of_ghosts
         ratio = volumes[neighbors] / volumes[bonds.neighbors[self._ghost_bonds]]
         weighted_bonds[:] = -kinematics.weighted_bonds[self._ghost_bonds] * ratio[:, None]
         return around
+
+    def weights_of(self, pairs: np.ndarray, own: np.ndarray | None = None) -> np.ndarray:
+        """Return the volumes for which the energies of pairs count: the shares of their directed bonds, or of those flagged in `own`."""
+        one, other = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
+        of_one, of_other = (self.bond_shares[bonds] if own is None else self.bond_shares[bonds] * own[bonds] for bonds in (one, other))
+        return of_one + np.where(other != one, of_other, 0.0)
 
     def _divide_volumes(self, rows: np.ndarray) -> None:
         """Divide the volumes of the points `rows` among their directed bonds; bonds that an interface omits get no share."""
@@ -140,10 +145,10 @@ class BondShares:
         own : ndarray of bool, shape (n_bonds,), optional
             Flags of the directed bonds whose shares count; by default all.
         """
-        one, other = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
-        shares, within = self.bond_shares if own is None else self.bond_shares * own, self._body.bonds.second[pairs] < len(self._body)
-        end_shares[places // BLOCK, 0, places % BLOCK] = shares[one]
-        end_shares[places // BLOCK, 1, places % BLOCK] = np.where(within, shares[other], 0.0)
+        ends = (bonds[pairs] for bonds in self._kinematics.bonds_of_pairs)
+        one, other = (self.bond_shares[bonds] if own is None else self.bond_shares[bonds] * own[bonds] for bonds in ends)
+        end_shares[places // BLOCK, 0, places % BLOCK] = one
+        end_shares[places // BLOCK, 1, places % BLOCK] = np.where(self._body.bonds.second[pairs] < len(self._body), other, 0.0)
 
     def steps_to_points(self, moments: np.ndarray, forces: np.ndarray, unit: float, *before: Step) -> list[Step]:
         """Return the steps of an evaluation that turn moments of points into forces, and add forces on ghosts to the points they mirror.

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from ..body import Body, Round
-from ..body.ghosts import WITH_ROUNDING
+from ..body.ghosts import WITH_ROUNDING, symmetric
 from ..kernels.ghosts import fill_matrices, fold_matrices, fold_vectors, place_points
 from .kinematics import Kinematics, find_shapes
 from .steps import Step, sparse_product
@@ -34,6 +34,9 @@ With one horizon the fit depends on the three nearest rows, and a point's contin
 material thirty times as stiff, bond forces then have no equilibrium. With two, `bimaterial` is as accurate, and the solution
 converges for a material a hundred times as stiff.
 """
+
+TORN_REACH = 1.5
+"""Radius in horizons, as `REACH`, of the fits on the two sides of an interface that is cut or torn nearby."""
 
 ROUND_REACH = 1.5
 """Radius in horizons, as `REACH`, for interfaces that are circles or spheres. Chosen: the force on a strip around a disc of 5 cells'
@@ -92,7 +95,9 @@ class Interfaces:
     interface: points of the other material are placed where they would be if they moved with this one.
 
     A point with more than two materials in its horizon, or without such an interface, has c = 0, and all materials use its actual
-    position.
+    position. Beside a crack or a cut along the interface, where the displacement is not continuous, c follows from linear functions
+    that are fitted to the two sides separately, within `TORN_REACH`. If that fit contains a point that has lost a bond within one
+    material, c = 0.
 
     Parameters
     ----------
@@ -111,6 +116,8 @@ class Interfaces:
         point, which only the shear modulus resists where volumes are constrained: a confined layer 4 cells thick was 57 % too soft next to
         one 10 times as stiff (K = 100 mu, plane strain), and is 14 % too soft with the gradient. In plane stress the nearest points are
         better, by 1 % in shear.
+    breakable : bool
+        Whether bonds may break, see `break_bonds`.
 
     Attributes
     ----------
@@ -134,7 +141,9 @@ class Interfaces:
         Changes of the forces on the points where gradients omit bonds, as last found by these steps.
     """
 
-    def __init__(self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool) -> None:
+    def __init__(
+        self, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool, breakable: bool
+    ) -> None:
         self._body, self._portion_of, self._kinematics = kinematics.body, portion_of, kinematics
         body, share = self._body, self._body.share
         n, total, bonds, owners = len(body), len(body.all_points), body.bonds, body.bond_owners
@@ -142,6 +151,7 @@ class Interfaces:
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])])
         jumps, mirrored, growth = scipy.sparse.lil_array((n, n)), scipy.sparse.lil_array((n, n)), np.ones(n)
+        torn, self._watched = scipy.sparse.lil_array((n, n)), breakable or share.any(len(bonds.cut) > 0)
         tree, everywhere = scipy.spatial.cKDTree(body.points), scipy.spatial.cKDTree(body.all_points)
         for i in near[share.own[near]]:
             found = (quadratic and _round_beside(body, everywhere, portion_of, i)) or _interface_beside(body, everywhere, portion_of, i)
@@ -171,6 +181,9 @@ class Interfaces:
                     mirrored[i, around[beyond]], mirrored[i, i] = (1 + 2 * bent) * at_image, -1 - 2 * bent
             else:
                 jump = _jump_of_slopes(x, V, heights * beyond, quadratic)
+                apart = _jump_of_sides(x * reach / (TORN_REACH * body.horizon), V, normal, beyond) if self._watched else None
+                if jump is not None and apart is not None:
+                    torn[i, around] = apart / (TORN_REACH * body.horizon)
             if jump is not None:
                 self.depths[i], self.normals[i] = depth, normal
                 jumps[i, around] = jump / reach
@@ -181,12 +194,14 @@ class Interfaces:
         self.on_jumps, self.pulls = np.zeros((n, d)), np.zeros((total, d))
         self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._one_sided, self._product = scipy.sparse.csr_array((n * d, total)), partial(sparse_product, kinematics.chunks)
+        self._one_sided_back = self._one_sided.T.tocsr()
+        self._kept = None
         weights = kinematics.gradient_weights(kinematics.weighted_bonds, kinematics.inverse_shape)
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
         if share.any(len(self.left_out) > 0):
-            weights = self._leave_out(kinematics, owners, weights)
-        weights = weights[across] * self.depths[bonds.neighbors[across], None]
-        self._corrections = self._on_columns(weights, owners[across], bonds.neighbors[across])
+            weights = self._leave_out(kinematics, owners, weights, breakable)
+        self._across, self._breakable = (across, owners[across], bonds.neighbors[across]), breakable
+        self._correct, self._correct_back = self._of_corrections(weights[across])
         self.jumps, self.changes = np.zeros((total, d)), np.zeros((total, d * d))
         # The matrix that spreads slopes along the normals to columns of gradients; the products with columns are its transpose.
         dyads = self._by_normals(scipy.sparse.diags_array((self.depths[:n] > 0).astype(float)))
@@ -197,6 +212,12 @@ class Interfaces:
         self._changes_back = self._by_normals(back) @ dyads.T
         self._jumps_by_columns = scipy.sparse.diags_array(-2.0 * volumes_held * is_image * growth) @ dyads.T
         self._jump, self._changes_by_columns = jump, by_columns
+        self._intact, self._parted, self._is_image = np.ones((n, 1)), np.zeros((n, 1)), is_image > 0
+        self._lost_across, self._lost_within = np.zeros((2, n), dtype=bool)
+        if self._watched:
+            self._torn, self._torn_back = self._with_transpose(torn)
+            self._fitted, self._fitted_apart = abs(jump) + abs(images), abs(self._torn)
+            self._lose(*bonds.cut.T)
         self.corrections, self.continuation = self.steps(kinematics.positions, kinematics.gradients, self.jumps, self.changes)
 
     def steps(self, positions: np.ndarray, gradients: np.ndarray, jumps: np.ndarray, changes: np.ndarray) -> tuple[list[Step], list[Step]]:
@@ -208,18 +229,74 @@ class Interfaces:
         columns, of_changes = gradients[:n].reshape(-1, d), changes[:n].reshape(-1, d)
         on_ghosts, at_rest = self._kinematics.gradient_ghosts.of_gradients, (np.zeros((len(images), d)), np.zeros((len(images), d * d)))
         return [
-            *self._product(self._one_sided, positions, columns, add=True),
+            *self._product(self._one_sided, positions, columns, add=True, variable=True),
             *self._product(self._jump, positions, jumps),
             *self._product(self._jumps_by_columns, columns, jumps, add=True),
+            *self._chosen(positions, jumps),
             jumps,
             place_points.bind(jumps[:n], images.source, images.parity, at_rest[0], jumps, chunks=chunks),
-            *self._product(-self._corrections, jumps, columns, add=True),
+            *self._product(self._correct, jumps, columns, add=True, variable=self._breakable),
         ], [
             *self._product(self._changes_by_jumps, jumps, of_changes),
             *self._product(self._changes_by_columns, columns, of_changes),
+            *self._kept_rows(changes),
             changes,
             fill_matrices.bind(changes, *on_ghosts, 0.0, at_rest[1], chunks=chunks),
         ]
+
+    def _chosen(self, positions: np.ndarray, jumps: np.ndarray) -> list[Step]:
+        """Return the steps that replace jumps, where the sides are parted, by those of separate fits, and by zero where neither holds."""
+        if not self._watched:
+            return []
+        rows, apart = jumps[: len(self._body)], np.zeros_like(self._body.points)
+        scale, add = partial(_scale, rows, self._intact), partial(np.add, rows, apart, out=rows)
+        return [*self._product(self._torn, positions, apart), partial(_scale, apart, self._parted), scale, add]
+
+    def _kept_rows(self, values: np.ndarray) -> list[Step]:
+        """Return the step that sets the first n rows of an array to zero where points have no jump because of a cut or a crack."""
+        rows = values[: len(self._body)]
+        return [lambda: _scale(rows, self._intact + self._parted)] if self._watched else []
+
+    def _lose(self, first: np.ndarray, second: np.ndarray) -> None:
+        """Choose the fits of the jumps after bonds between these points, or ghosts, were lost."""
+        share, sources = self._body.share, self._kinematics.sources
+        across = self._portion_of[first] != self._portion_of[second]
+        for lost, chosen in ((self._lost_across, across), (self._lost_within, ~across)):
+            lost[sources[np.concatenate([first[chosen], second[chosen]])]] = True
+            share.fill(lost)
+        within, any_lost = self._fitted @ self._lost_within > 0, self._fitted @ (self._lost_across | self._lost_within) > 0
+        # An image is made from the points of each side alone.
+        self._intact[:, 0] = ~np.where(self._is_image, within, any_lost)
+        self._parted[:, 0] = ~self._is_image & any_lost & (self._fitted_apart @ self._lost_within == 0)
+        share.fill(self._intact, self._parted)
+
+    def break_bonds(self, pairs: np.ndarray) -> None:
+        """Take account of broken pairs, after `Kinematics.weighted_bonds` and `Kinematics.inverse_shape` were updated."""
+        bonds, kinematics = self._body.bonds, self._kinematics
+        self._lose(bonds.first[pairs], bonds.second[pairs])
+        numbers, owners, _ = self._across
+        of_all = kinematics.weighted_bonds, kinematics.inverse_shape
+        weights = _weights(*of_all, numbers, owners)
+        if self._kept is not None:
+            kept, inverse, supported = self._kept
+            beside, points, changes = self.one_sided_bonds or (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 1)))
+            kept[beside] = kinematics.weighted_bonds[beside]
+            kept[self.left_out] = 0.0
+            find_shapes(self._body, np.unique(points).astype(np.uint32), kept, inverse, supported)
+            # A point whose other bonds no longer determine a gradient has that of all its bonds.
+            weights = np.where(supported[owners, None] > 0, _weights(kept, inverse, numbers, owners), weights)
+            if len(beside):
+                changes[:] = _weights(kept, inverse, beside, points) - _weights(*of_all, beside, points)
+                changes[supported[points] == 0] = 0.0
+                _refill((self._one_sided, self._one_sided_back), self._of_changes())
+        _refill((self._correct, self._correct_back), self._of_corrections(weights))
+
+    def _of_corrections(self, weights: np.ndarray) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+        """Return the matrix that maps jumps to corrections of gradients, by the weights of the bonds across, and minus its transpose."""
+        _, owners, neighbors = self._across
+        found = self._on_columns(-weights * self.depths[neighbors, None], owners, neighbors)
+        found.sort_indices()
+        return found, (-found).T.tocsr()
 
     def _by_normals(self, matrix) -> scipy.sparse.csr_array:
         """Return the matrix (n d, n) that maps vectors at points to columns of gradients: v (x) normal, spread by a matrix (n, n)."""
@@ -253,13 +330,12 @@ class Interfaces:
         behind = (self.depths[neighbors] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 0)
         return across[(moduli[owners[across]] > YIELDING * moduli[neighbors]) | behind]
 
-    def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray, breakable: bool) -> np.ndarray:
         """Remove the bonds `left_out` from the gradients of their first points; return new `Kinematics.gradient_weights` of all bonds.
 
         `owners` are the first points of all directed bonds, and `weights` their present weights. Bonds of points whose other bonds do not
         determine a gradient are removed from `left_out` instead.
         """
-        bonds = self._body.bonds
         for _ in range(2):
             kept = kinematics.weighted_bonds.copy()
             kept[self.left_out] = 0.0
@@ -267,6 +343,7 @@ class Interfaces:
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
             find_shapes(self._body, rows, kept, inverse, supported)
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
+        self._kept = (kept, inverse, supported) if breakable else None
         touched = np.flatnonzero(supported[owners])
         if not len(touched):
             return weights
@@ -274,11 +351,17 @@ class Interfaces:
         changes = found[touched] - weights[touched]
         weights = weights.copy()
         weights[touched] = found[touched]
-        points = owners[touched]
-        self.one_sided_bonds = touched, points, changes
-        ends = np.concatenate([bonds.neighbors[touched], points])
-        self._one_sided = self._on_columns(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
+        self.one_sided_bonds = touched, owners[touched], changes
+        self._one_sided, self._one_sided_back = self._of_changes()
         return weights
+
+    def _of_changes(self) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+        """Return the matrix that maps positions to the changes of gradients by `one_sided_bonds`, and minus its transpose."""
+        numbers, points, changes = self.one_sided_bonds
+        ends = np.concatenate([self._body.bonds.neighbors[numbers], points])
+        found = self._on_columns(np.concatenate([changes, -changes]), np.tile(points, 2), ends)
+        found.sort_indices()
+        return found, (-found).T.tocsr()
 
     def cells_across(self, number: int, most: int) -> float:
         """Return the median thickness, in spacings and at most `most`, of the layer of a material next to its interfaces; 0 if it has none.
@@ -315,21 +398,28 @@ class Interfaces:
         n, d, ghosts, product, chunks = len(self._body), self._body.dimension, self._body.ghosts, self._product, self._kinematics.chunks
         on_jumps, theirs, columns = np.zeros_like(self.jumps), moments[:n].reshape(-1, d), own_moments.reshape(-1, d)
         fold = [fold_vectors.bind(each, ghosts.source, ghosts.parity, chunks=chunks) for each in (on_jumps, pulls)]
+        apart, on_apart = [], []
+        if self._watched:
+            parted = np.zeros((n, d))
+            apart = [partial(np.multiply, on_jumps[:n], self._parted, out=parted), partial(_scale, on_jumps[:n], self._intact)]
+            on_apart = [parted, *product(self._torn_back, parted, on_points, add=True)]
         return [
             fold_matrices.bind(moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks),
             moments,
+            *self._kept_rows(moments),
             *product(scipy.sparse.diags_array(-self.depths), forces, on_jumps, every=True),
             *product(-self._changes_by_jumps.T, theirs, on_jumps, add=True),
             *product(self._changes_back, theirs, columns, add=True),
             own_moments,
-            *product(self._corrections.T, columns, on_jumps, add=True),
+            *product(self._correct_back, columns, on_jumps, add=True, variable=self._breakable),
             fold[0],
+            *apart,
             *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
             on_jumps[:n],
-            *product(self._jump_back, on_jumps, on_points),
+            *product(self._jump_back, on_jumps, on_points, every=self._watched),
+            *on_apart,
             own_moments,
-            *product(-self._one_sided.T, columns, pulls, every=True),
-            fold[1],
+            *([*product(self._one_sided_back, columns, pulls, every=True, variable=True), fold[1]] if self._one_sided.nnz else []),
         ]
 
 
@@ -398,6 +488,37 @@ def _nearest_softer(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndar
     length = np.linalg.norm(normal)
     depth = length - body.spacing / 2 if length > 0 else 0.0
     return (float(depth), normal / length, int(portion_of[softer[nearest][0]]), 0.0, None) if depth > 0 else None
+
+
+def _scale(rows: np.ndarray, factors: np.ndarray) -> None:
+    """Multiply rows by factors in place."""
+    np.multiply(rows, factors, out=rows)
+
+
+def _weights(weighted_bonds: np.ndarray, inverse_shape: np.ndarray, numbers: np.ndarray, owners: np.ndarray) -> np.ndarray:
+    """Return `Kinematics.gradient_weights` of some bonds, given by their numbers and their first points."""
+    return np.einsum("bij,bj->bi", symmetric(inverse_shape[owners]), weighted_bonds[numbers])
+
+
+def _refill(matrices: tuple, found: tuple) -> None:
+    """Replace the entries of matrices by those of others with the same pattern."""
+    for matrix, other in zip(matrices, found, strict=True):
+        matrix.data[:] = other.data
+
+
+def _jump_of_sides(x: np.ndarray, volumes: np.ndarray, normal: np.ndarray, beyond: np.ndarray) -> np.ndarray | None:
+    """Return weights as `_jump_of_slopes` does, of linear functions that are fitted to the two sides separately.
+
+    Return None if the points of either side do not determine a linear function. `beyond` flags the points of the other side.
+    """
+    weights, found = volumes * np.maximum(1 - (x * x).sum(axis=1), 0.0), np.zeros(len(x))
+    for side, sign in ((beyond, 1.0), (~beyond, -1.0)):
+        values = np.column_stack([np.ones(side.sum()), x[side]])
+        second = values.T @ (weights[side, None] * values) / weights.sum()
+        if not np.linalg.cond(second) < WORST_CONDITION:
+            return None
+        found[side] = sign * weights[side] * (values @ np.linalg.solve(second, np.append(0.0, normal))) / weights.sum()
+    return found
 
 
 def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, quadratic: bool) -> np.ndarray | None:

@@ -107,7 +107,8 @@ class InternalForce:
         self.stiffness_moduli = self.force_scale = self.law.shear_modulus
         if self.portion_of is not None:
             moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[self.portion_of]
-            kinematics.interfaces = Interfaces(kinematics, self.portion_of, moduli, self.has_energy, settings.plane != "stress")
+            held = settings.plane != "stress"
+            kinematics.interfaces = Interfaces(kinematics, self.portion_of, moduli, self.has_energy, held, settings.breakable)
             self.stiffness_moduli, self.force_scale = self._moduli(moduli)
         self.interfaces, self.corrected = kinematics.interfaces, kinematics.corrected
         binding = Binding(kinematics, portions, settings, self.precision, self.portion_of)

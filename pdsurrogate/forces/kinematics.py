@@ -126,6 +126,8 @@ class Kinematics:
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
         find_shapes(self.body, touched, self.weighted_bonds, self.inverse_shape, self.supported)
+        if self.interfaces is not None:
+            self.interfaces.break_bonds(pairs)
         self.formed, self.changes = False, self.changes + 1
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True

@@ -1,21 +1,22 @@
 """Points that the bonds of one material involve, with their volume ratios and thickness stretches by its law."""
 
 from collections.abc import Sequence
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
-import scipy
 
+from ..body.body import pointers_to
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import BoundPass
 from ..errors import InvalidState
 from ..kernels import node_state
+from ..kernels.material_copies import copy_values, gather_rows, see_points
 from ..kernels.sums import sum_moments, sum_pair_forces
 from ..materials import PLANES, Law
 from .errors import at_point, why_invalid
 from .kinematics import Kinematics, matrices, pairs_of_points
 from .settings import ROTATION, ROTATIONS
-from .steps import Steps, sparse_product
+from .steps import Steps
 
 
 class MaterialPoints:
@@ -45,8 +46,8 @@ class MaterialPoints:
         Numbers in the body of the k points and images of this object, and of its pairs.
     own : tuple
         Indices into `numbers`, and numbers in the body, of the points of the material itself, without images.
-    places, places_of_others : sparse array, shape (n + m, k)
-        In a body of several materials, matrices that bring values of these points, or of those of other materials, to points of the body.
+    others : ndarray of bool, shape (k,)
+        In a body of several materials, flags of the points of other materials.
     first, second : ndarray of uint32
         Ends of the pairs by their places in `numbers`, filled up to whole blocks.
     positions, gradients : ndarray, shapes (k, d) and (k, d d)
@@ -96,36 +97,32 @@ class MaterialPoints:
         size, d = len(self.numbers), body.dimension
         self.positions, self.gradients = aligned_rows((size, d)), aligned_rows((size, d * d))
         self.volume_ratios, self.kept_ratios = np.ones(size), np.ones(len(own))
-        self.places = scipy.sparse.csr_array((np.ones(size), (self.numbers, np.arange(size))), shape=(len(own), size))
-        self.places_of_others = self.places @ scipy.sparse.diags_array((~own[self.numbers]).astype(float))
-        copy, ratios, moved = partial(sparse_product, kinematics.chunks), self.volume_ratios[:, None], (self.positions, self.gradients)
+        self.others, every = ~own[self.numbers], np.arange(size)
         places = kinematics.positions, kinematics.gradients, kinematics.interfaces.jumps, kinematics.interfaces.changes
-        self.seen = [*self.copies(*places, *moved), *copy(self.places.T, self.kept_ratios[:, None], ratios)]
-        self._keep = copy(self.places, ratios, self.kept_ratios[:, None])
+        ratios = self.copied(self.numbers, every, self.kept_ratios, self.volume_ratios)
+        self.seen = [self.copies(*places, self.positions, self.gradients), ratios]
+        self._keep = [self.copied(every, self.numbers, self.volume_ratios, self.kept_ratios)]
 
-    def copies(self, positions, gradients, jumps, changes, to_positions: np.ndarray, to_gradients: np.ndarray) -> list[BoundPass]:
-        """Return the passes that copy positions and gradients of a body of several materials, or their changes, as this material sees them.
+    def places_of_pairs(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the places of some pairs of the body, in ascending order, among those of this object, and these pairs themselves."""
+        if self.whole:
+            return pairs, pairs
+        place = np.minimum(np.searchsorted(self.pairs, pairs), len(self.pairs) - 1)
+        within = self.pairs[place] == pairs
+        return place[within], pairs[within]
+
+    def copied(self, numbers: np.ndarray, places: np.ndarray, values: np.ndarray, out: np.ndarray) -> BoundPass:
+        """Return the pass that writes ``values[numbers]`` to ``out[places]``."""
+        return copy_values.bind(numbers.astype(np.uint32), places.astype(np.uint32), values, out, chunks=self._kinematics.chunks)
+
+    def copies(self, positions, gradients, jumps, changes, to_positions: np.ndarray, to_gradients: np.ndarray) -> BoundPass:
+        """Return the pass that copies positions and gradients of a body of several materials, or their changes, as this material sees them.
 
         The first four arrays have rows for the body's points and images; `jumps` and `changes` as in `Interfaces`. The last two have the
         rows of this object and receive the copies.
         """
-        copy, depths = partial(sparse_product, self._kinematics.chunks), self._kinematics.interfaces.depths
-        return [
-            *copy(self.places.T, positions, to_positions),
-            *copy(self.places.T, gradients, to_gradients),
-            *copy(self.places_of_others.T @ scipy.sparse.diags_array(-depths), jumps, to_positions, add=True),
-            *copy(self.places_of_others.T, changes, to_gradients, add=True),
-        ]
-
-    def sums(self, rows: np.ndarray, first: bool, *out: np.ndarray) -> list[BoundPass]:
-        """Return the passes that add values (k, c) to those of the body, and those at points of other materials to a second array as well.
-
-        If `first`, the passes overwrite the arrays.
-        """
-        places, chunks = (self.places, self.places_of_others), self._kinematics.chunks
-        return [
-            one for matrix, array in zip(places, out, strict=False) for one in sparse_product(chunks, matrix, rows, array, not first, first)
-        ]
+        arrays = self.numbers.astype(np.uint32), self.others, self._kinematics.interfaces.depths, positions, gradients, jumps, changes
+        return see_points(positions.shape[1]).bind(*arrays, to_positions, to_gradients, chunks=self._kinematics.chunks)
 
     @cached_property
     def steps(self) -> list[BoundPass]:
@@ -176,23 +173,37 @@ class MaterialPoints:
         return at_point(body, int(self._kinematics.sources[number]), image + reason)
 
 
-def material_sums(
-    kinematics: Kinematics, materials: list[MaterialPoints], quantity: str, parts: Sequence, *out: np.ndarray
-) -> list[BoundPass]:
-    """Return the passes that sum the "forces" or "moments" of pairs at the points and ghosts of a body of several materials.
+def rows_of(materials: list[MaterialPoints], width: int) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return an array with a row for each point of each material, one material after the other, and its parts, one for each material."""
+    ends = np.cumsum([len(points.positions) for points in materials])
+    rows = aligned_rows((ends[-1], width))
+    return rows, np.split(rows, ends[:-1])
 
-    `parts` hold the pairs of each material in units of ``part.unit``. The first array of `out` receives the sums; the second, if there is
-    one, the sums over those materials only that are not the point's own.
+
+def gathered(kinematics: Kinematics, materials: list[MaterialPoints], rows: np.ndarray, out: np.ndarray, theirs=None) -> BoundPass:
+    """Return the pass that sums the `rows` of all materials (`rows_of`) at the points and ghosts of the body, and writes the sums to `out`.
+
+    `theirs` receives the sums over those materials only that are not the point's own.
     """
-    passes: list[BoundPass] = []
-    for points, part in zip(materials, parts, strict=True):
-        values, size, first = getattr(part, quantity), len(points.numbers), not passes
-        pairs = pairs_of_points(*(end[: len(points.pairs)] for end in (points.first, points.second)), size)
-        rows = aligned_rows((size, values.shape[1]))
-        add_up = {"forces": sum_pair_forces, "moments": sum_moments}[quantity][kinematics.body.dimension]
-        passes.append(add_up.bind(values, *pairs, float(part.unit), rows, chunks=kinematics.chunks))
-        passes += points.sums(rows, first, *out)
-    return passes
+    numbers, others = np.concatenate([points.numbers for points in materials]), np.concatenate([points.others for points in materials])
+    order = np.argsort(numbers, kind="stable")
+    arrays = pointers_to(numbers, len(out)), order.astype(np.uint32), others[order], rows, out, out[:0] if theirs is None else theirs
+    return gather_rows(rows.shape[1]).bind(*arrays, chunks=kinematics.chunks)
+
+
+def material_sums(
+    kinematics: Kinematics, materials: list[MaterialPoints], quantity: str, parts: Sequence, out: np.ndarray, theirs=None
+) -> list[BoundPass]:
+    """Return the passes that sum the "forces" or "moments" of pairs at the points of a body of several materials, see `gathered`.
+
+    `parts` hold the pairs of each material in units of ``part.unit``.
+    """
+    rows, of_each = rows_of(materials, out.shape[1])
+    add_up, passes = {"forces": sum_pair_forces, "moments": sum_moments}[quantity][kinematics.body.dimension], []
+    for points, part, own_rows in zip(materials, parts, of_each, strict=True):
+        pairs = pairs_of_points(*(end[: len(points.pairs)] for end in (points.first, points.second)), len(own_rows))
+        passes.append(add_up.bind(getattr(part, quantity), *pairs, float(part.unit), own_rows, chunks=kinematics.chunks))
+    return [*passes, gathered(kinematics, materials, rows, out, theirs)]
 
 
 def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]:

@@ -9,8 +9,8 @@ from ..kernels import nosb
 from ..materials import PLANES
 from .errors import at_point, why_invalid
 from .kinematics import matrices
+from .material_points import gathered, rows_of
 from .protocol import ForceModel
-from .steps import sparse_product
 from .term import Binding, Term
 
 
@@ -23,15 +23,18 @@ class PointStress(Term):
         super().__init__(binding)
         kinematics, body, bonds, d = self.kinematics, self.body, self.body.bonds, self.body.dimension
         self._stresses, passes = aligned_rows((len(body.all_points), d * d)), []
-        self._broken = np.zeros(len(bonds.first), dtype=bool)
-        for points in map(self.points_of, range(len(binding.portions))):
-            # P K^-1 of points and images; a single material writes to this array directly.
-            stresses = self._stresses if points.whole else aligned_rows((len(points.gradients), d * d))
-            state = points.gradients, points.volume_ratios, kinematics.inverse_shape[points.numbers]
+        self._broken, self._shapes = np.zeros(len(bonds.first), dtype=bool), []
+        materials = [self.points_of(number) for number in range(len(binding.portions))]
+        # P K^-1 of points and images; a single material writes to this array directly.
+        rows, of_each = (self._stresses, [self._stresses]) if binding.whole else rows_of(materials, d * d)
+        for points, stresses in zip(materials, of_each, strict=True):
+            shapes = kinematics.inverse_shape[points.numbers]
+            self._shapes.append((points.numbers, shapes))
+            state = points.gradients, points.volume_ratios, shapes
             law = points.law.shear_modulus, points.response.address, points.parameters, kinematics.scratch
             passes.append(nosb.weighted_stresses[d].bind(*state, *law, stresses, chunks=kinematics.chunks))
-            if not points.whole:
-                passes += sparse_product(kinematics.chunks, points.places, stresses, self._stresses)
+        if not binding.whole:
+            passes.append(gathered(kinematics, materials, rows, self._stresses))
         sums = self._stresses, bonds.pointers, bonds.neighbors, kinematics.weighted_bonds, body.volumes
         to_points = nosb.nosb_forces[d].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
         self.bind_steps(*passes, to_points)
@@ -52,6 +55,8 @@ class PointStress(Term):
 
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._broken[pairs] = True
+        for numbers, shapes in self._shapes:
+            shapes[:] = self.kinematics.inverse_shape[numbers]
 
 
 class NOSBForce(ForceModel):

@@ -50,20 +50,20 @@ class PairEnergy(Term):
         self._model, models = binding.portions[0].model, [portion.model for portion in binding.portions]
         self._domain = self._model.domain if whole else None
         owners = None if whole else binding.portion_of[body.bond_owners]
-        each, own_bonds, self.volume = [], [], None
+        each, self._own_bonds, self.volume = [], [], None
         for number, model in enumerate(models):
             own = None if whole else owners == number
             # A material has energy in its own bonds.
-            weights = self.shares.bond_weights if whole else np.bincount(bonds.pair_of, self.shares.bond_shares * own, len(bonds.first))
+            weights = self.shares.weights_of(np.arange(len(bonds.first)), own)
             points = self.points_of(number, None if whole else np.flatnonzero(weights))
             self.watches.append(DomainWatch(binding, model, points, "energy", "energy"))
             each.append((binding, self.shares, model, points, weights[points.pairs]))
-            own_bonds.append(own)
+            self._own_bonds.append(own)
         if self.selective:
             sizes = [len(points.first) for points in self.materials]
             all_volumes = np.ones(sum(sizes))
             volumes = np.split(all_volumes, np.cumsum(sizes)[:-1])
-            self._parts = [SelectivePairs(*one, *more) for one, *more in zip(each, volumes, own_bonds, strict=True)]
+            self._parts = [SelectivePairs(*one, *more) for one, *more in zip(each, volumes, self._own_bonds, strict=True)]
             self.volume = VolumeEnergy(binding, self.shares, self._parts, all_volumes)
         else:
             self._parts = [PairEnergies(*one) for one in each]
@@ -212,17 +212,23 @@ class PairEnergy(Term):
     def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self.shares.strength[pairs] = 0.0
         around = self.shares.renew(changed)
-        self.shares.put_weights(self._parts[0].geometry, around, around, self.shares.bond_weights[around])
+        for part, own in zip(self._parts, self._own_bonds, strict=True):
+            places, of_part = part.points.places_of_pairs(around)
+            self.shares.put_weights(part.geometry, places, of_part, self.shares.weights_of(of_part, own))
+            if self.volume is not None:
+                self.shares.fill_end_shares(part.end_shares, places, of_part, own)
         if self.volume is not None:
-            self.volume.renew(around)
+            self.volume.renew()
 
     def collapsed_pairs(self) -> np.ndarray:
         """Return the numbers of pairs that were turned inside out, or pressed below `COLLAPSED` of their area or volume."""
-        part = self._parts[0]
-        if not self.selective and not part.counts()[1]:
-            return super().collapsed_pairs()
-        J = part.volumes[: len(self.body.bonds.first)] if self.selective else np.linalg.det(self._gradients())
-        return np.flatnonzero((self.shares.bond_weights > 0) & ~(J > bond_energy.COLLAPSED))
+        found = [super().collapsed_pairs()]
+        for part, own in zip(self._parts, self._own_bonds, strict=True):
+            if self.selective or part.counts()[1]:
+                pairs = np.arange(len(self.body.bonds.first))[part.points.pairs]
+                J = part.volumes[: len(pairs)] if self.selective else np.linalg.det(self._gradients(pairs))
+                found.append(pairs[(self.shares.weights_of(pairs, own) > 0) & ~(J > bond_energy.COLLAPSED)])
+        return np.unique(np.concatenate(found))
 
     def volume_ratios(self) -> np.ndarray:
         if self.volume is None:

@@ -470,8 +470,7 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     ------
     ValueError
         If a point is in no portion or in two; if a model does not describe its law, cannot honor a setting, or does not accept several
-        materials in this plane; if models belong to different families; or if bonds may break and there are several portions (even equal
-        ones) or rigid points.
+        materials in this plane; if models belong to different families; or if bonds may break and there are rigid points.
     """
     rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
     if not portions:
@@ -482,8 +481,8 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     families = {portion.model.family: portion.model.name for portion in portions}
     if len(families) > 1:
         raise ValueError(f"all materials of a body need force models of the same family, not {' and '.join(sorted(families.values()))}")
-    if settings.breakable and (len(portions) > 1 or len(rigid)):
-        raise ValueError("bonds can break (fracture) only in a body of one material: leave out fracture or materials")
+    if settings.breakable and len(rigid):
+        raise ValueError("bonds cannot break (fracture) in a body with rigid regions; give them a law, or leave out fracture")
     merged: list[Portion] = []
     for portion in portions:
         same = next((n for n, other in enumerate(merged) if other.law == portion.law and _same(other.model, portion.model)), None)

@@ -41,14 +41,18 @@ class Steps:
         return counts
 
 
-def sparse_product(chunks: Chunks, matrix, values: np.ndarray, out: np.ndarray, add: bool = False, every: bool = False) -> list[BoundPass]:
+def sparse_product(
+    chunks: Chunks, matrix, values: np.ndarray, out: np.ndarray, add: bool = False, every: bool = False, variable: bool = False
+) -> list[BoundPass]:
     """Return the pass that writes a sparse matrix times `values` to rows of `out`, or adds it to them; no pass for an empty matrix.
 
-    It changes the rows in which the matrix has entries, or all if `every`.
+    It changes the rows in which the matrix has entries, or all if `every`. If `variable`, the matrix is a CSR array with sorted indices
+    whose entries, zeros among them, the caller may change.
     """
-    matrix = scipy.sparse.csr_array(matrix)
-    matrix.eliminate_zeros()
-    matrix.sort_indices()
+    if not variable:
+        matrix = scipy.sparse.csr_array(matrix)
+        matrix.eliminate_zeros()
+        matrix.sort_indices()
     pointers, width = matrix.indptr.astype(np.int64), values.shape[1]
     rows = np.arange(matrix.shape[0]) if every else np.flatnonzero(np.diff(pointers))
     entries = rows, np.append(pointers[rows], pointers[-1]), matrix.indices.astype(np.uint32), matrix.data

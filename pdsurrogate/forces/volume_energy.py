@@ -5,7 +5,6 @@ body has degrees of freedom. The mean over the bonds of a point is one condition
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -15,9 +14,10 @@ from ..kernels.ghosts import fill_matrices, place_points
 from ..materials.response import volume_energy_block
 from .bond_shares import BondShares
 from .kinematics import pairs_of_points
+from .material_points import gathered, rows_of
 from .pair_passes import SelectivePairs
 from .smoothing import Smoothing
-from .steps import Steps, sparse_product
+from .steps import Steps
 from .term import Binding
 
 
@@ -55,10 +55,7 @@ class VolumeEnergy:
         self.binding, self.shares, self.parts = binding, shares, parts
         body, chunks, n = binding.kinematics.body, binding.kinematics.chunks, len(binding.kinematics.body)
         bonds, breakable = body.bonds, binding.settings.breakable
-        carries = shares.carrying(breakable)
-        if not binding.whole:
-            carries &= binding.portion_of[bonds.first] == binding.portion_of[bonds.second]
-        self.smoothing = Smoothing(body, carries, breakable)
+        self.smoothing = Smoothing(body, self._carrying(), breakable)
         means, self.dilatations, slopes = np.ones(n), np.ones(n), np.zeros(n)
         self.places = self._places()
         shares_of_bonds = bonds.pointers, self.places, shares.bond_shares
@@ -83,13 +80,11 @@ class VolumeEnergy:
             arrays = own_ratios, counted[numbers], *law, part.volume_energies, own_slopes
             passes.append(selective_energy.volume_energies.bind(*arrays, chunks=chunks))
             if not binding.whole:
-                own = part.points.places[:n, places]
-                before += sparse_product(chunks, own.T, self.dilatations[:, None], own_ratios[:, None])
-                after += sparse_product(chunks, own, own_slopes[:, None], slopes[:, None])
+                copied, every = part.points.copied, np.arange(len(numbers))
+                before.append(copied(numbers, every, self.dilatations, own_ratios))
+                after.append(copied(every, numbers, own_slopes, slopes))
                 # The pressures go to the points of each material; other materials and images have none.
-                shown += sparse_product(
-                    chunks, (part.points.places - part.points.places_of_others)[:n].T, pressures[:, None], part.pressures[:, None]
-                )
+                shown.append(copied(numbers, places, pressures, part.pressures))
         self.steps = [*before, *passes, *after, *spread, *shown]
 
     def _places(self) -> np.ndarray:
@@ -109,10 +104,14 @@ class VolumeEnergy:
         """Compute `dilatations` from the current deformation gradients; return the number of pairs turned inside out."""
         return sum(self._find())
 
-    def renew(self, pairs: np.ndarray) -> None:
-        """Update volume shares and smoothing after the weights of given pairs have changed, in a body of one material."""
-        self.shares.fill_end_shares(self.parts[0].end_shares, pairs, pairs)
-        self.smoothing.renew(self.shares.carrying(self.binding.settings.breakable))
+    def renew(self) -> None:
+        """Update the smoothing after the weights of pairs have changed."""
+        self.smoothing.renew(self._carrying())
+
+    def _carrying(self) -> np.ndarray:
+        """Return flags of the pairs within one material that carry forces."""
+        carries, bonds, binding = self.shares.carrying(self.binding.settings.breakable), self.binding.kinematics.body.bonds, self.binding
+        return carries if binding.whole else carries & (binding.portion_of[bonds.first] == binding.portion_of[bonds.second])
 
 
 class LinearizedDilatation:
@@ -145,7 +144,8 @@ class LinearizedDilatation:
         self._forces, moments = np.zeros((total, d)), gradients  # the gradients are no longer needed when the forces are computed
         (jumps, changes), seen = ((np.zeros((total, d)), np.zeros((total, d * d))) for _ in range(2)) if not whole else ((None, None), None)
         self._beside = [] if whole else [np.zeros((n, d)), np.zeros((total, d))]
-        self._linearize, find, gather = [], [], []
+        self._linearize, find, gather, materials = [], [], [], [part.points for part in volume.parts]
+        all_rows, of_each = zip(*(rows_of(materials, width) for width in (d, d * d)), strict=True) if not whole else ((), ())
         for number, (part, by_pair) in enumerate(zip(volume.parts, np.split(of_pairs, np.cumsum(sizes)[:-1]), strict=True)):
             points, size = part.points, len(part.points.positions)
             derivatives, records = aligned_rows((len(by_pair), length), np.float32), aligned_rows((size, length), np.float32)
@@ -155,11 +155,11 @@ class LinearizedDilatation:
             pairs = shares.pairs_of_points
             if not whole:
                 pairs = pairs_of_points(*(end[: len(points.pairs)] for end in (points.first, points.second)), size)
-                moved, on_points = ((np.zeros((size, d)), aligned_rows((size, d * d))) for _ in range(2))
+                moved = on_points = tuple(rows[number] for rows in of_each)
                 theirs = np.zeros(size, dtype=np.float32)
-                find += points.copies(displacements, gradients, jumps, changes, *moved)
+                find.append(points.copies(displacements, gradients, jumps, changes, *moved))
                 # Shares of ends in other materials are zero, so that their pressures do not count.
-                gather.append(partial(np.take, pressures, points.numbers, out=theirs))
+                gather.append(points.copied(points.numbers, np.arange(size), pressures, theirs))
             find += [
                 dilatation.displacement_records.bind(*moved, records, chunks=chunks),
                 dilatation.volume_changes[d].bind(derivatives, records, pairs[0], points.second, by_pair, chunks=chunks),
@@ -168,9 +168,9 @@ class LinearizedDilatation:
                 dilatation.pair_pressures.bind(theirs, points.first, points.second, part.end_shares, by_pair, chunks=chunks),
                 dilatation.sum_pressures[d].bind(derivatives, by_pair, *pairs, *on_points, chunks=chunks),
             ]
-            if not whole:
-                for rows, *out in zip(on_points, (self._forces, moments), seen, strict=True):
-                    gather += points.sums(rows, number == 0, *out)
+        if not whole:
+            for rows, *out in zip(all_rows, (self._forces, moments), seen, strict=True):
+                gather.append(gathered(kinematics, materials, rows, *out))
         corrections, continuation, further = [], [], []
         if interfaces is not None:
             corrections, continuation = interfaces.steps(displacements, gradients, jumps, changes)

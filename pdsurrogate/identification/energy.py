@@ -1,6 +1,7 @@
-"""Energy from test data without the choice of a law: a sum of powers of stretches and invariants with non-negative weights."""
+"""Energy from test data without the choice of a law: a sparse sum of polyconvex terms with non-negative weights."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from numbers import Integral, Real
@@ -13,8 +14,9 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
 from ..arguments import in_order
-from ..materials import Ogden, Polyconvex
-from ..materials.stretch_laws import MOST_TERMS, SECOND_AT_REST
+from ..materials import Law
+from ..materials.polyconvex import Term, derivatives, law_of
+from ..materials.stretch_laws import MOST_TERMS
 from .data import BIAXIAL, MODES
 from .stress_regressor import BULK_CONSTRAINTS, BULK_RATIO, StressRegressor, free_sides, states
 
@@ -29,9 +31,14 @@ POSITIVE, NEGATIVE = (3.0, 5.0, 8.0, 12.0), (1.0, 2.0, 4.0, 6.0)
 """Greatest exponents of the stretches, and of their inverses, among which cross-validation chooses. Chosen: about evenly spaced in the
 logarithm; Ogden's exponents for rubber are 5 and -2, and above 12 a term acts only at the greatest stretch of the data."""
 
-INVARIANTS = ((), ((1, 2), (1, 3)), ((1, 2), (1, 3), (2, 1), (2, 2), (2, 3)))
-"""Sets of powers of invariants among which cross-validation chooses, as (invariant 1 or 2, power): none, those of I1bar - 3, and
-those of I2bar^1.5 - 3 sqrt 3 as well, which may extrapolate badly to modes without data. I1bar - 3 itself is the exponent 2."""
+POWERS = ((), (("first", 2, 3),), (("first", 2, 3), ("second", 1, 2, 3)), (("first", 2, 3, 4), ("second", 1, 2, 3, 4), ("roots", 1, 2)))
+"""Sets of powers and roots of invariants among which cross-validation chooses, as (kind of `Term`, numbers): none, those of I1bar - 3,
+those of I2bar^1.5 - 3 sqrt 3 as well, which may extrapolate badly to modes without data, and all. The last set also has the logarithms
+with `LIMITS`. I1bar - 3 itself is the exponent 2."""
+
+LIMITS = (1.25, 2.0, 4.0)
+"""Limits of the logarithms, divided by the greatest I1bar - 3 of the data. Chosen: nearer limits act at the greatest stretch of the data
+alone, and more distant ones are hardly distinguished by the data from I1bar - 3 and its square."""
 
 AS_GOOD = 0.05
 """Relative difference of the errors of two dictionaries (sets of candidate energy terms) up to which the smaller one is chosen. Chosen:
@@ -41,6 +48,15 @@ single tests."""
 FOLDS = 5
 """Number of folds of cross-validation, where the folds are not the modes of loading: ranges of the greatest stretch in a biaxial grid
 (`groups_of`), and states taken by turns (`fifths_of`). Chosen: the usual five, with which each fit keeps four fifths of the tests."""
+
+ROUNDING = 1e-13
+"""Relative improvement of a sum of squares that may be due to rounding."""
+
+BEAM = 10
+"""Number of sets of terms that a search extends by one term."""
+
+NEGLIGIBLE = 1e-6
+"""Relative RMS error of stresses that no further term shall reduce: no test is as exact."""
 
 ROUNDS = 60
 """Most rounds of a fit, each of the weights at given volume ratios, and of the volume ratios that follow from these weights. At the bulk
@@ -55,23 +71,25 @@ of this mode. Chosen: modes differ by more from strains of a few percent on."""
 class EnergyRegressor(StressRegressor):
     """Isochoric energy fitted to nominal stresses, without a law.
 
-    W is the sum of c_a/a^2 (l1^a + l2^a + l3^a - 3) over a dictionary of positive and negative exponents with |a| >= 1 and with c_a >= 0
-    (a separable energy, after Valanis and Landel). Where cross-validation shows an improvement, W also has powers up to the third of
-    I1bar - 3 and of I2bar^1.5 - 3 sqrt 3, with non-negative weights. Energy and stress always vanish in the undeformed state, and W
-    grows without bound; sums of l^a are convex functions of F for a >= 1 and of its cofactor for a <= -1, and the powers of invariants are
-    polyconvex, so that W is polyconvex among deformations that keep the volume, and shear waves are stable in all states. Beyond the data
-    W continues as these powers.
+    W is a sum with non-negative weights of the fewest terms that foretell stresses left out as well as more terms do. The terms are
+    (l1^a + l2^a + l3^a - 3)/a^2 with positive and negative exponents, |a| >= 1 (a separable energy, after Valanis and Landel), and, where
+    cross-validation shows an improvement, powers up to the fourth of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3, roots of the invariants and
+    logarithms of I1bar - 3. Energy and stress always vanish in the undeformed state, and W grows without bound. Each term is polyconvex
+    among deformations that keep the volume (`pdsurrogate.materials.Polyconvex`), so that W is, and shear waves are stable in all states.
+    Beyond the data W continues as these terms.
 
-    In states of constant volume the stresses are linear in the weights, so that the weights are a non-negative least-squares fit, without
-    a start or random choices, and few terms remain. Volume ratios, which depend on the bulk modulus, and weights are found alternately.
-    The range of the exponents and the powers of invariants are chosen by cross-validation over modes of loading, or over parts of a
-    biaxial grid; with at least three modes or parts, the powers of invariants are chosen by the geometric mean of this error and the
-    error of a second cross-validation, in five folds of interleaved states.
+    In states of constant volume the stresses are linear in the weights, so that the weights of given terms are a non-negative
+    least-squares fit, without a start or random choices. Volume ratios, which depend on the bulk modulus, and weights are found
+    alternately. The range of the exponents and the terms of the invariants are chosen by cross-validation over modes of loading, or over
+    parts of a biaxial grid; with at least three modes or parts, the terms of the invariants are chosen by the geometric mean of this error
+    and the error of a second cross-validation, in five folds of interleaved states. The number of terms is the least whose squared errors
+    in these folds exceed those of the best number by at most the standard error of the difference. Of each number of terms, a search that
+    adds, exchanges and removes terms finds those that fit best.
 
     Parameters
     ----------
     max_terms : int, default=8
-        Most terms; those with the least contribution to the stress are left out.
+        Most terms; cross-validation chooses fewer where more foretell no better.
     margin : float, default=0.05
         Extension of the hull of the data, in log-stretch, within which the energy holds; a larger one trusts it where no data support it.
     bulk_ratio : float, default=1000
@@ -85,15 +103,18 @@ class EnergyRegressor(StressRegressor):
     Attributes
     ----------
     law_ : Ogden or Polyconvex
-        Energy as a law for every force model; the latter if it has powers of invariants.
-    exponents_, weights_ : ndarray, shape (n_terms,)
-        a, and c_a in the unit of the stresses. Half of the sum of c_a, with the part of the invariants, is the shear modulus.
-    invariant_weights_ : dict
-        Weights of the powers of the invariants by (1 or 2, power), in the unit of the stresses; empty if there are none.
+        Energy as a law for every force model; the latter if it has other terms than powers of stretches.
+    terms_ : list of Term
+        Terms of the energy: pairs of a kind and a number (`pdsurrogate.materials.polyconvex.Term`).
+    weights_ : ndarray, shape (n_terms,)
+        Their weights, in the unit of the stresses.
     parameter_names_, parameters_, covariance_, standard_errors_, at_bound_
-        Weights with their covariance and standard errors, for given exponents and volume ratios.
+        Weights with their covariance and standard errors, for given terms and volume ratios.
     cross_validation_ : list of dict
-        ``greatest`` and ``least`` exponent, number of ``invariants``, and ``relative_rms`` error of the data left out.
+        ``greatest`` and ``least`` exponent, number of ``invariants``, which are terms of the invariants, and ``relative_rms`` error of the
+        data left out.
+    errors_by_size_ : ndarray, shape (max_terms,)
+        Relative RMS error of the data left out for 1, 2, ... terms; empty if the data have fewer than two states.
     hull_ : ndarray, shape (n, 3)
         Half-planes (n1, n2, -d) of the convex hull of the data and the undeformed state: n . x <= d, where x are the logarithms of the
         greatest and of the middle one of the three stretches of a state, whose directions do not matter to an isotropic energy.
@@ -179,20 +200,13 @@ class EnergyRegressor(StressRegressor):
         _warn_of_few_modes(X)
         groups = groups_of(X) if groups is None else np.asarray(groups)[used]
         chosen = self._chosen(X, y, root, groups)
-        volume = np.ones_like(y)
-        for _ in range(ROUNDS):
-            stretches = isochoric(X, volume)
-            terms, weights = self._fitted(columns_of(stretches, X[:, 0], chosen), y, root, chosen)
-            if not stiffness_of(terms, weights) > 0:
-                warnings.warn("the stresses do not rise with the stretch as in rubber; the fitted energy is almost zero", stacklevel=2)
-                terms, weights = np.array([[0, 2.0]]), np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
-            before, (law, volume) = volume, self._law_and_volume(terms, weights, X, volume)
-            if np.abs(volume - before).max() < 1e-9:
-                break
-        columns = root[:, None] * columns_of(stretches, X[:, 0], terms)
-        squares = ((columns @ weights - root * y) ** 2).sum()
-        self._store(law, [_name_of(term) for term in terms], weights, columns, squares)
-        self.exponents_, self.weights_, self.invariant_weights_ = parted(terms, weights)
+        # The volume ratios of a first fit serve the choice of the number of terms, of which some would describe the change of volume.
+        *_, stretches = self._alternately(X, y, root, chosen, self.max_terms)
+        count = self._count(columns_of(stretches, X[:, 0], chosen), y, root, chosen, fifths_of(X))
+        law, self.terms_, self.weights_, stretches = self._alternately(X, y, root, chosen, count)
+        columns = root[:, None] * columns_of(stretches, X[:, 0], self.terms_)
+        squares = ((columns @ self.weights_ - root * y) ** 2).sum()
+        self._store(law, [f"weight of {term}" for term in self.terms_], self.weights_, columns, squares)
         self.stretch_range_ = float(X.min()), float(X.max())
         self.hull_ = half_planes(X)
         return self
@@ -243,17 +257,37 @@ class EnergyRegressor(StressRegressor):
         check_is_fitted(self)
         return [[n1, n2, self.margin - offset] for n1, n2, offset in self.hull_.tolist()]
 
-    def _chosen(self, X, y, root, groups) -> np.ndarray:
-        """Return the set of candidate energy terms, as rows of `terms_of`, with the least error of cross-validation over `groups` of rows.
+    def _alternately(self, X, y, root, chosen, count) -> tuple[Law, list[Term], np.ndarray, np.ndarray]:
+        """Fit at most `count` of the terms `chosen` and volume ratios alternately; return law, terms, weights and isochoric stretches."""
+        volume = np.ones_like(y)
+        for _ in range(ROUNDS):
+            stretches = isochoric(X, volume)
+            terms, weights = _fitted(columns_of(stretches, X[:, 0], chosen), y, root, chosen, count)
+            if not stiffness_of(terms, weights) > 0:
+                warnings.warn("the stresses do not rise with the stretch as in rubber; the fitted energy is almost zero", stacklevel=3)
+                terms, weights = [Term("stretches", 2.0)], np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
+            law = law_of(terms, weights, self._bulk(stiffness_of(terms, weights)))
+            before, found = volume, states(law, X)[1]
+            volume = np.where(np.isfinite(found), found, volume)
+            if np.abs(volume - before).max() < 1e-9:
+                break
+        return law, terms, weights, stretches
 
-        The best range of exponents is chosen for each set of powers of invariants, and then the best of these sets; a smaller set wins if
-        its error is nearly as small (`AS_GOOD`). `root` holds square roots of row weights. The errors are recorded in `cross_validation_`.
+    def _chosen(self, X, y, root, groups) -> list[Term]:
+        """Return the set of candidate energy terms with the least error of cross-validation over `groups`.
+
+        The best range of exponents is chosen for each set of terms of the invariants, and then the best of these sets; a smaller set wins
+        if its error is nearly as small (`AS_GOOD`). `root` holds square roots of row weights; `cross_validation_` records the errors.
         """
         self.cross_validation_, candidates = [], []
-        for invariants in INVARIANTS:
+        greatest_first = np.exp(2 * ordered_logs(X)).sum(axis=1) + np.exp(-2 * np.log(X).sum(axis=1)) - 3
+        for kinds in POWERS:
+            invariants = [Term(kind, float(number)) for kind, *numbers in kinds for number in numbers]
+            if kinds is POWERS[-1]:
+                invariants += [Term("logarithms", share * max(greatest_first.max(), SAME_MODE)) for share in LIMITS]
             dictionaries = []
             for greatest, least in product(POSITIVE, NEGATIVE):
-                terms = terms_of(dictionary(greatest, least, self.offset), invariants)
+                terms = [*dictionary(greatest, least, self.offset), *invariants]
                 error = self._left_out(X, y, root, groups, terms)
                 dictionaries.append((terms, error))
                 self.cross_validation_.append({"greatest": greatest, "least": -least, "invariants": len(invariants), "relative_rms": error})
@@ -270,41 +304,118 @@ class EnergyRegressor(StressRegressor):
         It is the RMS over all groups divided by the RMS of the stresses; 0 if there is only one group. The fits have the candidate energy
         terms `terms` and constant volume; `root` holds square roots of row weights.
         """
-        columns, error, size, kinds = columns_of(isochoric(X, np.ones_like(y)), X[:, 0], terms), 0.0, 0.0, np.unique(groups)
-        for kind in kinds if len(kinds) > 1 else ():
-            left = groups == kind
-            kept, weights = self._fitted(columns[~left], y[~left], root[~left], np.arange(len(terms)))
-            error += ((root[left] * (columns[left][:, kept] @ weights - y[left])) ** 2).sum()
-            size += ((root[left] * y[left]) ** 2).sum()
-        return float(np.sqrt(error / size)) if size > 0 else 0.0
+        columns, size = columns_of(isochoric(X, np.ones_like(y)), X[:, 0], terms), ((root * y) ** 2).sum()
+        squares = _squares_left_out(columns, y, root, groups, lambda *rows: [nonnegative(*rows)[0]])
+        return float(np.sqrt(squares.sum() / size)) if size > 0 else 0.0
 
-    def _fitted(self, columns, y, root, terms) -> tuple[np.ndarray, np.ndarray]:
-        """Fit weights of energy terms to the stresses y; return the terms with a positive weight, at most `max_terms`, and the weights.
+    def _count(self, columns, y, root, terms, folds) -> int:
+        """Return the least number of terms whose error of cross-validation exceeds the least error by at most its standard error.
 
-        `columns` holds the stress of each term with unit weight, and `root` the square roots of the row weights.
+        `columns` holds the stress of each candidate of `terms` with unit weight.
         """
-        kept = np.arange(len(terms))
-        while True:
-            weights, shares = nonnegative(columns[:, kept], y, root)
-            some = shares > 1e-9 * max(shares.max(), 1e-300)
-            if some.sum() <= self.max_terms:
-                return terms[kept[some]], weights[some]
-            # Without the term of the least contribution to the stress.
-            kept = np.delete(kept[some], shares[some].argmin())
+        stiff = [term.shear_modulus > 0 for term in terms]
 
-    def _law_and_volume(self, terms, weights, X, volume) -> tuple[Ogden, np.ndarray]:
-        """Return the law with given weights of terms, and its volume ratios in the states X, or `volume` where the law has no stress."""
-        exponents, powers, invariants = parted(terms, weights)
-        # A term of Ogden's law is mu_k/alpha_k (...): mu_k alpha_k is the weight.
-        moduli, alphas = tuple((powers / exponents).tolist()), tuple(exponents.tolist())
-        bulk = self._bulk(stiffness_of(terms, weights))
-        if not invariants:
-            law = Ogden(bulk_modulus=bulk, moduli=moduli, exponents=alphas)
-        else:
-            first, second = (tuple(invariants.get((which, power), 0.0) for power in (1, 2, 3)) for which in (1, 2))
-            law = Polyconvex(bulk_modulus=bulk, moduli=moduli, exponents=alphas, first=first, second=second)
-        found = states(law, X)[1]
-        return law, np.where(np.isfinite(found), found, volume)
+        def fits(columns, y, root):
+            found = [_weights(columns, y, root, chosen) for chosen in best_sets(columns, y, root, stiff, self.max_terms)]
+            return [found[min(size, len(found) - 1)] if found else np.zeros(columns.shape[1]) for size in range(self.max_terms)]
+
+        squares = _squares_left_out(columns, y, root, folds, fits)
+        if not len(squares):
+            self.errors_by_size_ = np.empty(0)
+            return self.max_terms
+        total = squares.sum(axis=0)
+        self.errors_by_size_ = np.sqrt(total / max(((root * y) ** 2).sum(), 1e-300))
+        excess = squares - squares[:, [total.argmin()]]
+        most = np.sqrt(len(squares)) * excess.std(axis=0, ddof=1) + NEGLIGIBLE**2 * ((root * y) ** 2).sum()
+        return 1 + int(np.argmax(excess.sum(axis=0) <= most))
+
+
+def _squares_left_out(columns, y, root, groups, fits) -> np.ndarray:
+    """Return sums of squared errors of the stresses of each group by fits to the other groups, shape (groups, fits); none of one group.
+
+    ``fits(columns, y, root)`` returns a list of weights of the columns.
+    """
+    kinds, squares = np.unique(groups), []
+    for kind in kinds if len(kinds) > 1 else ():
+        left = groups == kind
+        found = np.array(fits(columns[~left], y[~left], root[~left]))
+        squares.append(((root[left] * (found @ columns[left].T - y[left])) ** 2).sum(axis=1))
+    return np.array(squares)
+
+
+def _fitted(columns, y, root, terms, count) -> tuple[list[Term], np.ndarray]:
+    """Return the at most `count` energy terms that fit the stresses y best, and their weights.
+
+    `columns` holds the stress of each term with unit weight, and `root` the square roots of the row weights.
+    """
+    sets = best_sets(columns, y, root, [term.shear_modulus > 0 for term in terms], count)
+    weights = _weights(columns, y, root, sets[-1]) if sets else np.zeros(len(terms))
+    return [term for term, weight in zip(terms, weights, strict=True) if weight > 0], weights[weights > 0]
+
+
+def _weights(columns, y, root, chosen) -> np.ndarray:
+    """Return non-negative weights of all columns, zeros but for the `chosen` ones, that fit y best."""
+    weights = np.zeros(columns.shape[1])
+    weights[chosen] = nonnegative(columns[:, chosen], y, root)[0]
+    return weights
+
+
+def best_sets(columns: np.ndarray, y: np.ndarray, root: np.ndarray, stiff: Sequence[bool], most: int) -> list[np.ndarray]:
+    """Return sets of 1, 2, ... columns whose sums with positive coefficients fit y best, at most of `most` columns, as index arrays.
+
+    Each set has a column that `stiff` flags: without one the undeformed material would have no stiffness.
+
+    All pairs are compared. Each of the `BEAM` best sets of a size is extended by one column; in the best of these sets columns are
+    exchanged, one at a time, as long as the fit improves; and if it, less one of its columns, fits better than the set before, it takes its
+    place (floating search: Pudil, Novovicova, Kittler, Pattern Recognit. Lett. 15 (1994) 1119). The sum of two terms resembles a third
+    one, so that neither adding single terms nor a lasso finds the two. The list ends where no column improves a fit. `root` holds square
+    roots of the weights of the rows.
+    """
+    columns, y = root[:, None] * columns, root * y
+    size = np.linalg.norm(columns, axis=0)
+    columns, has_stiffness = columns / np.where(size > 0, size, 1.0), np.asarray(stiff)
+    # The tiny number on the diagonal keeps sets of nearly equal columns from being singular.
+    gram, right = columns.T @ columns + ROUNDING * np.eye(len(size)), columns.T @ y
+
+    def gains(sets):
+        """Return the decreases of the sum of squares by sets of columns; only stiff sets with positive coefficients count."""
+        found = np.linalg.solve(gram[sets[:, :, None], sets[:, None, :]], right[sets][..., None])[..., 0]
+        return np.where((found > 0).all(axis=1) & has_stiffness[sets].any(axis=1), (found * right[sets]).sum(axis=1), 0.0)
+
+    def best(sets):
+        values = gains(sets)
+        return values.max(), sets[values.argmax()]
+
+    def without_one(chosen):
+        return np.array([np.delete(chosen, at) for at in range(len(chosen))])
+
+    def exchanged(gain, chosen):
+        """Exchange columns of a set, one at a time, as long as the fit improves."""
+        while True:
+            others = np.setdiff1d(every, chosen)
+            better = best(np.array([[*rest, other] for rest in without_one(chosen) for other in others]))
+            if not better[0] > gain * enough:
+                return gain, chosen
+            gain, chosen = better
+
+    every, enough = np.arange(len(size)), 1 + ROUNDING
+    found = [best(every[:, None])]
+    if not found[0][0] > 0:
+        return []
+    beam = every[:, None]
+    while len(found) < min(most, len(size) - 1):
+        wide = np.unique(np.sort([[*one, other] for one in beam for other in np.setdiff1d(every, one)], axis=1), axis=0)
+        beam = wide[np.argsort(-gains(wide))[:BEAM]]
+        gain, chosen = exchanged(*best(beam))
+        if not gain > found[-1][0] * enough:
+            break
+        found.append((gain, chosen))
+        while len(found) > 2:
+            fewer = exchanged(*best(without_one(found[-1][1])))
+            if not fewer[0] > found[-2][0] * enough:
+                break
+            found[-2:] = [fewer]
+    return [chosen for _, chosen in found]
 
 
 def nonnegative(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -319,28 +430,15 @@ def nonnegative(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[n
     return shares / size, shares
 
 
-def parted(terms: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Split terms: return exponents of stretches, their entries in `weights`, and a dictionary of the others by (invariant, power)."""
-    plain = terms[:, 0] == 0
-    invariants = {(int(which), int(power)): float(weight) for (which, power), weight in zip(terms[~plain], weights[~plain], strict=True)}
-    return terms[plain, 1], weights[plain], invariants
-
-
 def _first_as_good(choices: list[tuple]) -> tuple:
     """Return the first pair (terms, error) of `choices`, ordered by size, whose error exceeds the least by at most 5 % (`AS_GOOD`)."""
     most = (1 + AS_GOOD) * min(error for _, error in choices) + 1e-9
     return next(choice for choice in choices if choice[1] <= most)
 
 
-def _name_of(term) -> str:
-    """Return the name in reports of the weight of an energy term, a row of `terms_of`."""
-    which, power = term
-    return f"weight of {('exponent', 'I1bar - 3 to the power', 'I2bar^1.5 - 3 sqrt 3 to the power')[int(which)]} {power:g}"
-
-
-def stiffness_of(terms: np.ndarray, weights: np.ndarray) -> float:
-    """Return the shear modulus of an energy when undeformed; of the powers of invariants only the first of I2bar^1.5 - 3 sqrt 3 counts."""
-    return float(weights[terms[:, 0] == 0].sum() / 2 + SECOND_AT_REST * weights[(terms == (2, 1)).all(axis=1)].sum())
+def stiffness_of(terms: Sequence[Term], weights: np.ndarray) -> float:
+    """Return the shear modulus of an energy in the undeformed state."""
+    return float(sum(weight * term.shear_modulus for term, weight in zip(terms, weights, strict=True)))
 
 
 def isochoric(X: np.ndarray, volume: np.ndarray) -> np.ndarray:
@@ -395,34 +493,21 @@ def line_through_rest(logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return off, along
 
 
-def dictionary(greatest: float, least: float, offset: float = 0.0) -> np.ndarray:
-    """Return candidate exponents as an array, from -`least` to -1 and from 1 to `greatest`, with `offset` added to absolute values."""
+def dictionary(greatest: float, least: float, offset: float = 0.0) -> list[Term]:
+    """Return powers of stretches: exponents from -`least` to -1 and from 1 to `greatest`, with `offset` added to absolute values."""
     sizes = np.arange(LEAST_EXPONENT, max(greatest, least) + STEP / 2, STEP)
-    return np.concatenate([-sizes[sizes <= least][::-1] - offset, sizes[sizes <= greatest] + offset])
+    exponents = np.concatenate([-sizes[sizes <= least][::-1] - offset, sizes[sizes <= greatest] + offset])
+    return [Term("stretches", exponent) for exponent in exponents.tolist()]
 
 
-def terms_of(exponents, invariants=()) -> np.ndarray:
-    """Return energy terms, one for each of `exponents`, then the pairs `invariants`, as rows of two numbers, shape (n_terms, 2).
-
-    A row is (0, exponent of the stretches), (1, power of I1bar - 3) or (2, power of I2bar^1.5 - 3 sqrt 3).
-    """
-    return np.array([*((0.0, exponent) for exponent in exponents), *invariants])
-
-
-def columns_of(stretches: np.ndarray, first: np.ndarray, terms) -> np.ndarray:
+def columns_of(stretches: np.ndarray, first: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
     """Return the nominal stress along the first stretch of each energy term with unit weight, shape (n_samples, n_terms).
 
     `stretches` are the isochoric principal stretches, shape (n_samples, 3), with the stress-free thickness last; `first` are the full
-    stretches along the stress, which include the change of volume. `terms` are rows of `terms_of`.
+    stretches along the stress, which include the change of volume.
     """
-    (which, powers), squares = terms.T, stretches**2
-    (along, _, across), I1, I2 = squares.T[:, :, None], squares.sum(axis=1)[:, None], (1 / squares).sum(axis=1)[:, None]
-    # The measures of the invariants of which terms are powers, and their slopes along the first stretch.
-    measures = {1: (I1 - 3, 2 * (along - across)), 2: (I2**1.5 - SECOND_AT_REST, 3 * np.sqrt(I2) * (1 / across - 1 / along))}
-    columns = (stretches[:, :1] ** powers - stretches[:, 2:] ** powers) / powers
-    for kind, (measure, slope) in measures.items():
-        columns[:, which == kind] = powers[which == kind] * measure ** (powers[which == kind] - 1) * slope
-    return columns / first[:, None]
+    slopes = derivatives(terms, np.log(stretches))[1]
+    return (slopes[..., 0] - slopes[..., 2]) / first[:, None]
 
 
 def fifths_of(X) -> np.ndarray:

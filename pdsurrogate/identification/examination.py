@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..materials.polyconvex import Term
 from .data import BIAXIAL, TestData
-from .energy import INVARIANTS, NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric, nonnegative, terms_of
+from .energy import NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric, nonnegative
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
@@ -53,8 +54,8 @@ POOR = 0.9
 """R^2 of a mode below which a fit is called poor. Chosen: the residuals are then a third of the scatter of the stresses, which a plot shows
 at a glance."""
 
-TERMS = terms_of(dictionary(POSITIVE[-1], NEGATIVE[-1]), INVARIANTS[1])
-"""Terms (`terms_of`) of an energy that stands for all admissible energies: powers of stretches, their inverses and the first invariant."""
+TERMS = [*dictionary(POSITIVE[-1], NEGATIVE[-1]), Term("first", 2.0), Term("first", 3.0)]
+"""Terms of an energy that stands for all admissible energies: powers of stretches, their inverses and the first invariant."""
 
 REWEIGHTINGS = 12
 """Number of fits in a robust regression by iterative reweighting: the weights of outliers settle within a few."""

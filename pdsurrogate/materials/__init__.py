@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 
 from .invariant_laws import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Yeoh
 from .law import InvariantLaw, Law, PrincipalStretchLaw
-from .stretch_laws import FullNetwork, Ogden, Polyconvex
+from .polyconvex import Polyconvex
+from .stretch_laws import FullNetwork, Ogden
 
 if TYPE_CHECKING:
     from .states import PLANES, SHEETS, dimension_of, plane_strain, plane_stress, solid

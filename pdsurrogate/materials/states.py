@@ -14,6 +14,10 @@ from . import expressions
 from .consistency import check_consistency
 from .law import Law
 
+EDGE_ITERATIONS, DIFFERENCE, EDGE_SOLVED = 50, 1e-6, 1e-12
+"""Of Newton's method for the thickness at an edge: greatest number of iterations, interval of the differences of logarithms that give
+slopes, and last step. Chosen: the error of the slopes leaves 1e-6 of the error in each iteration, so that five are usual."""
+
 
 def principal_stretches(F: np.ndarray) -> np.ndarray:
     """Return the principal stretches, the square roots of the eigenvalues of F^T F, the greatest first.
@@ -186,6 +190,32 @@ class PlaneStress(PlaneStrain):
     def thickness_stretch_squared(self, law: Law, trace, area_ratio):
         """Return C33 = (J3/J)**2, the squared stretch of the thickness under plane stress, shape (...)."""
         return (self.volume_ratio(law, trace, area_ratio) / area_ratio) ** 2
+
+    def thickness_at_edge(self, law: Law, along, pressure):
+        """Return the stretch of the thickness at edges that have the stretches `along` (k,) themselves and bear a pressure, theory (44a).
+
+        The stretch normal to the edge and J3 are found by Newton's method, such that the nominal stress on the edge is that of the pressure
+        and P33 = 0. The result is NaN where there is no such state.
+        """
+        along, pressure = np.broadcast_arrays(np.asarray(along, float), np.asarray(pressure, float))
+        load = pressure / law.shear_modulus
+
+        def excess(logarithms):
+            normal, J3 = np.exp(logarithms)
+            p, q, across, _, _ = self.response(law, along**2 + normal**2, along * normal, J3)
+            return np.array([p * normal**2 + q + load * J3, across])
+
+        with np.errstate(all="ignore"):
+            found = np.array([-np.log(along) / 2, np.zeros_like(along)])
+            for _ in range(EDGE_ITERATIONS):
+                off = excess(found)
+                slopes = [(excess(found + change) - off) / DIFFERENCE for change in DIFFERENCE * np.eye(2)[:, :, None]]
+                (a, c), (b, d) = slopes
+                step = np.array([d * off[0] - b * off[1], a * off[1] - c * off[0]]) / (a * d - b * c)
+                found = found - np.clip(step, -0.5, 0.5)
+                if not (np.abs(step) > EDGE_SOLVED).any():
+                    break
+            return np.where(np.abs(step).max(axis=0) < 1e3 * EDGE_SOLVED, np.exp(found[1] - found[0]) / along, np.nan)
 
     def stress_and_energy(self, law: Law, F, volume_ratio, bulk_stress=None, isochoric=None):
         p, q, _, _, energy = self.response(law, *invariants(F), volume_ratio)

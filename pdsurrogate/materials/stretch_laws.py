@@ -1,4 +1,4 @@
-"""Laws of the isochoric principal stretches: sums of powers, and a network of molecular chains in all directions."""
+"""Laws of the isochoric principal stretches: Ogden's sum of powers, and a network of molecular chains in all directions."""
 
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import scipy
 
-from ..kernels.elementary_in_numpy import chain_energy, exponential, inverse_langevin, select
+from ..kernels.elementary_in_numpy import chain_energy, exponential, inverse_langevin
 from .law import PrincipalStretchLaw, check_number
 
 MOST_TERMS = 8
@@ -16,13 +16,6 @@ costs as much as its terms."""
 
 NOT_GIVEN: Any = None
 """Default of a modulus that the constructor of a law computes from other parameters."""
-
-SECOND_AT_REST = 3 * 3**0.5
-"""Value of I2bar^1.5 in the undeformed state, where I2bar = 3."""
-
-GREATEST_POWER = 3
-"""Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3. Chosen: the third power, as in Yeoh's law, describes the rise of the stress at
-great stretches; higher ones would act at the greatest stretches of the data alone."""
 
 DEGREE = 29
 """Degree of the polynomials that the quadrature integrates exactly. Chosen: Lebedev's rule of this degree has 302 directions, 46 of which
@@ -101,7 +94,7 @@ class Ogden(PrincipalStretchLaw):
         return sum(modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)) / 2
 
     def scaled(self, factor: float) -> Self:
-        scaled = {key: tuple(value * factor for value in getattr(self, key)) for key in self.lists if key != "exponents"}
+        scaled = {key: tuple(value * factor for value in getattr(self, key)) for key in self.lists if key not in ("exponents", "limits")}
         return replace(self, shear_modulus=NOT_GIVEN, bulk_modulus=self.bulk_modulus * factor, **scaled)
 
     @property
@@ -126,105 +119,6 @@ class Ogden(PrincipalStretchLaw):
         g2 = modulus * exponential(exponent * x2)
         g3 = modulus * exponential(exponent * x3)
         return (g1 + g2 + g3 - 3 * modulus) / exponent, g1, g2, g3, exponent * (g1 + g2 + 4 * g3) / 9
-
-
-@dataclass(frozen=True)
-class Polyconvex(Ogden):
-    """Polyconvex law, Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + sum_k a_k x^k + sum_k b_k y^k + U(J3).
-
-    Here l are the isochoric principal stretches, x = I1bar - 3 and y = I2bar^1.5 - 3 sqrt 3.  With a_k and b_k that are not negative,
-    moduli that have the signs of their exponents, and exponents of size 1 or more, every term is polyconvex: terms of the
-    invariants for all deformations, terms of the stretches if only deformations of constant volume are considered.
-
-    Parameters
-    ----------
-    shear_modulus : float, optional
-        Initial shear modulus mu. It follows from the terms, as sum_k mu_k alpha_k / 2 + 2 a_1 + 3 sqrt 3 b_1, and if given must equal this
-        sum. Unit: stress.
-    bulk_modulus : float, optional
-        Initial bulk modulus K; 100 mu by default. Unit: stress.
-    moduli : tuple of float
-        Moduli mu_k, up to eight; each has the sign of its exponent. Unit: stress.
-    exponents : tuple of float
-        Exponents alpha_k, one for each modulus, of magnitude 1 or more. Unit: none.
-    first : tuple of float
-        Constants a_1, a_2, a_3, not negative; fewer are followed by zeros. Unit: stress.
-    second : tuple of float
-        Constants b_1, b_2, b_3, not negative; fewer are followed by zeros. Unit: stress.
-
-    References
-    ----------
-    Hartmann, Neff, Int. J. Solids Struct. 40 (2003) 2767, for the powers of the invariants; Ogden, Proc. R. Soc. A 326 (1972) 565.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.materials.Polyconvex(first=(0.4, 0.01))
-    >>> law.shear_modulus, round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4)
-    (0.8, 0.8637)
-    """
-
-    name: ClassVar[str] = "polyconvex"
-    reference: ClassVar[str] = "Hartmann, Neff 2003"
-    lists: ClassVar[tuple[str, ...]] = ("moduli", "exponents", "first", "second")
-
-    moduli: tuple[float, ...] = ()
-    exponents: tuple[float, ...] = ()
-    first: tuple[float, ...] = (0.5, 0.0, 0.0)
-    second: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-    def _check_terms(self) -> None:
-        for key in ("first", "second"):
-            values = getattr(self, key)
-            if len(values) > GREATEST_POWER or not (np.isfinite(values).all() and min(values, default=0) >= 0):
-                raise ValueError(f"{self.name}: {key} must be at most {GREATEST_POWER} finite numbers, none negative, not {list(values)}")
-            object.__setattr__(self, key, (*values, *[0.0] * (GREATEST_POWER - len(values))))
-        if self.moduli or self.exponents:
-            super()._check_terms()
-        if min(map(abs, self.exponents), default=1) < 1:
-            raise ValueError(f"{self.name}: exponents must be at least 1 in size for a polyconvex law, not {list(self.exponents)}")
-        if not self._stiffness() > 0:
-            raise ValueError(f"{self.name}: the stiffness at rest is zero: give moduli, or a first number above 0 in first or second")
-
-    def _stiffness(self) -> float:
-        return super()._stiffness() + 2 * self.first[0] + SECOND_AT_REST * self.second[0]
-
-    @property
-    def terms(self) -> np.ndarray:
-        # A term is c1 z + c2 z^2 + c3 z^3 of z = S^root - 3^root with S = l1^exponent + l2^exponent + l3^exponent.
-        powers = [(exponent, 1.0, modulus / exponent, 0.0, 0.0) for modulus, exponent in zip(self.moduli, self.exponents, strict=True)]
-        terms = np.array([*powers, (2.0, 1.0, *self.first), (-2.0, 1.5, *self.second)])
-        terms[:, 2:] /= self.shear_modulus
-        return terms
-
-    @property
-    def shape(self) -> dict[str, float]:
-        found = super().shape
-        for key in ("first", "second"):
-            found |= {f"{key}_{power}": value / self.shear_modulus for power, value in enumerate(getattr(self, key), start=1)}
-        return found
-
-    @staticmethod
-    def coefficients(parameters, k):
-        at = 2 + 5 * k
-        return parameters[at], parameters[at + 1], parameters[at + 2], parameters[at + 3], parameters[at + 4]
-
-    @staticmethod
-    def term(x1, x2, x3, s1, s2, s3, coefficients):
-        exponent, power, c1, c2, c3 = coefficients
-        e1, e2, e3 = exponential(exponent * x1), exponential(exponent * x2), exponential(exponent * x3)
-        S = e1 + e2 + e3
-        root = np.sqrt(S)
-        plain = power == 1.0
-        z = select(plain, S - 3, S * root - 3 * np.sqrt(3.0))
-        # Derivatives of z by S, and of the energy by z.
-        z1, z2 = select(plain, 1.0, 1.5 * root), select(plain, 0.0, 0.75 / root)
-        W1, W2 = c1 + z * (2 * c2 + 3 * c3 * z), 2 * c2 + 6 * c3 * z
-        slope = exponent * W1 * z1
-        along = exponent * (2 * e3 - e1 - e2) / 3
-        h = exponent * slope * (e1 + e2 + 4 * e3) / 9 + (W2 * z1 * z1 + W1 * z2) * along * along
-        return z * (c1 + z * (c2 + z * c3)), slope * e1, slope * e2, slope * e3, h
 
 
 @cache

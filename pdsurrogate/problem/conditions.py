@@ -2,7 +2,8 @@
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from ..body import Body, HeldBoundary, Mirror
 from ..body.local_fit import text_of
 from ..forces import InvalidState
-from ..materials import Law
+from ..materials import Law, plane_stress
 from ..scenes import Load, Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import EDGES
@@ -278,10 +279,25 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions, laws: Sequence[Law]
         key = f"loads.{number}.region"
         if load.kind == "pressure":
             deformed, facets = scene.plane == "stress" and load.thickness != "undeformed", _facets_of(key, load, body, regions)
-            found.append(Pressure(*named, regions.surface(), facets, load.pressure, deformed))
+            at_edge = _thickness_at_edge(scene, number, facets, regions, laws) if deformed else None
+            found.append(Pressure(*named, regions.surface(), facets, load.pressure, deformed, at_edge))
         else:
             found.append(DeadLoad(*named, *_dead_forces(key, load, body, regions)))
     return Loads(body, found)
+
+
+def _thickness_at_edge(
+    scene: Scene, number: int, facets: np.ndarray, regions: BodyRegions, laws: Sequence[Law]
+) -> Callable[[np.ndarray, float], np.ndarray] | None:
+    """Return the function that gives the thickness at the facets of a pressure, load `number`, from their own stretch, theory (44a).
+
+    None if the body has several materials, or if other loads or an obstacle may act on the facets, whose stress is then another one.
+    """
+    others = [load for other, load in enumerate(scene.loads) if other != number and load.kind in ("pressure", "traction")]
+    shared = any(np.isin(facets, regions.facets(load.region, "")).any() for load in others)
+    if shared or scene.obstacles or len(laws) != 1:
+        return None
+    return partial(plane_stress.thickness_at_edge, laws[0])
 
 
 def _facets_of(key: str, load: Load, body: Body, regions: BodyRegions) -> np.ndarray:

@@ -3,9 +3,12 @@
 import numpy as np
 import scipy
 
+from ..body import Body
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 from ..scenes import Scene
+from ..scenes.consistency import gives_fracture_energy, names_of_materials
+from ..scenes.model import Criterion, Fracture
 from ..scenes.tip_diameter import TIP_DIAMETER, tip_diameter_in
 
 
@@ -57,15 +60,81 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     return _stretch_at(law, "energy_density", fracture_energy / (tip_diameter * horizon), "that fracture energy")
 
 
-def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> float | None:
-    """Return the critical stretch of bonds that a scene gives, or that follows from its fracture energy; None without fracture.
+class CriticalStretches:
+    """Critical stretches of the bonds within and between the materials of a scene with fracture.
 
-    The effective diameter of a crack tip depends on the `family` of force models.
+    Parameters
+    ----------
+    scene : Scene
+    rest : Fracture
+        Criterion of the scene, for all materials that have none of their own.
+    horizon : float
+    family : str
+        Family of the force models, on which the effective diameter of a crack tip depends.
+    of_points : ndarray of int, shape (n,)
+        Number of the material of every point of the body: 0 for the rest of the body, then those of `materials`, counted from 1.
+
+    Attributes
+    ----------
+    of_materials : list of float
+        Critical stretch within each material.
+    of_interfaces : dict of float
+        Critical stretch of the bonds between two materials with an entry of their own, by their numbers, the smaller first.
+    summary : dict
+        Entries of a run's summary: the critical stretch of the rest of the body, and those of interfaces, if any.
+
+    Raises
+    ------
+    ValueError
+        If no critical stretch follows from a fracture energy; the message names the key.
     """
-    spec = scene.fracture
-    if spec is None or spec.energy is None:
-        return spec.critical_stretch if spec else None
-    return critical_stretch_of(law, spec.energy, horizon, tip_diameter_in(scene, family))
+
+    def __init__(self, scene: Scene, rest: Fracture, horizon: float, family: str, of_points: np.ndarray) -> None:
+        self._of_points = of_points
+        diameter = tip_diameter_in(scene, family) * horizon if gives_fracture_energy(scene) else 0.0
+        laws = [scene.law(), *(part.material.build() for part in scene.materials)]
+        self.of_materials = [
+            _critical(part.fracture or rest, (law, law), diameter, f"materials.{number}.fracture" if part.fracture else "fracture")
+            for number, (part, law) in enumerate(zip(scene.materials, laws[1:], strict=True))
+        ]
+        self.of_materials.insert(0, _critical(rest, (laws[0], laws[0]), diameter, "fracture"))
+        names, self.of_interfaces = names_of_materials(scene), {}
+        for number, entry in enumerate(rest.interfaces):
+            one, other = sorted(names.index(name) for name in entry.between)
+            self.of_interfaces[one, other] = _critical(entry, (laws[one], laws[other]), diameter, f"fracture.interfaces.{number}")
+        self.summary: dict = {"critical_stretch": self.of_materials[0]}
+        if rest.interfaces:
+            found = zip(rest.interfaces, self.of_interfaces.values(), strict=True)
+            self.summary["interfaces"] = [{"between": list(entry.between), "critical_stretch": stretch} for entry, stretch in found]
+
+    def of_pairs(self, body: Body) -> np.ndarray:
+        """Return the critical stretch of every pair of a body, shape (n_pairs,).
+
+        A pair between two materials without an entry in `of_interfaces` has the smaller of their critical stretches.
+        """
+        numbers = np.concatenate([self._of_points, self._of_points[body.ghosts.source]])
+        first, second = (numbers[ends] for ends in (body.bonds.first, body.bonds.second))
+        least = np.minimum.outer(self.of_materials, self.of_materials)
+        for (one, other), stretch in self.of_interfaces.items():
+            least[one, other] = least[other, one] = stretch
+        return least[first, second]
+
+
+def _critical(given: Criterion, laws: tuple[Law, Law], diameter: float, key: str) -> float:
+    """Return the critical stretch of bonds between two materials, given as such or by a fracture energy.
+
+    `diameter` is the effective diameter of a crack tip. Raise ValueError, with the key, if no stretch stores as much energy, or the two
+    materials have different laws.
+    """
+    if given.critical_stretch is not None:
+        return given.critical_stretch
+    wanted = (given.energy or 0.0) / diameter
+    try:
+        if laws[0] != laws[1]:
+            raise ValueError("no crack between two different laws was measured; set critical_stretch instead")
+        return _stretch_at(laws[0], "energy_density", wanted, "that fracture energy")
+    except ValueError as error:
+        raise ValueError(f"{key}.energy: {error}") from None
 
 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:

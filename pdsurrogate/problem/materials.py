@@ -13,6 +13,7 @@ from ..body.local_fit import text_of
 from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
 from ..scenes import Part, Scene, SceneError
+from ..scenes.consistency import gives_fracture_energy
 from ..scenes.regions import label_of_region
 from ..scenes.tip_diameter import tip_diameter_in
 from .regions import BodyRegions
@@ -137,7 +138,7 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
     with scene_errors(scene):
         settings_of(scene).check(model.name, model.honored(scene.plane))
         model.check_material(scene.law())
-        if scene.fracture is not None and scene.fracture.energy is not None:
+        if gives_fracture_energy(scene):
             tip_diameter_in(scene, model.family)
     found = [model]
     for number, part in enumerate(scene.materials):
@@ -168,8 +169,8 @@ def _model_of(part: Part, rest: ForceModel, plane: str) -> ForceModel:
 
 def portions_of(
     scene: Scene, body: Body, models: Sequence[ForceModel], regions: BodyRegions
-) -> tuple[list[Portion], dict[str, np.ndarray]]:
-    """Assign the points of a body to the materials of a scene: return law, model and points of each, and the rigid regions.
+) -> tuple[list[Portion], dict[str, np.ndarray], np.ndarray]:
+    """Assign the points of a body to the materials of a scene: return law, model and points of each, rigid regions, and numbers.
 
     Parameters
     ----------
@@ -185,6 +186,8 @@ def portions_of(
         Law, force model and points of every deformable material with points: the rest of the body, then `materials` in order.
     dict of ndarray
         Points of the rigid regions, by name.
+    ndarray of int, shape (n,)
+        Number of the material of every point: 0 for the rest of the body, then those of `materials`, counted from 1.
 
     Raises
     ------
@@ -197,8 +200,14 @@ def portions_of(
         key = f"materials.{number - 1}"
         points = regions.points(part.region, f"{key}.region")
         before = of_points[points]
-        # Two rigid regions are two bodies.
-        same = [not part.material.rigid and laws[other] == laws[number] and models[other] is models[number] for other in before]
+        # Two rigid regions are two bodies, and materials that break differently are two materials.
+        same = [
+            not part.material.rigid
+            and laws[other] == laws[number]
+            and models[other] is models[number]
+            and scene.materials[other - 1].fracture == part.fracture
+            for other in before
+        ]
         error, twice = None, (before > 0) & ~np.array(same, dtype=bool)
         if twice.any():
             first, where = before[twice.argmax()] - 1, text_of(body.points[points[twice.argmax()]])
@@ -211,4 +220,4 @@ def portions_of(
     rigid = {label_of_region(part.region, f"materials.{number}"): found[number + 1] for number, part in parts.items()}
     # All ranks have the same portions.
     kept = [number for number, law in enumerate(laws) if law is not None and body.share.any(len(found[number]) > 0)]
-    return [Portion(laws[number], models[number], found[number]) for number in kept], rigid
+    return [Portion(laws[number], models[number], found[number]) for number in kept], rigid, of_points

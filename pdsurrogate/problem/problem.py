@@ -14,14 +14,14 @@ from ..forces.interfaces import SIGHT
 from ..forces.settings import BALANCED
 from ..materials import Law
 from ..ranks import ALONE, Communicator
-from ..scenes import Part, Scene
+from ..scenes import Scene
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
 from ..solvers.conditions import Loading
 from ..solvers.loads import LoadedForce
 from ..solvers.rigid import RigidRegion
 from .conditions import check_speeds, conditions_of, loads_of, warn_of_points
-from .fracture import critical_stretch_in
+from .fracture import CriticalStretches
 from .fronts import Fronts
 from .materials import portions_of, scene_errors, settings_of, warn_of_bulk_moduli, warn_of_parts
 from .obstacles import bar_rigid_regions
@@ -56,8 +56,8 @@ class Problem:
         Points of the rigid regions, by name.
     measures : Measures
         Measures that results report.
-    critical_stretch : float or None
-        Stretch at which bonds break; None without fracture.
+    critical_stretches : CriticalStretches or None
+        Stretches at which bonds break; None without fracture.
     """
 
     scene: Scene
@@ -72,7 +72,7 @@ class Problem:
     portions: list[Portion]
     rigid: dict[str, np.ndarray]
     measures: Measures
-    critical_stretch: float | None
+    critical_stretches: CriticalStretches | None
 
     @cached_property
     def law(self) -> Law:
@@ -99,7 +99,7 @@ class Problem:
             **({"held_at_points": self.held_at_points} if self.held_at_points else {}),
             "units": {**units.model_dump(), "force": units.force, "energy": units.energy},
             **({"grip_areas": self.measures.areas} if self.measures.nominal_stress else {}),
-            **({"materials": list(map(_describe_part, self.scene.materials, self.models[1:]))} if self.scene.materials else {}),
+            **({"materials": [self._describe_part(number) for number in range(len(self.scene.materials))]} if self.scene.materials else {}),
         }
 
     def bind(self, precision: str | None = None) -> tuple[InternalForce, LoadedForce]:
@@ -143,6 +143,15 @@ class Problem:
                 found.append(f"{one.name} moved by {text_of(one.amplitude(parameter) * one.travel)}")
         return "; ".join(found)
 
+    def _describe_part(self, number: int) -> dict:
+        """Return the entry of a run's summary about an entry of `materials`: region, material, force model and critical stretch."""
+        part, stretches = self.scene.materials[number], self.critical_stretches
+        region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
+        if part.material.rigid:
+            return {**region, "material": {"law": RIGID}}
+        found = {**region, "material": part.material.build().describe(), "force": self.models[number + 1].name}
+        return found if stretches is None else {**found, "critical_stretch": stretches.of_materials[number + 1]}
+
     def _rigid_regions(self, force: InternalForce) -> list[RigidRegion]:
         """Return the rigid regions of the body; raise ValueError for one that cannot move as prescribed, or that nothing holds.
 
@@ -185,14 +194,6 @@ class Problem:
 def _together(rigid: dict[str, np.ndarray]) -> np.ndarray:
     """Return the points of all rigid regions in one array, from the points of each by name."""
     return np.concatenate([np.zeros(0, np.int64), *rigid.values()])
-
-
-def _describe_part(part: Part, model: ForceModel) -> dict:
-    """Return the entry of a run's summary about a region of another material: region, material and force model."""
-    region = part.model_dump(mode="json", include={"region"}, exclude_none=True, by_alias=True)
-    if part.material.rigid:
-        return {**region, "material": {"law": RIGID}}
-    return {**region, "material": part.material.build().describe(), "force": model.name}
 
 
 def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Communicator = ALONE) -> Problem:
@@ -240,9 +241,11 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
     """Return the problem of a scene on its discretized body: this rank's part with its regions, and the whole body."""
     body, stages = regions.body, stages_of(scene)
     with scene_errors(scene):
-        portions, rigid = portions_of(scene, body, models, regions) if models else ([], {})
+        portions, rigid, of_points = portions_of(scene, body, models, regions) if models else ([], {}, np.zeros(len(body), np.int64))
         if rigid and ranks.size > 1:
             raise ValueError("materials: rigid regions are supported on one rank only; run without mpiexec, or give the regions a law")
+        if scene.fracture and len(portions) > 1 and ranks.size > 1:
+            raise ValueError("fracture: bodies of several materials tear on one rank only; run without mpiexec")
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages)
         loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
@@ -253,6 +256,8 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
-        critical = critical_stretch_in(scene, portions[0].law, body.horizon, models[0].family) if scene.fracture and portions else None
+        critical = (
+            CriticalStretches(scene, scene.fracture, body.horizon, models[0].family, of_points) if scene.fracture and portions else None
+        )
     held = (regions, prescriptions, stages, loading)
     return Problem(scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical)

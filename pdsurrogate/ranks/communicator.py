@@ -1,11 +1,12 @@
 """Ranks: the processes that share one run, and the messages between them."""
 
 import importlib.util
+import math
 import os
 import socket
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -14,9 +15,12 @@ LAUNCHED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "PMIX_SIZE")
 """Environment variables in which launchers of MPI state how many processes they have started."""
 
 
-_PAUSE = 0.01
-"""Seconds between two checks in `Communicator.leave` whether all ranks have ended. Chosen: too short to be noticed, and long enough that a
-waiting rank takes no processor time from the others."""
+_PAUSE, _PART = 0.01, 0.1
+"""Greatest number of seconds between two checks of a rank that waits asleep, and the same divided by the time it has waited so far. Chosen:
+too short to be noticed, and long enough that a waiting rank takes no processor time from the others."""
+
+_TOLD, _ASKED = 1, 2
+"""Tags of messages between the first rank and a rank that takes no part in a run: how the run ended, and that it should stop."""
 
 
 class NotUnderMPI(RuntimeError):
@@ -30,17 +34,20 @@ class Communicator:
     ----------
     mpi : module, optional
         ``mpi4py.MPI``; without it there is one rank.
+    world : Comm, optional
+        MPI communicator of the ranks, by default of all.
 
     Attributes
     ----------
     rank, size : int
     """
 
-    def __init__(self, mpi=None) -> None:
-        self._mpi, self._world = mpi, mpi and mpi.COMM_WORLD
+    def __init__(self, mpi=None, world=None) -> None:
+        self._mpi, self._world = mpi, mpi and (world or mpi.COMM_WORLD)
         self.rank, self.size = (self._world.rank, self._world.size) if mpi else (0, 1)
         # A rank may leave while others wait in a message to it: the end of a run is agreed upon apart.
         self._ends = mpi and self._world.Dup()
+        self._firsts: dict[int, Communicator] = {}
 
     def __deepcopy__(self, memo):
         return self
@@ -50,9 +57,49 @@ class Communicator:
         return self.everywhere(socket.gethostname()).count(socket.gethostname())
 
     def barrier(self) -> None:
-        """Wait for all ranks."""
+        """Wait for all ranks, asleep."""
         if self._mpi:
-            self._world.Barrier()
+            _wait(self._world.Ibarrier().Test)
+
+    def first(self, count: int) -> "Communicator":
+        """Return the communicator of the first `count` ranks, which all ranks must ask for together; the others must not use it."""
+        if count == self.size:
+            return self
+        if count not in self._firsts:
+            world = self._world.Split(self.rank >= count, self.rank) if count > 1 else None
+            self._firsts[count] = Communicator(self._mpi, world) if world and self.rank < count else ALONE
+        return self._firsts[count]
+
+    def tell(self, ranks: range, value) -> None:
+        """Send a value from the first rank to each of `ranks`, which wait for it in `hear`."""
+        for rank in ranks:
+            self._ends.send(value, dest=rank, tag=_TOLD)
+        for rank in ranks:
+            while self._ends.recv(source=rank, tag=_ASKED):
+                pass  # requests to stop that arrived after the end
+
+    def hear(self, asks: Callable[[], bool]):
+        """Return the value that the first rank sends by `tell`, for which this rank waits asleep.
+
+        When `asks` returns true for the first time, a request that the first rank can see in `asked` is sent to it.
+        """
+        asked = False
+
+        def arrived() -> bool:
+            nonlocal asked
+            if not asked and asks():
+                asked = True
+                self._ends.send(True, dest=0, tag=_ASKED)
+            return self._ends.iprobe(source=0, tag=_TOLD)
+
+        _wait(arrived)
+        value = self._ends.recv(source=0, tag=_TOLD)
+        self._ends.send(False, dest=0, tag=_ASKED)
+        return value
+
+    def asked(self) -> bool:
+        """Return, on the first rank, whether a rank that waits in `hear` has asked to stop."""
+        return self.size > 1 and self.rank == 0 and self._ends.iprobe(tag=_ASKED)
 
     def to_all(self, value):
         """Return the value of the first rank, on every rank."""
@@ -134,13 +181,21 @@ class Communicator:
         """
         if not self._mpi:
             return True
-        until, arrival = time.monotonic() + seconds, self._ends.Ibarrier()
-        while not arrival.Test():
-            if time.monotonic() > until:
-                return False
-            time.sleep(_PAUSE)
+        if not _wait(self._ends.Ibarrier().Test, seconds):
+            return False
         self._mpi.Finalize()
         return True
+
+
+def _wait(arrived: Callable[[], bool], seconds: float = math.inf) -> bool:
+    """Sleep until `arrived` returns true, and return True; or return False after some seconds."""
+    began = time.monotonic()
+    while not arrived():
+        waited = time.monotonic() - began
+        if waited > seconds:
+            return False
+        time.sleep(min(_PAUSE, _PART * waited))
+    return True
 
 
 ALONE = Communicator()

@@ -38,6 +38,16 @@ class Halo:
             for rows, values in self._exchanged(field, self._send, self._receive):
                 field[rows] = values
 
+    def fill_sparse(self, rows):
+        """Return a sparse matrix with a row for each row here, with the rows of the halo replaced by those of the ranks that own them."""
+        if self._ranks.size == 1:
+            return rows
+        ranks, none = range(self._ranks.size), self.rows[:0]
+        received = self._ranks.to_each([rows[self._send.get(rank, none)] for rank in ranks])
+        own = np.setdiff1d(np.arange(rows.shape[0]), self.rows)
+        order = np.concatenate([own, *(self._receive.get(rank, none) for rank in ranks)])
+        return scipy.sparse.vstack([rows[own], *received]).tocsr()[np.argsort(order)]
+
     def fold(self, field: np.ndarray) -> None:
         """Add the rows of a field's halo to the rows on their owners, in place, and set the halo to zero: the transpose of `fill`."""
         for rows, values in self._exchanged(field, self._receive, self._send):
@@ -133,7 +143,7 @@ class Share:
         True on the first rank. A value that every rank has whole, such as the work of a load, enters a sum over ranks on this rank only.
     agree, everywhere, total, greatest : callable
         Methods of `Communicator`: raise an error of any rank on all, list the values of all ranks, and take sum and maximum over them.
-    fill, fold, clear, gather : callable
+    fill, fill_sparse, fold, clear, gather : callable
         Methods of `Halo` and `Rows`, for arrays with a row for each point.
     numbers, owners, size, ranks
     """
@@ -143,7 +153,7 @@ class Share:
         self.own, self.divided, self.leads = owners == ranks.rank, ranks.size > 1, ranks.rank == 0
         self.agree, self.everywhere, self.total, self.greatest = ranks.agree, ranks.everywhere, ranks.total, ranks.greatest
         halo, self.gather = Halo(ranks, numbers, owners), Rows(ranks, numbers, self.own, size).gather
-        self.fill, self.fold, self.clear = halo.fill, halo.fold, halo.clear
+        self.fill, self.fill_sparse, self.fold, self.clear = halo.fill, halo.fill_sparse, halo.fold, halo.clear
         self._own = np.flatnonzero(self.own) if self.divided else slice(None)
         self._weights = self.own.astype(float) if self.divided else None
 

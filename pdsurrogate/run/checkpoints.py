@@ -51,7 +51,12 @@ class State:
     steps : int
         Steps in dynamics.
     wasted : int
-        Number of force evaluations for the present planned increment of the loading since an attempt at it failed; 0 if none has failed.
+        Number of force evaluations for the present planned increment of the loading since an attempt at it failed, with those for earlier
+        increments of the output that took many; 0 if none has failed.
+    begun : int
+        Number of force evaluations of the run when the search for the present output in equilibrium began.
+    costs : list of int
+        Force evaluations for every output in equilibrium so far.
     greatest_drive : float
         Greatest sum of the magnitudes of loads or reactions (`Equilibrium.drive`) of the outputs so far.
     crack : dict or None
@@ -73,8 +78,10 @@ class State:
     elapsed: float = 0.0
     steps: int = 0
     wasted: int = 0
+    begun: int = 0
     greatest_drive: float = 0.0
     crack: dict | None = None
+    costs: list[int] = field(default_factory=list)
     dynamics: list[dict] = field(default_factory=list)
     levels: list[dict] = field(default_factory=list)
     history: list[dict] = field(default_factory=list)
@@ -205,7 +212,7 @@ class Record:
             "levels": state.levels,
             "states": len(run.states),
             **({"n_steps": state.steps} if "n_steps" in self._summary else {}),
-            **({"critical_stretch": run.problem.critical_stretch, "crack": state.crack} if state.crack is not None else {}),
+            **(run.problem.critical_stretches.summary | {"crack": state.crack} if state.crack is not None else {}),
         }
         write_tables(run.folder, self._summary | reached, state.history, state.convergence, run.problem.scene.units)
         ended = time.monotonic()

@@ -19,8 +19,9 @@ class Damage:
     Parameters
     ----------
     body : Body
-    critical_stretch : float
-        Greatest ratio of deformed to undeformed length that a bond bears, greater than 1: a bond with a greater one breaks.
+    critical_stretch : float or ndarray, shape (n_pairs,)
+        Greatest ratio of deformed to undeformed length that a bond bears, greater than 1, of all pairs or of each: a bond with a greater
+        one breaks.
 
     Attributes
     ----------
@@ -31,10 +32,10 @@ class Damage:
         0 for other pairs.
     """
 
-    def __init__(self, body: Body, critical_stretch: float) -> None:
-        if not (np.isfinite(critical_stretch) and critical_stretch > 1):
+    def __init__(self, body: Body, critical_stretch: float | np.ndarray) -> None:
+        if not (np.isfinite(critical_stretch) & (np.asarray(critical_stretch) > 1)).all():
             raise ValueError(f"the critical stretch must be finite and greater than 1, not {critical_stretch}")
-        self.body, self.critical_stretch = body, float(critical_stretch)
+        self.body = body
         bonds = body.bonds
         self.broken, self.recent = np.zeros(len(bonds.first), dtype=bool), np.zeros(len(bonds.first), dtype=np.int32)
         self._events = 0
@@ -42,7 +43,7 @@ class Damage:
         length = _lengths(body, bonds.first, bonds.second)
         self._weights = body.weigh(length)
         self._limits = np.full(len(first), np.inf)
-        self._limits[: len(length)] = (self.critical_stretch * length) ** 2
+        self._limits[: len(length)] = (critical_stretch * length) ** 2
         self._found = np.empty(len(first), dtype=np.uint32)
         chunks = chunks_of(len(bonds.first))
         self._counts = np.zeros(chunks.number, dtype=np.int64)

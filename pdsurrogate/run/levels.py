@@ -19,6 +19,7 @@ from ..solvers.equilibrium import (
     RanAway,
     TooSmall,
     Unbalanced,
+    Unstable,
     falls,
     note_of_modes,
     window_of,
@@ -46,15 +47,24 @@ increment fails.
 Where no equilibrium exists, a solver moves points that far within some ten evaluations, and would need thousands to fail by itself;
 equilibria beyond this distance are found with shorter increments too."""
 
-PATIENCE, LEAST_PATIENCE, MOST_SPENT = 6, 1.2, 7
-"""Force evaluations for a planned increment of which an attempt has failed, divided by the mean for the outputs of the run so far. A search
-whose residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more.
-When they have used the third number, the increment is halved no further. Chosen: an increment that fails then costs at most about ten
-outputs, and increments up to 99 % of a limit load are still found after a failure."""
+NEAR, LEFT, LATEST = 1e-3, 20, 4
+"""Signs that a search has come near to an equilibrium that is not stable, and has left it: its least residual is less than the first number
+times its first one, and the latest residuals, so many as the third number, are greater than the second number times the least. Chosen:
+rounding changes residuals by less; a sheet that buckles gives these signs after 60 evaluations, and converges to its buckled state after
+200. Slender bodies under loads give them on the way to equilibria, and methods that step in time too, because their residuals oscillate."""
 
-USUAL, LEAST = 200, 40
-"""Force evaluations assumed for an output of a run that has none yet, and the least mean for the outputs of a run: an easy output says
-little about the next one, and searches just below a limit load need hundreds even where they converge."""
+PATIENCE, LEAST_PATIENCE, MOST_SPENT, MOST = 6, 1.2, 7, 10
+"""Force evaluations for an increment of which an attempt has failed, divided by the mean for an output of the run so far. A search whose
+residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. When
+they have used the third number, the increment is halved no further. The fourth number bounds an output that fails, with the search that
+brings its last equilibrium to the tolerance of an output. Increments up to 99 % of a limit load are still found after a failure."""
+
+CARRIED = 2
+"""Force evaluations for a planned increment of which an attempt has failed, in the same unit, beyond which they count for the next planned
+increment too, although this one has ended well: otherwise an output of several planned increments could cost `MOST_SPENT` for each."""
+
+USUAL = 200
+"""Force evaluations assumed for an output of a run that has none yet."""
 
 SHORT = 50
 """Least number of evaluations of a search in which its residual must halve after a failed increment: the first ones are uneven."""
@@ -132,7 +142,7 @@ class Equilibria:
             run.target = self._target(goal)
             run.report("level", state.stage, run.target)
             if self._increments is None:
-                self._last_output, state.wasted = (run.positions.copy(), state.parameter), 0
+                self._last_output, state.wasted, state.begun = (run.positions.copy(), state.parameter), 0, run.force.evaluations
                 self._increments = self._increments_to(goal)
             equilibrium, self._increments = self._go_to_output(self._increments), None
             if equilibrium is None:
@@ -140,6 +150,7 @@ class Equilibria:
                 run.loading.apply(state.parameter, run.loaded, run.positions)
                 return False
             state.outputs += 1
+            state.costs.append(run.force.evaluations - state.begun)
             self._record(equilibrium)
             self.checkpoint()
         return True
@@ -177,13 +188,13 @@ class Equilibria:
                 self._accepted.restore(run, self.solver)
                 raise
             except FAILURES as error:
-                state.wasted += run.force.evaluations - began
+                before, state.wasted = state.wasted, state.wasted + run.force.evaluations - began
                 if isinstance(error, RanAway) and ran_away is None:
                     ran_away = error  # with short increments from just below a limit load solvers fail in other ways
                 vague = isinstance(error, OutOfPatience) or (isinstance(error, NotConverged) and isinstance(told, RanAway))
                 told = told if vague and told is not None else error
                 spent = state.wasted >= min(MOST_SPENT * usual, run.problem.scene.solver.most_evaluations)
-                self._take_back(increments, error, ran_away or told, spent and increments.share < 1)
+                self._take_back(increments, error, ran_away or told, spent and (increments.share < 1 or before > 0))
                 continue
             ran_away, taken, easy = None, run.force.evaluations - began, True
             if self._course.adaptive:
@@ -193,7 +204,7 @@ class Equilibria:
             longer = increments.accept(easy)
             state.wasted += taken if state.wasted else 0
             if increments.whole:
-                state.wasted, told = 0, None
+                state.wasted, told = state.wasted if state.wasted > CARRIED * usual else 0, None
             if longer and self._course.adaptive:
                 again = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
                 run.note(state.parameter, reason=again)
@@ -220,8 +231,7 @@ class Equilibria:
 
     def _usual(self) -> float:
         """Return the mean number of force evaluations for an output of the run so far, or `USUAL` before the first one."""
-        done = [level["evaluations"] for level in self.run.state.levels if "evaluations" in level]
-        return max(LEAST, float(np.mean(done or USUAL)))
+        return float(np.mean(self.run.state.costs or USUAL))
 
     def _follow(self, increments: Increments, patience: float) -> Equilibrium:
         """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations.
@@ -317,20 +327,29 @@ class Equilibria:
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
             before = run.positions.copy()
-            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, LEAST_PATIENCE * self._usual())
+            left = MOST * self._usual() - (run.force.evaluations - run.state.begun)
+            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, LEAST_PATIENCE * self._usual(), most=left)
             run.loads.check_path(run.target, run.target, before, run.positions)
             self._record(equilibrium)
         run.target = target
 
     def _solve(
-        self, target: float, tolerance: float, guess: np.ndarray, patience: float, increments: Increments | None = None
+        self,
+        target: float,
+        tolerance: float,
+        guess: np.ndarray,
+        patience: float,
+        increments: Increments | None = None,
+        most: float = np.inf,
     ) -> Equilibrium:
         """Solve for equilibrium at the parameter `target` from the present positions, within `patience` force evaluations.
 
-        Raise RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess of the increment. On the way write
-        checkpoints and stop on request.
+        A search whose residual falls may take more than `patience`, but not more than `most`. Raise Unstable if a body that grips push
+        leaves an equilibrium (`_has_left`), and RanAway if loads carry a point farther than `FARTHEST` allows from `guess`, the first guess
+        of the increment. On the way write checkpoints and stop on request.
         """
         run, began, course, window = self.run, self.run.force.evaluations, [], window_of(self.run.body)
+        between_grips = self._course.growth(run.state.parameter, target) is not None
 
         def report(evaluations: int, residual: float) -> None:
             run.residual = residual
@@ -341,7 +360,12 @@ class Equilibria:
             self._keep_or_stop(increments)
             taken = run.force.evaluations - began
             course.append((taken, residual))
-            if taken > patience and not falls(course, min(window, max(taken // 2, SHORT))):
+            watched = between_grips and not (self.solver.steps_in_time or run.force.zero_energy_modes)
+            if watched and _has_left(course) and self._course.pushes(run.loaded):
+                least = min(one for _, one in course)
+                near = f"came near to an equilibrium (residual {least:.2g} shear modulus / spacing) and left it"
+                raise Unstable(f"the body buckles: the search {near}, so that this equilibrium is not stable")
+            if taken >= most or (taken > patience and not falls(course, min(window, max(taken // 2, SHORT)))):
                 raise OutOfPatience(f"no equilibrium was found within {taken} force evaluations, after a longer increment had failed")
             moved = run.body.share.greatest(np.abs(run.positions - guess)) if len(run.loads) > len(run.loads.obstacles) else 0.0
             if moved > self._farthest:
@@ -401,6 +425,12 @@ class _Accepted:
         for key, array in run.arrays().items():
             array[:] = self.arrays[key]
         run.loading.apply(self.parameter, run.loaded, run.positions)
+
+
+def _has_left(course: list[tuple[int, float]]) -> bool:
+    """Return whether a search, given by evaluations and residuals, has come near to an equilibrium and has left it (`NEAR`)."""
+    least, latest = min(residual for _, residual in course), min(residual for _, residual in course[-LATEST:])
+    return least < NEAR * course[0][1] and latest > LEFT * least
 
 
 def _check_resolved(run: Run, target: float) -> None:

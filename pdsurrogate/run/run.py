@@ -77,6 +77,8 @@ class Run:
         Folder for states and checkpoints, written as they are reached.
     threads : int, optional
         Number of threads of the kernels; by default as many as speed up a body of this size.
+    ranks : Communicator, optional
+        Ranks that share the run; by default all.
 
     Attributes
     ----------
@@ -110,10 +112,16 @@ class Run:
     """
 
     def __init__(
-        self, scene: Scene, models: Sequence[ForceModel], progress: Progress, folder: Path | None = None, threads: int | None = None
+        self,
+        scene: Scene,
+        models: Sequence[ForceModel],
+        progress: Progress,
+        folder: Path | None = None,
+        threads: int | None = None,
+        ranks: Communicator | None = None,
     ) -> None:
         self.model, self.progress, self.folder = models[0], progress, folder
-        self.interruption, self.ranks = Interruption(), communicator()
+        self.interruption, self.ranks = Interruption(), ranks or communicator()
         self.problem = compile_scene(scene, models, self.ranks)
         self.contents = contents_of(scene, models)
         self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loading.loads
@@ -137,8 +145,8 @@ class Run:
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
         self.residual: float | None = None
-        critical = self.problem.critical_stretch
-        self.damage = None if critical is None else Damage(self.body, critical)
+        critical = self.problem.critical_stretches
+        self.damage = None if critical is None else Damage(self.body, critical.of_pairs(self.body))
         self.states = self.states_of()
         self.checkpoints = Checkpoints(self)
         self.tables = Record(self)

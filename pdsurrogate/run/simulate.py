@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import math
 import time
+import warnings
+from collections.abc import Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -18,6 +20,7 @@ from ..arguments import check_kind, check_path, check_seconds, check_whole_numbe
 from ..engine.compile import compilation_clock
 from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
+from ..problem import compile_scene
 from ..problem.materials import checked_models, scene_errors
 from ..ranks import Communicator, communicator
 from ..results import Result
@@ -25,6 +28,7 @@ from ..results.contents import contents_of
 from ..results.files import remove_leftovers
 from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
 from ..results.provenance import provenance
+from ..results.states import States
 from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
 from ..solvers.conditions import FoldedOver
@@ -35,6 +39,7 @@ from .interruption import Interrupted, Interruption
 from .run import Progress, Run, Silent
 from .sensitivity import differentiate
 from .stages import SinglePrecisionLeft, go
+from .waiting import RanksWait, note_of_waiting, working_ranks
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
@@ -225,16 +230,51 @@ def simulate(
     folder = None if folder is None else Path(folder)
     own = folder if ranks.rank == 0 else None  # of the rank that writes
     with ranks.together():  # before any work
+        count = working_ranks(scene, ranks)
         if own and resume:
             check_names(own, scene.name, resumed=True)
             remove_leftovers(own)
         elif own:
             check_room(own, contents_of(scene, models), overwrite)
+    working = ranks.first(count)
+    if ranks.rank >= count:
+        return _elsewhere(ranks, scene, models)
+    try:
+        result = _on_these_ranks(
+            working, scene, models, progress, began, threads=threads, folder=folder, resume=resume, overwrite=overwrite, max_time=max_time
+        )
+    except Exception as error:
+        if ranks.rank == 0:
+            ranks.tell(range(count, ranks.size), (type(error), str(error), getattr(error, "out_of_time", None), _numbers_of(error)))
+        raise
+    if ranks.rank == 0:
+        ranks.tell(range(count, ranks.size), (None, None, None, _numbers_of(result)))
+    return result
+
+
+def _on_these_ranks(
+    ranks: Communicator,
+    scene: Scene,
+    models: Sequence[ForceModel],
+    progress: Progress,
+    began: float,
+    *,
+    threads: int | None,
+    folder: Path | None,
+    resume: bool,
+    overwrite: bool,
+    max_time: float | None,
+) -> Result:
+    """Run a scene on the ranks that work on it, and return the result; arguments as of `simulate`, and errors as from the run on."""
+    model, own = models[0], folder if ranks.rank == 0 else None
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(own) if own else nullcontext()
     with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        run = Run(scene, models, progress, folder, threads and most)
-        run.interruption = interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
+        run, world = Run(scene, models, progress, folder, threads and most, ranks), communicator()
+        if ranks.rank == 0 and ranks.size < world.size:
+            warnings.warn(note_of_waiting(run.body.share.size, ranks.size, world.size), RanksWait, stacklevel=3)
+        until = math.inf if max_time is None else began + max_time
+        run.interruption = interruption = Interruption(until, world.size == 1, world.asked)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
@@ -269,6 +309,27 @@ def simulate(
         return ended(None, DONE)
 
 
+def _numbers_of(ended: Result | Exception) -> tuple | None:
+    """Return what ranks without work learn of a result, or of that of a run that failed; None for an error without a result."""
+    result = ended.result if isinstance(ended, SimulationFailed) else ended
+    return (result.summary, result.history, result.states.moments, result.convergence) if isinstance(result, Result) else None
+
+
+def _elsewhere(ranks: Communicator, scene: Scene, models: Sequence[ForceModel]) -> Result:
+    """Wait for a run that other ranks carry out, and return its result without fields, or raise its error, as on these ranks."""
+    interruption = Interruption(insists=False)
+    with interruption:
+        kind, message, out_of_time, numbers = ranks.hear(lambda: interruption.asked)
+    if numbers is None:
+        raise kind(message)
+    summary, history, moments, convergence = numbers
+    body, differentiated = compile_scene(scene, models).body, partial(differentiate, scene, models)
+    result = Result(scene, body, summary, history, States(moments), convergence, differentiated)
+    if kind is None:
+        return result
+    raise kind(message, result, *([] if out_of_time is None else [out_of_time]))
+
+
 def _peak(history: list[dict]) -> dict | None:
     """Return the history's greatest nominal stress, which a cracked body bears at most, with its time and stretch; None without history."""
     highest = max(history, key=lambda row: row["nominal_stress"], default=None)
@@ -284,7 +345,7 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
     residuals = [level["residual"] for level in state.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
         residuals.append(run.residual)
-    outside = force.fraction_outside
+    outside, started = force.fraction_outside, communicator().size
     total, stress = run.body.share.total, run.problem.measures.nominal_stress
     directed = total(run.directed_bonds())
     summary = {
@@ -301,7 +362,8 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         "horizon": run.body.horizon,
         "precision": force.precision,
         "correction": force.correction,
-        **({"ranks": run.ranks.size} if run.ranks.size > 1 else {}),
+        **({"ranks": run.ranks.size} if started > 1 else {}),
+        **({"ranks_waiting": started - run.ranks.size} if started > run.ranks.size else {}),
         "threads": run.threads,
         "status": status,
         "converged": failure is None,
@@ -327,7 +389,7 @@ def _result_of(run: Run, seconds_compile: float, began: float, failure: str | No
         summary["n_steps"] = state.steps
         summary["dynamics"] = state.dynamics
     if state.crack is not None:
-        summary["critical_stretch"] = run.problem.critical_stretch
+        summary |= {} if run.problem.critical_stretches is None else run.problem.critical_stretches.summary
         path = {"path": crack_path(state.crack["tips"])}
         summary["crack"] = state.crack | path | ({} if stress is None else {"peak": _peak(state.history)})
     body, differentiated = run.body if run.whole is None else run.whole, partial(differentiate, run.problem.scene, run.problem.models)

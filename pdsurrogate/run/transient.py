@@ -47,7 +47,8 @@ class Transient:
         self.run, self.stage, self.most_outputs, spec = run, stage, stage.outputs, stage.inertia
         self.motion, self.viscosity = stage.motion(run.state.begin), spec.viscosity
         if self.viscosity is None:
-            of_cracks = CRACK_VISCOSITY * run.body.spacing * math.sqrt(spec.density / run.problem.law.shear_modulus)
+            softest = min(law.shear_modulus for law, _ in run.force.laws)
+            of_cracks = CRACK_VISCOSITY * run.body.spacing * math.sqrt(spec.density / softest)
             self.viscosity = 0.0 if run.damage is None else of_cracks
         at_rest = run.positions, np.zeros_like(run.positions), run.loading.free, spec.density * run.body.volumes
         self.integrator = ExplicitDynamics(
@@ -132,7 +133,7 @@ class Transient:
                 self._last_row()
                 raise Interrupted
         if self._books.closes and run.state.dynamics[-1]["remark"] and run.ranks.rank == 0:
-            warnings.warn(run.state.dynamics[-1]["remark"], stacklevel=4)
+            warnings.warn(run.state.dynamics[-1]["remark"], stacklevel=5)
         return True
 
     def _time_due(self, outputs: int) -> float:

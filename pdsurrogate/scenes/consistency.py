@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ..arguments import suggestion
 from .amplitudes import amplitude_of
 from .loading import controlled_place
-from .regions import FACES, Region, edge_names, references_in, reserved_names
+from .regions import FACES, Region, edge_names, label_of_region, references_in, reserved_names
 from .shapes import Mesh
 from .solids import Extrusion, Prism
 from .strict_model import vectors_in
@@ -26,7 +26,8 @@ MOST_INCREMENTS = 100_000
 def check_consistency(scene: Scene) -> None:
     """Raise ValueError if the parts of a scene, each valid alone, do not fit together, such as a shape of the plane in a solid body."""
     of_body = _spacing, _arrangement, _dimension
-    for check in (*of_body, _way_of_loading, _rigid_regions, _grips, _program, _control, _thickness, _amplitudes, _probes, _regions):
+    of_loading = _way_of_loading, _rigid_regions, _grips, _program, _control, _fracture, _thickness, _amplitudes
+    for check in (*of_body, *of_loading, _probes, _regions):
         check(scene)
 
 
@@ -156,10 +157,42 @@ def _program(scene: Scene) -> None:
             most = f"{step.largest_increment:g} would need more than {MOST_INCREMENTS:,} increments from {what} = {begin:g} to {step.to:g}"
             raise ValueError(f"{key}.largest_increment: {most}")
         begin = step.to
-    if scene.fracture is not None and scene.dynamics is None and not any(step.dynamics for step in scene.steps):
+
+
+def names_of_materials(scene: Scene) -> list[str]:
+    """Return the name of the material of the rest of the body, ``"rest"``, then those of the entries of `materials`."""
+    return ["rest", *(label_of_region(part.region, key) for key, part in _entries(scene, "materials"))]
+
+
+def gives_fracture_energy(scene: Scene) -> bool:
+    """Return whether a scene gives the fracture energy of a material or an interface."""
+    criteria = [] if scene.fracture is None else [scene.fracture, *scene.fracture.interfaces, *(part.fracture for part in scene.materials)]
+    return any(one is not None and one.energy is not None for one in criteria)
+
+
+def _fracture(scene: Scene) -> None:
+    """Raise ValueError if fracture has no dynamics, no effective diameter of a crack tip, or an interface of unknown materials."""
+    if scene.fracture is None:
+        own = next((key for key, part in _entries(scene, "materials") if part.fracture is not None), None)
+        if own:
+            raise ValueError(f"{own}.fracture: needs fracture, the critical stretch or the energy of the rest of the body")
+        return
+    if scene.dynamics is None and not any(step.dynamics for step in scene.steps):
         where = "a step with dynamics" if scene.steps else "dynamics"
         raise ValueError(f"fracture: needs {where}, since a running crack is not in equilibrium")
-    if scene.fracture is not None and scene.fracture.energy is not None:
+    names, given = names_of_materials(scene), set()
+    for number, interface in enumerate(scene.fracture.interfaces):
+        key, between = f"fracture.interfaces.{number}.between", frozenset(interface.between)
+        for name in interface.between:
+            if names.count(name) != 1:
+                known = "two materials have this name" if name in names else suggestion(name, names)
+                raise ValueError(f"{key}: there is no single material {name!r}; {known}")
+        if len(between) == 1:
+            raise ValueError(f"{key}: an interface lies between two materials, not within {interface.between[0]!r}")
+        if between in given:
+            raise ValueError(f"{key}: the interface between {' and '.join(interface.between)} has two entries; leave one out")
+        given.add(between)
+    if gives_fracture_energy(scene):
         tip_diameter_in(scene)  # for which force model, a run checks
 
 

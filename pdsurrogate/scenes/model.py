@@ -111,6 +111,67 @@ class MaterialSpec(StrictModel):
             raise ValueError(f"{self.law}: a parameter is a list instead of a number, or a number instead of a list") from None
 
 
+class Criterion(StrictModel):
+    """Fracture of bonds beyond a critical stretch, given by either `critical_stretch` or `energy`.
+
+    Parameters
+    ----------
+    critical_stretch : float, optional
+        Stretch of a bond beyond which it breaks permanently. Unit: none.
+    energy : float, optional
+        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
+        tip, and the package rejects it if no diameter was measured for the force model, the plane, the arrangement of the points and
+        `horizon_ratio`. Unit: stress length.
+    """
+
+    critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
+    energy: Positive | None = None
+
+    def model_post_init(self, _) -> None:
+        if (self.critical_stretch is None) == (self.energy is None):
+            raise ValueError("fracture needs exactly one of critical_stretch and energy")
+
+
+class InterfaceFracture(Criterion):
+    """Fracture of the bonds that cross from one material to another, given by either `critical_stretch` or `energy`.
+
+    Between materials with different laws or parameters, `critical_stretch` alone: no crack tips were measured there.
+
+    Parameters
+    ----------
+    between : pair of str
+        Names of the two materials: the name of the region of an entry of `materials`, ``"materials.N"`` (counted from 0) for a region
+        without a name, or ``"rest"`` for the material of the rest of the body.
+    critical_stretch : float, optional
+        Stretch of a bond beyond which it breaks permanently. Unit: none.
+    energy : float, optional
+        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
+        tip, and the package rejects it if no diameter was measured for the force model, the plane, the arrangement of the points and
+        `horizon_ratio`. Unit: stress length.
+    """
+
+    between: tuple[str, str]
+
+
+class Fracture(Criterion):
+    """Fracture of bonds beyond a critical stretch, given by either `critical_stretch` or `energy`.
+
+    Parameters
+    ----------
+    critical_stretch : float, optional
+        Stretch of a bond beyond which it breaks permanently. Unit: none.
+    energy : float, optional
+        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
+        tip, and the package rejects it if no diameter was measured for the force model, the plane, the arrangement of the points and
+        `horizon_ratio`. Unit: stress length.
+    interfaces : list of InterfaceFracture
+        Pairs of materials whose common interface has a fracture energy or critical stretch of its own. Bonds between other materials
+        break at the smaller of the critical stretches of the two.
+    """
+
+    interfaces: tuple[InterfaceFracture, ...] = ()
+
+
 class Part(StrictModel):
     """Region of the body that is rigid, or has another material than the rest of the body.
 
@@ -123,6 +184,8 @@ class Part(StrictModel):
     force : str, optional
         Artifact that is the force model of this material. By default the force model of the rest of the body, or, if that model is a
         surrogate, the surrogate of this material's law.
+    fracture : Criterion, optional
+        When bonds within this material break; by default as in the rest of the body. Needs `fracture` of the scene.
 
     See Also
     --------
@@ -139,10 +202,12 @@ class Part(StrictModel):
     region: RegionReference
     material: MaterialSpec
     force: str | None = None
+    fracture: Criterion | None = None
 
     def model_post_init(self, _) -> None:
-        if self.material.rigid and self.force is not None:
-            raise ValueError("force does not apply to a rigid region, which is not deformed: leave it out")
+        for key in ("force", "fracture"):
+            if self.material.rigid and getattr(self, key) is not None:
+                raise ValueError(f"{key} does not apply to a rigid region, which is not deformed: leave it out")
 
 
 class Grip(StrictModel):
@@ -215,27 +280,6 @@ class SolverSpec(StrictModel):
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
     most_evaluations: Annotated[Whole, Field(gt=0)] = 50_000
     largest_increment: Annotated[Finite, Field(ge=1e-4)] = 0.5
-
-
-class Fracture(StrictModel):
-    """Fracture of bonds beyond a critical stretch, given by either `critical_stretch` or `energy`.
-
-    Parameters
-    ----------
-    critical_stretch : float, optional
-        Stretch of a bond beyond which it breaks permanently. Unit: none.
-    energy : float, optional
-        Fracture energy per undeformed area of crack. `pdsurrogate.critical_stretch_of` converts it with the effective diameter of a crack
-        tip, and the package rejects it if no diameter was measured for the force model, the plane, the arrangement of the points and
-        `horizon_ratio`. Unit: stress length.
-    """
-
-    critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
-    energy: Positive | None = None
-
-    def model_post_init(self, _) -> None:
-        if (self.critical_stretch is None) == (self.energy is None):
-            raise ValueError("fracture needs exactly one of critical_stretch and energy")
 
 
 class Dynamics(DynamicsSettings):

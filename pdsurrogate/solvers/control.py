@@ -12,6 +12,10 @@ from .loads import LoadedForce
 from .nearest_bonds import Preconditioner, strain_of_step
 from .tangent import TangentEquations
 
+BALANCED, MOST_SECANTS = 1e-13, 20
+"""Sum of weighted forces that is left, relative to that of the internal forces, where the factor of the loads is found; and greatest number
+of secants. Chosen: a hundred roundings; dead loads need one secant, pressures on the deformed thickness some five."""
+
 LARGEST_STRAIN = 0.25
 """Greatest change of a bond's stretch in one step, as in the quasi-Newton method."""
 
@@ -58,21 +62,36 @@ class ControlledForce:
         InvalidState
             As for `LoadedForce`, and if the loads do no work on the controlled displacement.
         """
-        loads = self._loaded.loads
-        loads.set(0.0)
+        self._loaded.loads.set(0.0)
         self._loaded(positions, out)
-        loads.set(1.0)
-        self._unit = self._loaded.applied()
-        for support in self._loaded.supports:
-            support.fold(self._unit)
         if self._weights is None:
             self.update()
-        pull = self._dot(self._weights, self._unit)
-        if pull == 0.0:
-            raise InvalidState("the loads do not change the controlled displacement")
-        self.factor = -self._dot(self._weights, out) / pull
-        loads.set(self.factor)
-        out += self.factor * self._unit
+        force = self._dot(self._weights, out)
+        # Secants, since the thickness on which a pressure acts depends on the pressure a little; for other loads the first one is exact.
+        last, self.factor, self._unit = (0.0, force), 1.0, self._loads_at(1.0)
+        applied = self._unit
+        for _ in range(MOST_SECANTS):
+            here = self.factor, force + self._dot(self._weights, applied)
+            if abs(here[1]) <= BALANCED * abs(force):
+                break
+            slope = (here[1] - last[1]) / (here[0] - last[0])
+            if not (np.isfinite(slope) and slope):
+                raise InvalidState("the loads do not change the controlled displacement")
+            last, self.factor = here, here[0] - here[1] / slope
+            applied = self._loads_at(self.factor)
+        else:
+            raise InvalidState("no factor of the loads balances the controlled displacement")
+        if self.factor:
+            self._unit = applied / self.factor
+        out += applied
+
+    def _loads_at(self, factor: float) -> np.ndarray:
+        """Set the loads to a factor, and return their forces on the points (n, d)."""
+        self._loaded.loads.set(factor)
+        found = self._loaded.applied()
+        for support in self._loaded.supports:
+            support.fold(found)
+        return found
 
     def tangent(self, positions: np.ndarray) -> scipy.sparse.linalg.LinearOperator:
         """Return minus the derivative of the forces at positions (n, d), see `tangent_of`; the factor of the loads changes with them."""

@@ -38,6 +38,10 @@ IDLE = 5
 fallen by a third. Chosen: a converging search gains a third in one or two evaluations, a search at the level of rounding never."""
 
 
+MOST_GROWTH = 1e3
+"""Residual of a search, divided by the first one or by shear modulus / spacing if that is greater, beyond which the search diverges:
+residuals of an unstable iteration grow without bound, and waves of a stable one exceed the first value by less."""
+
 PERIODS, LEAST_WINDOW = 4, 200
 """Force evaluations per spacing in the body's extent, and the least number, in which the residual of a converging search halves. Chosen:
 some two periods of the slowest mode in relaxation, which takes tens of evaluations per spacing in all."""
@@ -86,6 +90,12 @@ class RanAway(NoEquilibrium):
 def window_of(body: Body) -> int:
     """Return the number of force evaluations in which the residual of a converging search halves on a body."""
     return max(LEAST_WINDOW, int(PERIODS * body.extent / body.spacing))
+
+
+def check_growth(first: float, residual: float) -> None:
+    """Raise Diverging if the residual of a search exceeds `MOST_GROWTH` times its first value (or shear modulus / spacing)."""
+    if not residual < MOST_GROWTH * max(first, 1.0):
+        raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
 
 
 def falls(course: list[tuple[int, float]], window: float) -> bool:
@@ -152,6 +162,8 @@ class EquilibriumSolver(ABC):
     """Whether the method needs a force that has an energy."""
     needs_tangent = False
     """Whether the method needs products of the tangent, and so a force in double precision and one rank."""
+    steps_in_time = False
+    """Whether the method is a damped motion in time steps, whose residuals oscillate."""
     gave_up = False
     """Whether a faster method has failed on this body, so that it is not tried again."""
 

@@ -79,9 +79,14 @@ class Pressure:
         Pressure where the amplitude is 1.
     deformed : bool
         Whether the pressure acts on the edge of a sheet with its deformed thickness; otherwise with its undeformed thickness.
+    thickness_at_edge : callable, optional
+        ``thickness_at_edge(along, pressure)`` returns the stretch of the thickness at the facets, which have the stretches `along` (f,), if
+        nothing but the pressure acts there. Without it the thickness is continued from the points.
 
     Attributes
     ----------
+    needs_thickness : bool
+        Whether the thickness is continued from the points.
     no_potential_because : str or None
         Why the pressure has no potential; None if it has one.
     weights : ndarray, shape (f,)
@@ -90,9 +95,19 @@ class Pressure:
     """
 
     def __init__(
-        self, name: str, amplitude: Amplitude, share: Share, surface: Surface, facets: np.ndarray, value: float, deformed: bool
+        self,
+        name: str,
+        amplitude: Amplitude,
+        share: Share,
+        surface: Surface,
+        facets: np.ndarray,
+        value: float,
+        deformed: bool,
+        thickness_at_edge: Callable[[np.ndarray, float], np.ndarray] | None = None,
     ) -> None:
         self.name, self.amplitude, self._share, self._value, self.deformed, self.factor = name, amplitude, share, value, deformed, 0.0
+        self._at_edge, self._lengths = thickness_at_edge, surface.areas()[facets]
+        self.needs_thickness = deformed and thickness_at_edge is None
         self.weights, why = np.full(len(facets), float(share.leads)), None
         if deformed:
             why = "acts on the deformed thickness; on the undeformed one (thickness=undeformed) a closed boundary would give it a potential"
@@ -114,18 +129,22 @@ class Pressure:
     def _on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
         """Return the force on every facet, shape (f, d) (theory (44), (45)).
 
-        `thickness` is the stretch of the thickness at the points, used only if the pressure acts on the deformed thickness.
+        `thickness` is the stretch of the thickness at the points, used only if `needs_thickness`.
 
         Raises
         ------
         InvalidState
             Where a force is not finite, or the thickness not positive.
         """
-        forces = -(self._value * self.factor) * _normals(self._sides_at(positions))
-        if self.deformed:
-            there = self._share.total(self._middle @ thickness[self._points])
+        pressure, sides = self._value * self.factor, self._sides_at(positions)
+        forces = -pressure * _normals(sides)
+        if self.deformed and pressure:
+            if self._at_edge is None:
+                there = self._share.total(self._middle @ thickness[self._points])
+            else:
+                there = self._at_edge(np.linalg.norm(sides[0], axis=1) / self._lengths, pressure)
             if not (there > 0).all():
-                raise InvalidState("the thickness of the sheet that a pressure acts on, continued to the boundary, is not positive there")
+                raise InvalidState("the thickness of the sheet that a pressure acts on is not positive at the boundary")
             forces *= there[:, None]
         if not np.isfinite(forces).all():
             raise InvalidState("the force of a pressure on the boundary is not finite")
@@ -200,8 +219,8 @@ class Loads:
     Attributes
     ----------
     needs_thickness : bool
-        Whether a pressure acts on the deformed thickness.  Methods with a `thickness` argument then need the stretch of the thickness at
-        the points, J3 / det F, shape (n,): the volume ratio J3 divided by the area ratio det F in the plane.
+        Whether a pressure continues the thickness from the points.  Methods with a `thickness` argument then need the stretch of the
+        thickness at the points, J3 / det F, shape (n,): the volume ratio J3 divided by the area ratio det F in the plane.
     no_potential_because : str or None
         Why the loads are not minus the derivative of a potential; None if they are.
     obstacles : list of Obstacle
@@ -213,7 +232,7 @@ class Loads:
         self._following: list[Pressure | Obstacle] = [load for load in loads if not isinstance(load, DeadLoad)]
         self.obstacles = [load for load in loads if isinstance(load, Obstacle)]
         self._present = np.zeros_like(body.points) if self._dead else None
-        self.needs_thickness = any(load.deformed for load in self._following)
+        self.needs_thickness = any(load.needs_thickness for load in self._following)
         self.no_potential_because = next(filter(None, (load.no_potential_because for load in self._following)), None)
         self.set(0.0)
 

@@ -15,7 +15,8 @@ from ..body.body import sums_at_points
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
 from ..ranks import Share
-from .multigrid import Multigrid, Operator, conjugate_gradients, factor_of
+from .multigrid import CHEBYSHEV, JACOBI, Multigrid, Operator, conjugate_gradients, factor_of
+from .shared_multigrid import SharedMultigrid
 
 REACH = 1.3
 """Greatest length, in spacings, of the bonds in the stiffness matrix: four bonds per point on a plane grid, and about as many off a grid.
@@ -117,6 +118,8 @@ class NearestBonds:
         Ends of the bonds; `second` may be a ghost, the image of a point beyond a reflection plane.
     coupled : bool
         Whether the displacements of a component cause forces on others.
+    corrected : bool
+        Whether the body has points with corrected gradients.
     body
     """
 
@@ -153,7 +156,7 @@ class NearestBonds:
             scaled *= 1 + STIFFENED * _squared_lopsidedness(body, corrected)
         stiffness = scaled[near]
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
-        self.coupled = along != across
+        self.coupled, self.corrected = along != across, corrected is not None
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
         self.body, self._sources = body, sources[near]
 
@@ -197,13 +200,17 @@ class NearestBonds:
         found = []
         if self.coupled:
             return [(list(range(self.body.dimension)), self.matrix())]
-        _, kinds = np.unique(np.vstack([self.body.ghosts.parity, free]), axis=1, return_inverse=True)
-        for kind in range(kinds.max() + 1):
-            components = np.flatnonzero(kinds == kind).tolist()
+        for components in self._alike(free):
             rows, columns, values = self._entries(self._across, self._parity()[:, components[0]])
             matrix = scipy.sparse.csr_array((values, (rows, columns)), shape=(len(self.body),) * 2)
             found.append((components, (matrix + matrix.T) / 2))
         return found
+
+    def _alike(self, free: np.ndarray) -> list[list[int]]:
+        """Return the components in groups that images repeat and boundaries hold alike on all ranks, where `free` (n, d) is 0."""
+        columns, share = np.vstack([self.body.ghosts.parity, free]).T, self.body.share
+        unlike = share.any((columns[:, None] != columns[None]).any(axis=2))
+        return [np.flatnonzero(~row).tolist() for number, row in enumerate(unlike) if (~row).argmax() == number]
 
     def _parity(self) -> np.ndarray:
         """Return the signs with which the second end of each bond follows the point that it mirrors, shape (k, d); 1 if it is no image."""
@@ -265,9 +272,12 @@ def laplacian_of(body: Body, shear_moduli: float | np.ndarray, corrected: np.nda
     return NearestBonds(body, shear_moduli, RAISED, RAISED, corrected=corrected)
 
 
-def held_matrix(matrix: scipy.sparse.sparray, free: np.ndarray) -> scipy.sparse.sparray:
-    """Return a stiffness matrix with held components, where `free` is 0, decoupled, and with `SHIFT` added to the diagonal."""
-    keep, mean = scipy.sparse.diags_array(free), matrix.diagonal().mean()
+def held_matrix(matrix: scipy.sparse.sparray, free: np.ndarray, mean: float | None = None) -> scipy.sparse.sparray:
+    """Return a stiffness matrix with held components, where `free` is 0, decoupled, and with `SHIFT` added to the diagonal.
+
+    `mean` is the mean of the diagonal in the whole body, by default that of the matrix.
+    """
+    keep, mean = scipy.sparse.diags_array(free), mean or matrix.diagonal().mean()
     return keep @ matrix @ keep + scipy.sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
 
 
@@ -312,7 +322,8 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
         column = free[:, components].reshape(count, -1)[:, 0]
         system = held_matrix(matrix, column)
         if count == len(body) > MOST_FACTORIZED[body.dimension]:
-            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components)).cycle
+            steps = CHEBYSHEV if network.corrected else JACOBI
+            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components), steps).cycle
         else:
             inverse = factor_of(system).solve
         inverses.append((components, count, inverse))
@@ -348,6 +359,20 @@ def _inverse_in_parts(network: NearestBonds, free: np.ndarray) -> Operator:
         return balanced(found * (ADDED * free)) * free
 
     return solve
+
+
+def _inverse_by_multigrid(network: NearestBonds, free: np.ndarray) -> Operator:
+    """Return the inverse of the stiffness of a network divided among ranks by a multigrid cycle, the same as in one process."""
+    body, share, around, inverses = network.body, network.body.share, free.copy(), []
+    share.fill(around)
+    balanced = drift_remover(body, around)
+    for components, matrix in network.systems(around):
+        column = around[:, components[0]]
+        system = held_matrix(matrix, column, share.sum(matrix.diagonal()) / share.size).tocsr()
+        steps = CHEBYSHEV if network.corrected else JACOBI
+        cycle = SharedMultigrid(system, body.points, body.spacing, column > 0, len(components), steps, share).cycle
+        inverses.append((components, len(body), cycle))
+    return lambda forces: balanced(by_systems(inverses, balanced(forces * free))) * free
 
 
 def _affine_motions(network: NearestBonds, around: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -386,7 +411,11 @@ def inverse_of(network: NearestBonds, free: np.ndarray) -> Operator:
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held and on the halo.
     """
-    return (_inverse_in_parts if network.body.share.divided else _inverse_here)(network, free)
+    body = network.body
+    if not body.share.divided:
+        return _inverse_here(network, free)
+    large = not network.coupled and body.share.size > MOST_FACTORIZED[body.dimension]
+    return (_inverse_by_multigrid if large else _inverse_in_parts)(network, free)
 
 
 def spring_solver_of(network: NearestBonds, free: np.ndarray, left: float) -> Operator:

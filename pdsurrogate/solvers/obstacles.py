@@ -133,7 +133,7 @@ class Obstacle:
     name, amplitude, surface, travel
     """
 
-    deformed, no_potential_because = False, None
+    needs_thickness, no_potential_because = False, None
 
     def __init__(
         self,

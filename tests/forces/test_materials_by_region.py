@@ -381,11 +381,6 @@ def test_each_material_takes_the_surrogate_of_its_law():
             "analytic",
             "materials.0 and materials.1 both contain 1 points, the first at",
         ),
-        (
-            {"fracture": {"critical_stretch": 2.0}, "dynamics": {"stretch": 2.0, "stretch_rate": 1.0, "density": 1e-4}},
-            "analytic",
-            "leave out fracture or materials",
-        ),
     ],
 )
 def test_what_does_not_go_together_is_refused(changes, force, message):

@@ -216,7 +216,7 @@ UNPHYSICAL = [
     ("ogden", {"moduli": (np.inf,), "exponents": (2.0,)}, "must be finite"),
     ("ogden", {"shear_modulus": 3.0}, "imply shear_modulus = 1, not 3"),
     ("polyconvex", {"moduli": (1.0,), "exponents": (0.5,)}, "exponents must be at least 1 in size"),
-    ("polyconvex", {"first": (0.1, -0.1)}, "first must be at most 3 finite numbers, none negative"),
+    ("polyconvex", {"first": (0.1, -0.1)}, "first must be at most 4 finite numbers, none negative"),
     ("polyconvex", {"first": (0.0, 1.0)}, "the stiffness at rest is zero"),
 ]
 

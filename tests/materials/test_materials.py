@@ -213,3 +213,18 @@ def test_uniaxial_tension_in_space_leaves_both_sides_free():
     np.testing.assert_allclose(np.diag(P), [state.nominal_stress, 0, 0], atol=1e-10)
     with pytest.raises(ValueError, match=r"plane must be stress or strain .*, not space"):
         homogeneous.biaxial(law, 1.5, 1.0, "space")
+
+
+@pytest.mark.parametrize("name", sorted(LAWS))
+@pytest.mark.parametrize(("along", "normal"), [(1.5, 0.7), (2.0, 0.6), (0.9, 1.02), (1.2, 1.0), (1.0, 0.8)])
+def test_the_thickness_at_an_edge_under_pressure_is_that_of_the_homogeneous_state(name, along, normal):
+    """The stress across the edge of a homogeneous sheet, taken as a pressure on its deformed thickness, of either sign."""
+    law = LAWS[name]()
+    state = homogeneous.biaxial(law, along, normal)
+    pressure = -state.lateral_stress / (along * state.thickness_stretch)
+    found = plane_stress.thickness_at_edge(law, [along, 1.0], [pressure, 0.0])
+    assert found == pytest.approx([state.thickness_stretch, 1.0], rel=1e-9)
+
+
+def test_no_thickness_at_an_edge_is_found_beyond_the_limit_of_a_law():
+    assert np.isnan(plane_stress.thickness_at_edge(Gent(chain_limit=10.0), [50.0], 0.1)).all()

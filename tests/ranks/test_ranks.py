@@ -211,6 +211,15 @@ def test_equilibrium_within_the_tolerance(ranks, case):
             np.testing.assert_allclose(shared["probes"][name]["displacement"], moved, rtol=0, atol=1e-4 * np.abs(moved).max())
 
 
+@several
+@pytest.mark.parametrize("number", [2, 3])
+def test_a_multigrid_cycle_is_that_of_one_process(ranks, number):
+    """The cycle is in single precision, and its sums over ranks have another order: a few times 1e-7 of the greatest displacement."""
+    alone, shared = (ranks(some, "inverse_by_multigrid")[0]["value"] for some in (1, number))
+    assert np.abs(alone).max() > 0.01
+    np.testing.assert_allclose(shared, alone, rtol=0, atol=1e-5 * np.abs(alone).max())
+
+
 # What a run says and leaves.
 
 WAVE = """
@@ -297,7 +306,8 @@ def test_three_ranks_say_what_one_says(ranks, case, tmp_path):
         said.append([SAID.sub("*", stream).splitlines() for stream in streams])
         assert statuses == {expected}, said
         # What one rank has no reason to say, and three only on fewer cores; and what whoever comes first says of the cache.
-        said[-1][1] = [text for text in said[-1][1] if "do not start more ranks than cores" not in text and "Compiling kernels" not in text]
+        of_machine = "do not start more ranks than cores", "Compiling kernels", "ranks works on"
+        said[-1][1] = [text for text in said[-1][1] if not any(part in text for part in of_machine)]
     assert said[0] == said[1]
     assert files(homes[0]) == files(homes[1])
     assert bool(files(homes[0])) == (expected < 2), "a run that is refused leaves nothing"
@@ -331,6 +341,69 @@ def test_large_bodies_are_written_in_pieces(ranks, tmp_path):
     assert list(whole) == list(pieces)
     for name, values in whole.items():
         np.testing.assert_array_equal(pieces[name], values)
+
+
+# Ranks that wait.
+
+
+@several
+@pytest.mark.parametrize(("points", "working"), [(1000, 1), (80, 2)])
+def test_a_small_body_is_left_to_fewer_ranks(ranks, points, working, tmp_path):
+    """Three ranks, of which one or two work on 188 points: the files are those of so many ranks, and the user is told."""
+    replies = ranks(3, "command_of_few", points, *HOLE, "--out", tmp_path / "three")
+    assert [reply["status"] for reply in replies] == [0, 0, 0], replies
+    assert f"{working} of 3 ranks {'works' if working == 1 else 'work'} on 188 points" in replies[0]["err"]
+    assert not any(reply["out"] or reply["err"] for reply in replies[1:])
+    assert ranks(working, "command", *HOLE, "--out", tmp_path / "fewer")[0]["status"] == 0
+    assert files(tmp_path / "three") == files(tmp_path / "fewer")
+    assert (tmp_path / "three" / "hole-000.vtu").read_bytes() == (tmp_path / "fewer" / "hole-000.vtu").read_bytes()
+    summary = json.loads((tmp_path / "three" / "summary.json").read_text())
+    assert (summary["ranks"], summary["ranks_waiting"]) == (working, 3 - working)
+
+
+@several
+def test_ranks_that_wait_learn_the_result(ranks):
+    replies = [reply["value"] for reply in ranks(3, "result_of_few", 80)]
+    for history, working, waiting, points, _ in replies:
+        assert history == replies[0][0]
+        assert (working, waiting) == (2, 1)
+        assert len(history) == 1
+        assert len(points) > 90
+    np.testing.assert_array_equal(replies[2][3], replies[0][3])
+    assert replies[0][4] == (188, 2)
+    assert all("available on the first rank only" in reply[4] for reply in replies[1:])
+
+
+@several
+def test_ranks_that_wait_learn_the_error(ranks):
+    replies = [reply["value"] for reply in ranks(2, "error_of_few", 1000, 1.35)]
+    assert replies[0] == replies[1]
+    message, levels, status = replies[0]
+    assert "boom" in message
+    assert (levels, status) == (1, "failed")
+
+
+@several
+def test_ranks_that_wait_are_told_of_bad_input(ranks):
+    replies = ranks(2, "command_of_few", 1000, *HOLE, "--set", "body.size=[0.3,0.3]")
+    assert [reply["status"] for reply in replies] == [2, 2]
+
+
+@several
+def test_ranks_that_wait_sleep(ranks):
+    """A check takes microseconds and comes every 10 ms: a thousandth of the time; a rank that loops takes all of it."""
+    for reply in ranks(3, "seconds_of_waiting", 3.0):
+        assert reply["value"] < 1.0
+
+
+@several
+def test_ctrl_c_on_a_rank_that_waits_ends_all_with_results_and_a_checkpoint(tmp_path):
+    slower = [argument.replace("safety=0.1", "safety=0.01") for argument in MOVING]
+    happened = tmp_path / "out.happened"
+    command = on_ranks(2, HERE / "ranks" / "cases.py", "told at rest", happened, *slower, "--out", tmp_path / "out")
+    told = ends(command, 130, happened)
+    assert "interrupted; to resume from the checkpoint in" in told, told
+    assert (tmp_path / "out" / "checkpoint.npz").exists()
 
 
 # Checkpoints.

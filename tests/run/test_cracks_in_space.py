@@ -106,14 +106,13 @@ def test_opening_of_a_disc_crack():
 
 @pytest.mark.slow
 def test_a_small_trouser_tear():
-    """Legs of 4 mm, torn by 6 mm.  The diameter of the tip was found with legs of 8 mm, within 8 %; here the crack strays: 25 %."""
+    """Legs of 4 mm, torn by 6 mm. The diameter is that of strips; trouser tears need 3 to 9 % less, and the crack strays: 25 %."""
     legs = {name: {"box": [[0.0, low, 0.66], [0.46, low + 4, 1.01]]} for name, low in (("one", 0.0), ("two", 4.0))}
     dynamics = {"duration": 14.0, "density": 1e-3, "damping": 0.1, "viscosity": 0.002}
     changes = {
         "body.size": [18.0, 8.0, 2.0],
         "precuts": [{"corner": [-1.0, 4.0, -1.0], "sides": [[9.0, 0.0, 0.0], [0.0, 0.0, 4.0]]}],
         "regions": legs,
-        "horizon_ratio": 1.75,
         "fracture.energy": 1.0,
         "steps": [{"to": 3.0}, {"to": 17.0, "outputs": 14, "dynamics": dynamics}],
     }

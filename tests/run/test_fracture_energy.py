@@ -10,7 +10,7 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.problem.fracture import critical_stretch_in
+from pdsurrogate.problem.fracture import CriticalStretches
 from pdsurrogate.scenes.tip_diameter import measured_diameters, tip_diameter
 
 PIPELINES = Path(__file__).resolve().parents[2] / "pipelines"
@@ -47,8 +47,6 @@ def test_the_table_is_that_of_the_stored_tears(pipeline):
 def test_diameters_are_those_of_tears_within_seven_percent():
     """Along a row each spacing, and for clouds the mean over seeds: by so much G at the peak misses the prescribed one."""
     for entry in measured_diameters():
-        if "mean" not in entry:
-            continue  # of trouser tears, see `docs/validation/cracks-in-space.md`
         tears = [*entry.get("rows", {}).values(), entry["mean"]]
         np.testing.assert_allclose(tears, entry["diameter"], rtol=0.07, err_msg=f"{entry}")
 
@@ -69,7 +67,7 @@ def test_diameters_are_interpolated_in_the_horizon():
 def test_a_scene_has_the_critical_stretch_of_its_diameter(force):
     scene = pds.Scene.model_validate(STRIP)
     law, diameter = scene.material.build(), tip_diameter("stress", 2.2, force)
-    found = critical_stretch_in(scene, law, 0.1375, force)
+    (found,) = CriticalStretches(scene, scene.fracture, 0.1375, force, np.zeros(1, dtype=int)).of_materials
     assert homogeneous.uniaxial(law, found).energy_density * diameter * 0.1375 == pytest.approx(0.35, rel=1e-9)
 
 
@@ -80,7 +78,7 @@ def test_a_scene_has_the_critical_stretch_of_its_diameter(force):
         ("tear", {"horizon_ratio": 6.0}, "analytic", "plane=stress, horizon_ratio 6"),
         ("tear", {"horizon_ratio": 2.0}, "bond-energy", "plane=stress, horizon_ratio 2"),
         ("tear", {"plane": "strain", "horizon_ratio": 6.0}, "bond-energy", "plane=strain, horizon_ratio 6"),
-        ("trousers", {"horizon_ratio": 1.5}, "bond-energy", "plane=space, horizon_ratio 1.5"),
+        ("trousers", {"horizon_ratio": 1.75}, "bond-energy", "plane=space, horizon_ratio 1.75"),
         ("trousers", {}, "nosb", "nosb, plane=space, horizon_ratio 2.2"),
     ],
 )

@@ -1,0 +1,176 @@
+"""Direction, energy and G at the peak of cracks in strips that are turned by an angle, on the lattice and on relaxed clouds.
+
+python pipelines/crack_directions.py                   tears what docs/figures/crack-directions.json lacks, two strips at a time
+python pipelines/crack_directions.py --only space 15   the tears alone that have all of these words in their names
+python pipelines/crack_directions.py --docs            and puts the tables of all stored tears into the documentation
+python pipelines/crack_directions.py --table           puts them there without a tear
+
+The strip, its grips and its rate are those of `tip_diameters.py`, with more spacings. The tears in the plane take some 25 minutes of
+processor time on a core of 2 GHz, those in space some 20.
+"""
+
+import argparse
+import json
+import time
+
+import joblib
+import numpy as np
+from pages import FIGURES, markdown_table, replace_block
+from tip_diameters import ENERGY, LAYERS, LONG, PRECUT, name_of, strip
+
+import pdsurrogate as pds
+
+TEARS = FIGURES / "crack-directions.json"
+
+ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
+"""Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees, clouds."""
+
+SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
+SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
+
+STRETCH = 2.4
+"""Critical stretch of strips in space: `fracture.energy` is not available for relaxed clouds there."""
+
+ADVANCE = {"stress": 40, "space": 24}
+"""Advance of the crack, in spacings, along which its direction and energy are measured. Behind it the plane strip has 20 spacings to its
+free end, the solid one 11."""
+
+STARTED = 4
+"""Advance in spacings from which on the energy is counted, so that the start of the crack is left out."""
+
+OUTPUTS = 120
+
+
+def cases() -> list[dict]:
+    """All tears, one cloud of every angle after the other."""
+    flat, found = {"model": "bond-energy", "plane": "stress", "ratio": RATIO, "rows": ROWS}, []
+    for seed in (None, *SEEDS):
+        cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
+        found += [flat | {"angle": angle} | cloud for angle in ANGLES]
+    for seed in (None, *SOLID_SEEDS):
+        cloud = {} if seed is None else {"arrangement": "relaxed", "seed": seed}
+        found += [{"model": "bond-energy"} | SOLID | {"angle": angle} | cloud for angle in SOLID_ANGLES]
+    return found
+
+
+def scene_of(case: dict) -> pds.Scene:
+    """The strip with its fracture energy, and more outputs than for a diameter."""
+    described = strip(case, STRETCH).model_dump(mode="json", exclude_unset=True)
+    if case["plane"] != "space":
+        described["fracture"] = {"energy": ENERGY}
+    described["steps"][-1]["outputs"] = OUTPUTS
+    return pds.Scene.model_validate(described)
+
+
+def torn(case: dict) -> dict:
+    """Figures of one tear: direction, energies per length over G, G at the peak."""
+    began, scene = time.process_time(), scene_of(case)
+    result = pds.simulate(scene, case["model"], threads=1)
+    turn = np.radians(case["angle"])
+    along, across = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+    tip = PRECUT - LONG / 2
+    center = np.zeros(2) if turn else np.array([LONG / 2, 0.5])
+
+    places, damage = result.body.points[:, :2] - center, result.field("damage")
+    advance = (places @ along - tip) * case["rows"]
+    chosen = (damage > 0) & (advance > 0) & (advance < ADVANCE[case["plane"]])
+    # Damage lies on both sides of the crack alike, so that the line of least squares through it, weighted by it, is that of the crack.
+    slope = np.polyfit(advance[chosen], (places @ across)[chosen] * case["rows"], 1, w=np.sqrt(damage[chosen]))[0]
+
+    rows = [row for row in result.history if "time" in row]
+    load = np.array([[row["force_high_1"], row["force_high_2"]] for row in rows]) @ across
+    times = [row["time"] for row in rows]
+    levels = [level for level in result.levels if level.get("time") is not None and level["cracks"]]
+    loads = np.interp([level["time"] for level in levels], times, load)
+    peak = levels[int(loads.argmax())]["cracks"][0]["energy_release_rate"]
+
+    tips = np.array([(np.array(level["cracks"][0]["tip"][:2]) - center) @ along - tip for level in levels]) * case["rows"]
+    tips, ends = np.maximum.accumulate(tips), (STARTED, ADVANCE[case["plane"]])
+    area = (ends[1] - ends[0]) / case["rows"] * (LAYERS / case["rows"] if case["plane"] == "space" else 1.0)
+
+    def per_area(*keys: str) -> float:
+        """Increase of energies between both ends, per area of the crack."""
+        totals = np.interp([level["time"] for level in levels], times, [sum(row[key] for key in keys) for row in rows])
+        return float(np.diff(np.interp(ends, tips, totals))[0] / area)
+
+    return {
+        "direction": float(np.degrees(np.arctan(slope))),
+        "dissipated": per_area("released_energy", "damped_energy"),
+        "released": per_area("released_energy"),
+        "peak": peak,
+        "critical_stretch": result.summary.get("critical_stretch", STRETCH),
+        "length": float(tips[-1]),
+        "account_percent": result.summary["dynamics"][-1]["energy_gap"],
+        "seconds": time.process_time() - began,
+    }
+
+
+def stored() -> dict[str, dict]:
+    """Tears so far, by name."""
+    return json.loads(TEARS.read_text("utf-8")) if TEARS.exists() else {}
+
+
+def tried(case: dict) -> dict | str:
+    """Figures of a tear, or why it failed."""
+    try:
+        return torn(case)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def rms(values: np.ndarray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def deviating(values: np.ndarray, figures: str) -> str:
+    """Mean and its standard error, for one value the value alone."""
+    error = f" ± {np.std(values, ddof=1) / np.sqrt(len(values)):{figures}}" if len(values) > 1 else ""
+    return f"{np.mean(values):{figures}}{error}"
+
+
+def row_of(label: str, tears: list[dict], prescribed: bool) -> list[str]:
+    """Figures of several tears, to be averaged."""
+    found = {key: np.array([tear[key] for tear in tears]) for key in ("direction", "dissipated", "released", "peak")}
+    unit = ENERGY if prescribed else 1.0
+    directions = f"{found['direction'].mean():+.1f}", f"{rms(found['direction']):.1f}", f"{np.abs(found['direction']).max():.1f}"
+    energies = [deviating(found[key] / unit, ".3f") for key in ("dissipated", "released", "peak")]
+    return [label, str(len(tears)), *directions, *energies]
+
+
+def table_of(plane: str, relaxed: bool) -> str:
+    """Tears of a plane and arrangement, by angle and all together."""
+    tears = [tear for tear in stored().values() if tear["plane"] == plane and ("seed" in tear) == relaxed]
+    prescribed, unit = plane != "space", "G" if plane != "space" else "μ h"
+    head = ["angle (degrees)", "tears", "direction, mean (degrees)", "rms (degrees)", "greatest (degrees)"]
+    head += [f"dissipated / {unit}", f"released / {unit}", f"G at the peak / {unit}"]
+    angles = sorted({tear["angle"] for tear in tears})
+    rows = [row_of(f"{angle}", [tear for tear in tears if tear["angle"] == angle], prescribed) for angle in angles]
+    return markdown_table(head, [*rows, row_of("all", tears, prescribed)])
+
+
+def write_page() -> None:
+    """Put the tables into the documentation."""
+    for plane in ("stress", "space"):
+        for relaxed in (False, True):
+            if any(tear["plane"] == plane and ("seed" in tear) == relaxed for tear in stored().values()):
+                replace_block(f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}", table_of(plane, relaxed))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", default=[], metavar="WORD")
+    parser.add_argument("--jobs", type=int, default=2, metavar="N")
+    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
+    parser.add_argument("--table", action="store_true", help="put the tables of the stored tears there, without a tear")
+    arguments = parser.parse_args()
+    lacking = [case for case in cases() if name_of(case) not in stored() and all(word in name_of(case) for word in arguments.only)]
+    if arguments.table:
+        lacking = []
+    outcomes = joblib.Parallel(arguments.jobs, return_as="generator")(joblib.delayed(tried)(case) for case in lacking)
+    for case, figures in zip(lacking, outcomes, strict=True):
+        print(name_of(case), figures, flush=True)
+        if isinstance(figures, dict):
+            TEARS.write_text(json.dumps(stored() | {name_of(case): case | figures}, indent=1) + "\n", "utf-8")
+    if arguments.docs or arguments.table:
+        write_page()

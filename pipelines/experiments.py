@@ -1,0 +1,186 @@
+"""A sheet of silicone with five holes and a slit, predicted from tests of the material, against image correlation.
+
+python pipelines/experiments.py            prints the tables, in some minutes
+python pipelines/experiments.py --docs     and puts them into docs/validation/experiments.md, and the figure into docs/figures
+
+Measurements: Meunier, Chagnon, Favier, Orgeas, Vacher, Polym. Test. 27 (2008) 765. The three tests of the material are those collected in
+Chongran-Zhao/Calibration-Hyperelasticity (MIT licence); the 29 stretches along a line of the sheet were read by
+guanjiashen/hyperelasticity-symbolic-discovery off Fig. 11 of Zhan et al. 2023.
+"""
+
+import sys
+import time
+
+import numpy as np
+import shapely
+from joblib import Parallel, delayed
+from matplotlib.figure import Figure
+from pages import FIGURES, markdown_table, replace_block
+from scipy.interpolate import CubicSpline, LinearNDInterpolator, NearestNDInterpolator
+
+import pdsurrogate as pds
+from pdsurrogate.identification import committee, committee_spread
+
+DATA = FIGURES.parents[1] / "pipelines" / "data"
+TESTS = pds.load_test_data(DATA / "experiment-meunier-2008-tests.csv")
+POSITIONS, STRETCHES = np.loadtxt(DATA / "experiment-meunier-2008-sheet.csv", delimiter=",", comments="#", skiprows=3).T
+CENTERS = ((-47.5, -21.2), (-14.0, -23.0), (-31.5, -40.5), (-47.5, -59.0), (-14.5, -58.0))
+OUTLINE = ((0.0, 0.0), (-62.0, 0.0), (-61.5, -82.5), (0.0, -82.5))
+RADIUS, SLIT, THICKNESS, FORCE = 10.0, 1.5, 1.75, 20.0
+"""Radius of the holes, width of the slit and thickness in mm, and force in N."""
+
+START, END = np.array([0.0, -22.95]), np.array([-61.852, -24.391])
+"""Ends of the line along which the stretches are measured."""
+
+SPACINGS, GRIP = (1.5, 1.0), 68.0
+"""Spacings of the points in mm; displacement of the grip in mm, beyond that at the force."""
+
+MEMBERS, JOBS = 8, 8
+
+
+def holes() -> tuple[pds.shapes.Polygon, ...]:
+    """The holes; the slit from the first center to the third joins two of them."""
+    discs = [shapely.Point(center).buffer(RADIUS, 48) for center in CENTERS]
+    slit = shapely.LineString([CENTERS[0], CENTERS[2]]).buffer(SLIT / 2, cap_style="flat")
+    outlines = [np.array(part.exterior.coords)[:-1] for part in shapely.union_all([*discs, slit]).geoms]
+    return tuple(pds.shapes.Polygon(vertices=tuple(map(tuple, outline.tolist()))) for outline in outlines)
+
+
+def predicted(law, spacing: float) -> dict:
+    """Displacement of the grip at the force, and the greatest principal stretches at the measured positions then."""
+    scene = pds.Scene(
+        name="silicone-sheet",
+        spacing=spacing,
+        units={"length": "mm", "stress": "MPa", "time": "s"},
+        body=pds.shapes.Polygon(vertices=OUTLINE),
+        holes=holes(),
+        material=law,
+        correction="balanced",
+        prescribed=(pds.Prescribed(region="bottom", x1=0.0, x2=0.0), pds.Prescribed(region="top", x1=0.0, x2=GRIP)),
+        steps=(pds.Step(to=1.0, outputs=8),),
+    )
+    begun = time.process_time()
+    result = pds.simulate(scene, "bond-energy")
+    seconds = time.process_time() - begun
+    displacements = np.linspace(0, GRIP, len(result.levels) + 1)
+    forces = np.array([0.0, *(THICKNESS * level["forces"]["top"][1] for level in result.levels)])
+    grip = float(CubicSpline(displacements, forces - FORCE).roots(extrapolate=False)[0])
+    places = START + POSITIONS[:, None] / np.linalg.norm(END - START) * (END - START)
+    points = result.field("position")[:, :2]
+    fields = np.stack([result.field("principal_stretch", level) for level in range(len(result.levels))], axis=1)
+    inner = LinearNDInterpolator(points, fields)(places)
+    inner = np.where(np.isnan(inner), NearestNDInterpolator(points, fields)(places), inner)
+    stretches = CubicSpline(displacements, np.column_stack([np.ones(len(places)), inner]), axis=1)(grip)
+    return {"points": len(points), "grip": grip, "stretches": stretches, "seconds": seconds, "forces": forces}
+
+
+def rms(stretches: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((stretches - STRETCHES) ** 2)))
+
+
+def simulated_test(law, mode: str) -> np.ndarray:
+    """Nominal stresses at the stretches of a test, from the forces on a square of 10 mm whose sides slide along their grips."""
+    rows = TESTS.of(mode)
+    greatest = float(rows.stretches[:, 0].max()) - 1
+    across = {"uniaxial": (), "pure-shear": (0.0,), "equibiaxial": (10 * greatest,)}[mode]
+    scene = pds.Scene(
+        name=mode,
+        spacing=1.0,
+        units={"length": "mm", "stress": "MPa", "time": "s"},
+        body=pds.shapes.Rectangle(size=(10.0, 10.0)),
+        material=law,
+        prescribed=(
+            pds.Prescribed(region="left", x1=0.0),
+            pds.Prescribed(region="right", x1=10 * greatest),
+            pds.Prescribed(region="bottom", x2=0.0),
+            *(pds.Prescribed(region="top", x2=to) for to in across),
+        ),
+        steps=(pds.Step(to=1.0, outputs=24),),
+    )
+    result = pds.simulate(scene, "bond-energy")
+    stresses = [0.0, *(level["forces"]["right"][0] / 10 for level in result.levels)]
+    return np.interp(rows.stretches[:, 0], np.linspace(1, 1 + greatest, len(stresses)), stresses)
+
+
+def tests_table(laws: dict) -> str:
+    """RMS errors of the tests, by the law itself and by the simulation of the test, in percent of the greatest stress."""
+    rows = []
+    for name, law in laws.items():
+        row = [name]
+        for mode in TESTS.modes:
+            measured = TESTS.of(mode)
+            of_law = pds.identification.nominal_stress(law, measured.stretches)
+            errors = [of_law - measured.nominal_stress, simulated_test(law, mode) - measured.nominal_stress]
+            row.append(", ".join(f"{100 * np.sqrt(np.mean(one**2)) / measured.nominal_stress.max():.2f} %" for one in errors))
+        rows.append(row)
+        print(row, flush=True)
+    return markdown_table(["RMS error of the stress: of the fit, of the simulated test", *TESTS.modes], rows)
+
+
+def row_of(name: str, spacing: float, found: dict) -> list[str]:
+    """A row of the table of predictions, which is also printed."""
+    off = found["stretches"] - STRETCHES
+    row = [name, f"{spacing:g}", f"{found['points']}", f"{rms(found['stretches']):.3f}", f"{off[np.abs(off).argmax()]:+.2f}"]
+    row += [f"{found['grip']:.1f}", f"{found['seconds']:.0f}"]
+    print(row, flush=True)
+    return row
+
+
+def figure(energy: dict, spread: np.ndarray, ogden: dict) -> Figure:
+    """The force of the grip against its displacement, and measured and predicted stretches along the line."""
+    drawing = Figure(figsize=(9, 3.6), layout="constrained")
+    left, right = drawing.subplots(1, 2, width_ratios=(1, 2))
+    for name, found, color in (("energy", energy, "C0"), ("Ogden's law", ogden, "C1")):
+        left.plot(np.linspace(0, GRIP, len(found["forces"])), found["forces"], color=color, label=name)
+        right.plot(POSITIONS, found["stretches"], "o", markersize=3, color=color, label=name)
+    left.axhline(FORCE, color="black", linewidth=0.8)
+    left.set(xlabel="displacement of the grip (mm)", ylabel="force (N)")
+    left.legend()
+    right.errorbar(POSITIONS, energy["stretches"], 2 * spread, fmt="none", ecolor="C0", elinewidth=1)
+    right.plot(POSITIONS, STRETCHES, "kx", markersize=4, label="measured")
+    right.set(xlabel="position on the line (mm)", ylabel="greatest principal stretch")
+    right.legend()
+    return drawing
+
+
+def main() -> None:
+    fitted = {"energy": pds.identification.EnergyRegressor(), "Ogden's law": pds.identification.LawRegressor("ogden")}
+    for model in fitted.values():
+        model.fit(TESTS.stretches, TESTS.nominal_stress, TESTS.balanced_weights())
+    laws = {name: model.law_ for name, model in fitted.items()}
+    tables = [tests_table(laws)]
+    runs = [(name, spacing) for spacing in SPACINGS for name in laws]
+    members = committee(
+        fitted["energy"],
+        TESTS.stretches,
+        TESTS.nominal_stress,
+        n_members=MEMBERS,
+        sample_weight=TESTS.balanced_weights(),
+    )
+    jobs = [*((laws[name], spacing) for name, spacing in runs), *((member.law_, SPACINGS[0]) for member in members)]
+    results = Parallel(JOBS)(delayed(predicted)(*job) for job in jobs)
+    found, others = dict(zip(runs, results, strict=False)), results[len(runs) :]
+    rows = [row_of(name, spacing, one) for (name, spacing), one in found.items()]
+    header = ["learnt from the tests", "spacing (mm)", "points", "RMSE", "largest error", "grip (mm)", "processor time (s)"]
+    tables.append(markdown_table(header, rows))
+    coarse = found["energy", SPACINGS[0]]
+    spread = committee_spread(coarse["stretches"], [other["stretches"] for other in others])
+    inside = np.abs(coarse["stretches"] - STRETCHES) <= 2 * spread
+    of_grip = committee_spread(coarse["grip"], [other["grip"] for other in others])
+    terms = ", ".join(
+        f"{weight:.3g} MPa of {term}" for term, weight in zip(fitted["energy"].terms_, fitted["energy"].weights_, strict=True)
+    )
+    tables.append(
+        f"The energy consists of {terms}. The spread of {MEMBERS} members of its committee, each fitted to a random half of the rows, at "
+        f"{SPACINGS[0]:g} mm: {spread.mean():.3f} on average over the stretches and {spread.max():.3f} at most, and {of_grip:.1f} mm for "
+        f"the displacement of the grip. {inside.sum()} of the 29 measured stretches lie within twice the spread."
+    )
+    text = "\n\n".join(tables)
+    print(text)
+    if "--docs" in sys.argv:
+        replace_block("experiments", text)
+        figure(coarse, spread, found["Ogden's law", SPACINGS[0]]).savefig(FIGURES / "experiments.png", dpi=150)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+"""Scenes of several materials that tear: limits of each material and interface, equal materials, energy, resuming."""
+
+import numpy as np
+import pytest
+from runs import started
+from stopping import Killed, KilledWhileBondsBreak
+
+import pdsurrogate as pds
+from pdsurrogate.problem.fracture import critical_stretch_of
+from pdsurrogate.run import checkpoints
+from pdsurrogate.scenes.tip_diameter import tip_diameter
+
+LAYERS = {
+    "name": "layers",
+    "spacing": 0.1,
+    "horizon_ratio": 2.2,
+    "stretches": [1.2],
+    "body": {"shape": "rectangle", "size": [2.4, 1.0]},
+    "precuts": [{"start": [-1.0, 0.5], "end": [0.9, 0.5]}],
+    "regions": {"upper": {"box": [[-1, 0.5], [5, 2]]}},
+    "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
+    "materials": [{"region": "upper", "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}}],
+    "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
+    "fracture": {"critical_stretch": 2.0},
+    "dynamics": {"stretch": 1.5, "stretch_rate": 0.05, "density": 1.0, "outputs": 6},
+}
+"""Strip of two layers with a precut along their interface."""
+
+
+def scene(stiffer=None, upper=None, interface=None, **changes):
+    """The strip, with another shear modulus and fracture of the upper layer, and an entry for the interface."""
+    data = {**LAYERS, **changes}
+    part = {**LAYERS["materials"][0], **({"fracture": upper} if upper else {})}
+    if stiffer:
+        part["material"] = {"law": "neo-hookean", "shear_modulus": stiffer, "bulk_modulus": 20.0 * stiffer}
+    data["materials"] = [part]
+    if interface:
+        data["fracture"] = {**data["fracture"], "interfaces": [{"between": ["rest", "upper"], **interface}]}
+    return pds.Scene.model_validate(data)
+
+
+def told(result):
+    crack = result.summary["crack"]
+    return crack["broken_bonds"], crack["peak"], [output["tip"] for output in crack["tips"]]
+
+
+@pytest.mark.parametrize("force", ["bond-energy", "neo-hookean"])
+def test_equal_materials_break_as_one(force):
+    """Two entries for one rubber, and interfaces as strong as it: the figures of one material, to the last bit."""
+    data = {key: value for key, value in LAYERS.items() if key != "materials"}
+    expected = told(pds.simulate(pds.Scene.model_validate(data), force))
+    assert expected[0] > 0
+    same = {"critical_stretch": 2.0}
+    for layers in (scene(), scene(upper=same, interface=same)):
+        assert told(pds.simulate(layers, force)) == expected
+
+
+def limits(layers, force="bond-energy"):
+    """Critical stretches of the run's bonds, and the materials of their ends."""
+    run = started(layers, force)
+    bonds, points = run.body.bonds, run.body.all_points
+    upper = points[:, 1] > 0.5
+    return run.problem.critical_stretches.of_pairs(run.body), upper[bonds.first].astype(int) + upper[bonds.second]
+
+
+@pytest.mark.parametrize("stiffer", [None, 3.0])
+def test_bonds_have_the_limits_of_their_materials(stiffer):
+    upper, interface = {"critical_stretch": 3.0}, {"critical_stretch": 1.5}
+    found, ends = limits(scene(stiffer, upper, interface))
+    np.testing.assert_array_equal(found, np.array([2.0, 1.5, 3.0])[ends])
+    found, ends = limits(scene(stiffer, upper))
+    np.testing.assert_array_equal(found, np.array([2.0, 2.0, 3.0])[ends])  # the smaller of both
+
+
+def test_energies_become_critical_stretches_by_the_law_of_each_material():
+    found, ends = limits(scene(3.0, {"energy": 0.9}, fracture={"energy": 0.3}))
+    diameter, laws = tip_diameter("stress", 2.2, "bond energy"), [pds.materials.NeoHookean(mu, 20 * mu) for mu in (1.0, 3.0)]
+    expected = [critical_stretch_of(law, energy, 0.22, diameter) for law, energy in zip(laws, (0.3, 0.9), strict=True)]
+    np.testing.assert_allclose(found, np.array([expected[0], min(expected), expected[1]])[ends], rtol=1e-12)
+    found, ends = limits(scene(interface={"energy": 0.1}, fracture={"energy": 0.3}))
+    np.testing.assert_allclose(found[ends == 1], critical_stretch_of(laws[0], 0.1, 0.22, diameter), rtol=1e-12)
+
+
+def test_a_summary_has_all_limits():
+    layers = scene(
+        3.0, {"critical_stretch": 3.0}, {"critical_stretch": 1.5}, dynamics={**LAYERS["dynamics"], "stretch": 1.21, "outputs": 1}
+    )
+    summary = pds.simulate(layers, "bond-energy").summary
+    assert summary["critical_stretch"] == 2.0
+    assert summary["materials"][0]["critical_stretch"] == 3.0
+    assert summary["interfaces"] == [{"between": ["rest", "upper"], "critical_stretch": 1.5}]
+
+
+def test_a_crack_runs_along_a_weak_interface():
+    """The precut ends at the interface of equal rubbers: of the rows beside it, both lose the same bonds, and the next but one none."""
+    layers = scene(upper={"critical_stretch": 3.0}, interface={"critical_stretch": 1.7}, fracture={"critical_stretch": 3.0})
+    result = pds.simulate(layers, "bond-energy")
+    damage, (x1, x2) = result.states[-1][1]["damage"], result.body.points.T
+    rows = [damage[(np.abs(x2 - height) < 1e-6) & (x1 > 1.0)] for height in (0.35, 0.45, 0.55, 0.65, 0.25, 0.75)]
+    assert rows[1].max() > 0.3
+    for one, other in ((0, 3), (1, 2)):
+        np.testing.assert_allclose(rows[one], rows[other], atol=1e-12)
+    assert rows[4].max() == rows[5].max() == 0
+
+
+QUICK = {"stretches": [1.02], "dynamics": {**LAYERS["dynamics"], "stretch": 1.4, "stretch_rate": 0.1}}
+"""Tears of unequal layers in a few thousand steps."""
+
+
+@pytest.mark.parametrize(
+    ("plane", "stiffer"), [("stress", 3.0), ("stress", 10.0), ("strain", 3.0), pytest.param("strain", 10.0, marks=pytest.mark.slow)]
+)
+def test_the_energy_of_torn_layers_is_accounted_for(plane, stiffer):
+    """A crack along the interface of unequal layers releases what the body loses: the account closes within 0.5 %."""
+    # In plane strain the free ends bulge over the grips at greater stretches.
+    quick = QUICK | {"dynamics": QUICK["dynamics"] | {"stretch": 1.4 if plane == "stress" else 1.25}}
+    layers = scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, plane=plane, **quick)
+    summary = pds.simulate(layers, "bond-energy").summary
+    assert summary["crack"]["broken_bonds"] > 10
+    (account,) = summary["dynamics"]
+    assert abs(account["greatest_energy_gap"]) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (
+            {"fracture": None, "materials": [{**LAYERS["materials"][0], "fracture": {"energy": 1.0}}]},
+            r"materials\.0\.fracture: needs fracture",
+        ),
+        (
+            {"fracture": {"critical_stretch": 2.0, "interfaces": [{"between": ["uper", "rest"], "energy": 1.0}]}},
+            r"fracture\.interfaces\.0\.between: there is no single material 'uper'; .*upper",
+        ),
+        (
+            {"fracture": {"critical_stretch": 2.0, "interfaces": [{"between": ["upper", "upper"], "energy": 1.0}]}},
+            "an interface lies between two materials, not within 'upper'",
+        ),
+        (
+            {
+                "fracture": {
+                    "critical_stretch": 2.0,
+                    "interfaces": [{"between": pair, "energy": 1.0} for pair in (["upper", "rest"], ["rest", "upper"])],
+                }
+            },
+            r"fracture\.interfaces\.1\.between: the interface between rest and upper has two entries",
+        ),
+        (
+            {"horizon_ratio": 6.0, "fracture": {"critical_stretch": 2.0, "interfaces": [{"between": ["upper", "rest"], "energy": 1.0}]}},
+            "fracture.energy is available only in cases",
+        ),
+        (
+            {"materials": [{"region": "upper", "material": "rigid", "fracture": {"energy": 1.0}}]},
+            "fracture does not apply to a rigid region",
+        ),
+    ],
+)
+def test_limits_that_make_no_sense_are_refused(data, message):
+    with pytest.raises(ValueError, match=message):
+        pds.Scene.model_validate(
+            {**{key: value for key, value in LAYERS.items() if key not in data}, **{k: v for k, v in data.items() if v}}
+        )
+
+
+def test_an_energy_between_different_laws_is_refused():
+    with pytest.raises(pds.SceneError, match=r"fracture\.interfaces\.0\.energy: no crack between two different laws was measured"):
+        pds.simulate(scene(3.0, interface={"energy": 0.1}), "bond-energy")
+
+
+@pytest.mark.parametrize("stiffer", [3.0, 10.0])
+def test_resuming_leaves_the_same_bits(stiffer, tmp_path, monkeypatch):
+    layers = scene(stiffer, {"critical_stretch": 3.0}, {"critical_stretch": 1.4}, **QUICK)
+    whole = pds.simulate(layers, "bond-energy")
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr(checkpoints, "PAUSE_SHARE", 0.0)
+    with pytest.raises(Killed):
+        pds.simulate(layers, "bond-energy", progress=KilledWhileBondsBreak(5), folder=tmp_path)
+    resumed = pds.simulate(layers, "bond-energy", folder=tmp_path, resume=True)
+    assert resumed.history == whole.history
+    assert resumed.summary["crack"] == whole.summary["crack"]
+    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
