@@ -1,16 +1,26 @@
-"""Energy without a law for calibrations: a sum of polyconvex terms, whose non-negative coefficients are the unknowns."""
+"""Energy without a law for calibrations: a sum of polyconvex terms, whose coefficients, of which none is negative, are the unknowns."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
-from scipy.optimize import nnls
 
-from ..materials import Law, Polyconvex
-from ..materials.stretch_laws import GREATEST_POWER, SECOND_AT_REST
+from ..identification.energy import best_sets, fewest, nonnegative, stiffness_of
+from ..materials import Law
+from ..materials.polyconvex import Term, law_of
 
 EXPONENTS = (-4.0, -2.0, -1.0, 1.0, 2.0, 3.0, 5.0, 8.0)
 """Exponents of the stretches among the terms, as many as a law takes: about evenly spaced in the logarithm of their size."""
+
+TERMS = (
+    *(Term("stretches", exponent) for exponent in EXPONENTS),
+    *(Term("first", power) for power in (2.0, 3.0, 4.0)),
+    Term("second", 1.0),
+    *(Term("roots", number) for number in (1.0, 2.0)),
+)
+"""Candidate terms: I1bar - 3 itself is the exponent 2. Left out are logarithms, whose limits belong to the greatest stretch of homogeneous
+tests, and higher powers of I2bar^1.5 - 3 sqrt 3, with which stresses in equibiaxial tension, which few tests of bodies contain, can be
+off by a factor."""
 
 FLOOR = 3e-5
 """Least coefficient in the search, relative to the greatest: differences over a millionth of the greatest modulus keep its sign."""
@@ -21,6 +31,12 @@ MOST_STEPS = 12
 HALVINGS = 6
 """Most halvings of a step that does not reduce the residuals."""
 
+MOST_TERMS = 6
+"""Most terms of an energy. Chosen: the tests of a body rarely determine as many."""
+
+FOLDS = 5
+"""Number of folds of the cross-validation that chooses the number of terms."""
+
 
 @dataclass(frozen=True)
 class EnergyUnknowns:
@@ -28,78 +44,61 @@ class EnergyUnknowns:
 
     Attributes
     ----------
-    terms : tuple of (str, float)
-        ``("exponent", a)`` for (l1^a + l2^a + l3^a - 3)/a^2, ``("first", k)`` for (I1bar - 3)^k, ``("second", k)`` for
-        (I2bar^1.5 - 3 sqrt 3)^k.
     bulk_ratio, bulk_modulus : float or None
         Of these, one is given.
+    terms : tuple of Term
     """
 
-    terms: tuple[tuple[str, float], ...]
     bulk_ratio: float | None = None
     bulk_modulus: float | None = None
-
-    @classmethod
-    def all_terms(cls, **bulk: float) -> "EnergyUnknowns":
-        """Return all candidate terms."""
-        powers = tuple((kind, float(k)) for kind in ("first", "second") for k in range(1, GREATEST_POWER + 1) if (kind, k) != ("first", 1))
-        return cls((*(("exponent", a) for a in EXPONENTS), *powers), **bulk)
+    terms: tuple[Term, ...] = TERMS
 
     def of(self, kept: np.ndarray) -> "EnergyUnknowns":
         """Return the unknowns of some of the terms, given by a mask."""
-        return EnergyUnknowns(tuple(t for t, one in zip(self.terms, kept, strict=True) if one), self.bulk_ratio, self.bulk_modulus)
+        return replace(self, terms=tuple(term for term, one in zip(self.terms, kept, strict=True) if one))
 
     def unknowns(self) -> list[str]:
         """Return the names of the coefficients."""
-        return [f"{kind} {number:g}" for kind, number in self.terms]
+        return [f"weight of {term}" for term in self.terms]
 
     def law_of(self, values: np.ndarray) -> Law:
-        """Return the law with given coefficients, all positive."""
-        lists: dict = {"moduli": [], "exponents": [], "first": [0.0] * GREATEST_POWER, "second": [0.0] * GREATEST_POWER}
-        modulus = 0.0
-        for (kind, number), size in zip(self.terms, map(float, values), strict=True):
-            if kind == "exponent":
-                lists["moduli"].append(size / number)
-                lists["exponents"].append(number)
-                modulus += size / 2
-            else:
-                lists[kind][int(number) - 1] = size
-                modulus += size * {("first", 1.0): 2.0, ("second", 1.0): SECOND_AT_REST}.get((kind, number), 0.0)
-        bulk = self.bulk_modulus or (self.bulk_ratio or 1.0) * modulus
-        return Polyconvex(bulk_modulus=bulk, **{key: tuple(each) for key, each in lists.items()})
+        """Return the law with given coefficients."""
+        return law_of(self.terms, values, self.bulk_modulus or (self.bulk_ratio or 1.0) * stiffness_of(self.terms, values))
 
     @property
     def stiff(self) -> np.ndarray:
         """Mask of the terms with stiffness in the undeformed state."""
-        return np.array([kind == "exponent" or number == 1 for kind, number in self.terms])
+        return np.array([term.shear_modulus > 0 for term in self.terms])
 
     def start(self) -> np.ndarray:
-        """Return the coefficients of a Neo-Hookean law with the shear modulus 1."""
-        return np.array([2.0 * (term == ("exponent", 2.0)) for term in self.terms])
+        """Return the coefficients of a law near the Neo-Hookean one with the shear modulus 1, none below its least value."""
+        return floored(np.array([2.0 * (term == ("stretches", 2.0)) for term in self.terms]))
+
+
+def floored(values: np.ndarray) -> np.ndarray:
+    """Return coefficients that are at least `FLOOR` of the greatest."""
+    return np.maximum(values, FLOOR * values.max())
 
 
 def solved(jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the non-negative least-squares solution of J x = right, after an orthogonal reduction to as many rows as columns."""
+    """Return the least-squares solution of J x = right without negative numbers, after an orthogonal reduction to a square matrix."""
     q, r = np.linalg.qr(jacobian)
-    size = np.linalg.norm(r, axis=0)
-    size[size == 0] = 1.0
-    return nnls(r / size, q.T @ right)[0] / size
+    return nonnegative(r, q.T @ right, np.ones(len(r)))[0]
 
 
-def non_negative(search, x: np.ndarray, close: float) -> SimpleNamespace:
-    """Minimize the residuals of a search over non-negative coefficients by Gauss-Newton steps.
+def minimized(search, x: np.ndarray, close: float, most: int = MOST_STEPS) -> SimpleNamespace:
+    """Minimize the residuals of a search over coefficients, none negative, by at most `most` Gauss-Newton steps.
 
     The search ends when a step reduces the sum of squares by less than its part `close`. Return the coefficients ``x``, of which none is
     less than `FLOOR` of the greatest, and the Jacobian ``jac``, as `scipy.optimize.least_squares` does.
     """
-    x = np.maximum(x, FLOOR * x.max())
+    x = floored(x)
     cost = (search.residuals(x) ** 2).sum()
-    for _ in range(MOST_STEPS):
+    for _ in range(most):
         jacobian = search.jacobian(x)
-        step = solved(jacobian, jacobian @ x - search.residuals(x)) - x
+        target = solved(jacobian, jacobian @ x - search.residuals(x))
         for halving in range(HALVINGS):
-            new = x + step / 2**halving
-            new = np.maximum(new, FLOOR * new.max())
+            new = floored(x + (target - x) / 2**halving)
             reached = (search.residuals(new) ** 2).sum()
             if reached < cost:
                 break
@@ -108,18 +107,29 @@ def non_negative(search, x: np.ndarray, close: float) -> SimpleNamespace:
         before, cost, x = cost, reached, new
         if cost > (1 - close) * before:
             break
-    return SimpleNamespace(x=x, jac=search.jacobian(x), active_mask=np.zeros(len(x)))
+    return SimpleNamespace(x=x, jac=jacobian if most == 1 else search.jacobian(x), active_mask=np.zeros(len(x)))
 
 
-def members(jacobian: np.ndarray, right: np.ndarray, stiff: np.ndarray, count: int, random: np.random.Generator) -> list[np.ndarray]:
-    """Return coefficients of members of a committee, each solved from a random half of the rows with a random two thirds of the terms.
+def chosen_terms(jacobian: np.ndarray, right: np.ndarray, stiff: np.ndarray, folds: np.ndarray) -> np.ndarray:
+    """Return a mask of the fewest terms whose fit to the linear equations J x = right foretells rows left out as well as more terms do."""
+    ones = np.ones(len(right))
+    count, _ = fewest(jacobian, right, ones, stiff, folds, MOST_TERMS)
+    sets = best_sets(jacobian, right, ones, stiff, count)
+    if not sets:
+        raise ValueError("no energy describes the measurements: check that forces are positive in tension, and the steps in the table")
+    return np.isin(np.arange(len(stiff)), sets[-1])
 
-    `stiff` is a mask of the terms with stiffness at rest, of which every member has one.
+
+def members(jacobian: np.ndarray, right: np.ndarray, stiff: np.ndarray, field: np.ndarray, count: int) -> list[np.ndarray]:
+    """Return coefficients of the members of a committee, each solved with a random two thirds of the terms.
+
+    Each takes all outputs and a random half of the displacements, the rows in the mask `field`: the few outputs determine the scale of the
+    stresses. `stiff` is a mask of the terms with stiffness at rest, of which every member has one.
     """
-    found, (n, terms) = [], jacobian.shape
+    found, terms, random, at = [], jacobian.shape[1], np.random.default_rng(0), np.flatnonzero(field)
     while len(found) < count:
-        rows, kept = random.permutation(n)[: n // 2], np.sort(random.permutation(terms)[: -(-2 * terms // 3)])
-        values = np.zeros(terms)
+        rows = np.concatenate([np.flatnonzero(~field), random.permutation(at)[: len(at) // 2]])
+        kept, values = np.sort(random.permutation(terms)[: -(-2 * terms // 3)]), np.zeros(terms)
         values[kept] = solved(jacobian[np.ix_(rows, kept)], right[rows])
         if stiff[values > 0].any():
             found.append(values)
