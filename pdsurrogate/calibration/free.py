@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ..identification.energy import best_sets, fewest, nonnegative, stiffness_of
+from ..identification.energy import best_sets, nonnegative, stiffness_of
 from ..materials import Law
 from ..materials.polyconvex import Term, law_of
 
@@ -33,9 +33,6 @@ HALVINGS = 6
 
 MOST_TERMS = 6
 """Most terms of an energy. Chosen: the tests of a body rarely determine as many."""
-
-FOLDS = 5
-"""Number of folds of the cross-validation that chooses the number of terms."""
 
 
 @dataclass(frozen=True)
@@ -110,14 +107,20 @@ def minimized(search, x: np.ndarray, close: float, most: int = MOST_STEPS) -> Si
     return SimpleNamespace(x=x, jac=jacobian if most == 1 else search.jacobian(x), active_mask=np.zeros(len(x)))
 
 
-def chosen_terms(jacobian: np.ndarray, right: np.ndarray, stiff: np.ndarray, folds: np.ndarray) -> np.ndarray:
-    """Return a mask of the fewest terms whose fit to the linear equations J x = right foretells rows left out as well as more terms do."""
-    ones = np.ones(len(right))
-    count, _ = fewest(jacobian, right, ones, stiff, folds, MOST_TERMS)
-    sets = best_sets(jacobian, right, ones, stiff, count)
+def chosen_terms(jacobian: np.ndarray, right: np.ndarray, stiff: np.ndarray) -> np.ndarray:
+    """Return a mask of the fewest terms that fit the linear equations J x = right as well as up to `MOST_TERMS` terms do.
+
+    As well means that the sum of squares exceeds the least one by at most the standard error of the difference, from its scatter over the
+    rows.
+    """
+    squares, sets = [], best_sets(jacobian, right, np.ones(len(right)), stiff, MOST_TERMS)
     if not sets:
         raise ValueError("no energy describes the measurements: check that forces are positive in tension, and the steps in the table")
-    return np.isin(np.arange(len(stiff)), sets[-1])
+    for chosen in sets:
+        squares.append((jacobian[:, chosen] @ solved(jacobian[:, chosen], right) - right) ** 2)
+    excess = np.array(squares) - squares[np.argmin([each.sum() for each in squares])]
+    as_good = excess.sum(axis=1) <= np.sqrt(len(right)) * excess.std(axis=1)
+    return np.isin(np.arange(len(stiff)), sets[int(np.argmax(as_good))])
 
 
 def members(jacobian: np.ndarray, right: np.ndarray, stiff: np.ndarray, field: np.ndarray, count: int) -> list[np.ndarray]:

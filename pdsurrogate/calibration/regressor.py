@@ -16,13 +16,13 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from ..arguments import check_kind, in_order
-from ..identification import LawRegressor, committee_spread, fitted_laws, nominal_stress
+from ..identification import EnergyRegressor, LawRegressor, committee_spread, fitted_laws, nominal_stress
 from ..identification.energy import half_planes
 from ..identification.stress_regressor import BULK_RATIO
 from ..materials import LAWS, Law, Ogden
 from ..scenes import Mesh, Scene, load_scene
 from ..scenes.reading import leaves
-from .free import FOLDS, TERMS, EnergyUnknowns, chosen_terms, members, minimized, solved
+from .free import TERMS, EnergyUnknowns, chosen_terms, members, minimized, solved
 from .measured import FAILURES, MeasuredScene, Rows, numbers_of
 
 COLUMNS = ("step", "quantity", "x1", "x2", "x3")
@@ -129,7 +129,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         For an energy without a law: a committee, energies of other terms found from random halves of the measurements.
     domain_hull_ : list of list of float
         For an energy without a law: half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in ``hull`` of
-        `pdsurrogate.forces.protocol.Domain`.
+        `pdsurrogate.forces.protocol.Domain`, moved outwards by the margin of `EnergyRegressor`.
     stretch_range_ : tuple of float
         For an energy without a law: least and greatest stretch in the plane, or in space, in the simulated tests.
     n_simulations_ : int
@@ -395,12 +395,12 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         """Set the results of the fit to values with roots of weights; keep the simulated values and the correction."""
         bulk = self._bulk()
         if self.law is None:
-            self._unknown = EnergyUnknowns(**(bulk or {"bulk_ratio": BULK_RATIO}))
+            self._unknown = EnergyUnknowns(bulk.get("bulk_ratio", None if bulk else BULK_RATIO), bulk.get("bulk_modulus"))
             self._check_energy(len(y))
         else:
             self._unknown = LawRegressor(self.law, self.n_terms).set_params(**bulk)
         start = self._start(y, root)
-        if self.law is None:
+        if isinstance(self._unknown, EnergyUnknowns):
             low, high, logarithmic = np.zeros(len(start)), np.full(len(start), np.inf), np.zeros(len(start), dtype=bool)
         else:
             low, high, logarithmic = self._unknown.search_range(start, float(self._unknown.law_of(start).shear_modulus))
@@ -436,6 +436,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             for test, here in self._tests:
                 fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
             correction = fine - search.values(x)
+            if self.law is None:
+                correction *= self.refine**ORDER / (self.refine**ORDER - 1)
             search.y = y - correction
         if self.law is None:
             logarithmic = logarithmic[: len(x)]
@@ -475,7 +477,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 field[here] = test.rows.is_field
             drawn = members(found.jac, right, everything.stiff, field, MEMBERS)
             self.members_ = [everything.of(each > 0).law_of(each[each > 0]) for each in drawn]
-            kept = chosen_terms(found.jac, right, everything.stiff, np.arange(len(right)) % FOLDS)
+            kept = chosen_terms(found.jac, right, everything.stiff)
             self._unknown, x = everything.of(kept), solved(found.jac[:, kept], right)
             search.forget()
             for test, _ in self._tests:
@@ -486,7 +488,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         """Set the hull and the range of the stretches in the tests with a law."""
         visited = np.concatenate([test.states(law) for test, _ in self._tests])
         isochoric = visited / np.cbrt(visited.prod(axis=1))[:, None]
-        self.domain_hull_ = [[n1, n2, -offset] for n1, n2, offset in half_planes(isochoric[:, :2]).tolist()]
+        self.domain_hull_ = [[n1, n2, EnergyRegressor.margin - offset] for n1, n2, offset in half_planes(isochoric[:, :2]).tolist()]
         self.stretch_range_ = float(visited.min()), float(visited.max())
 
     def _store(self, x, values, found, logarithmic, residuals, correction) -> None:
@@ -554,7 +556,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             try:
                 simulated = test.simulate(self._unknown.law_of(start))[0]
             except FAILURES as error:
-                raise ValueError(f"{self.law or 'energy without a law'}: the search cannot start at {self._unknown.law_of(start).describe()}: {error}") from None
+                raise ValueError(
+                    f"{self.law or 'energy without a law'}: the search cannot start at {self._unknown.law_of(start).describe()}: {error}"
+                ) from None
             weight, product = root[here][forces] ** 2, product + 0.0
             product += float((weight * simulated[forces] * y[here][forces]).sum())
             square += float((weight * simulated[forces] ** 2).sum())

@@ -202,8 +202,7 @@ class EnergyRegressor(StressRegressor):
         chosen = self._chosen(X, y, root, groups)
         # The volume ratios of a first fit serve the choice of the number of terms, of which some would describe the change of volume.
         *_, stretches = self._alternately(X, y, root, chosen, self.max_terms)
-        columns, stiff = columns_of(stretches, X[:, 0], chosen), [term.shear_modulus > 0 for term in chosen]
-        count, self.errors_by_size_ = fewest(columns, y, root, stiff, fifths_of(X), self.max_terms)
+        count = self._count(columns_of(stretches, X[:, 0], chosen), y, root, chosen, fifths_of(X))
         law, self.terms_, self.weights_, stretches = self._alternately(X, y, root, chosen, count)
         columns = root[:, None] * columns_of(stretches, X[:, 0], self.terms_)
         squares = ((columns @ self.weights_ - root * y) ** 2).sum()
@@ -309,25 +308,26 @@ class EnergyRegressor(StressRegressor):
         squares = _squares_left_out(columns, y, root, groups, lambda *rows: [nonnegative(*rows)[0]])
         return float(np.sqrt(squares.sum() / size)) if size > 0 else 0.0
 
+    def _count(self, columns, y, root, terms, folds) -> int:
+        """Return the least number of terms whose error of cross-validation exceeds the least error by at most its standard error.
 
-def fewest(columns, y, root, stiff, folds, most) -> tuple[int, np.ndarray]:
-    """Return the least number of terms whose error of cross-validation exceeds the least error by at most its standard error.
+        `columns` holds the stress of each candidate of `terms` with unit weight.
+        """
+        stiff = [term.shear_modulus > 0 for term in terms]
 
-    `columns` holds the measurements that each candidate term gives with unit weight, and `stiff` is a mask of the terms with stiffness in
-    the undeformed state. Return also the relative RMS errors of 1, 2, ... and `most` terms; none if there is one fold.
-    """
+        def fits(columns, y, root):
+            found = [_weights(columns, y, root, chosen) for chosen in best_sets(columns, y, root, stiff, self.max_terms)]
+            return [found[min(size, len(found) - 1)] if found else np.zeros(columns.shape[1]) for size in range(self.max_terms)]
 
-    def fits(columns, y, root):
-        found = [_weights(columns, y, root, chosen) for chosen in best_sets(columns, y, root, stiff, most)]
-        return [found[min(size, len(found) - 1)] if found else np.zeros(columns.shape[1]) for size in range(most)]
-
-    squares = _squares_left_out(columns, y, root, folds, fits)
-    if not len(squares):
-        return most, np.empty(0)
-    total, size = squares.sum(axis=0), ((root * y) ** 2).sum()
-    excess = squares - squares[:, [total.argmin()]]
-    permitted = np.sqrt(len(squares)) * excess.std(axis=0, ddof=1) + NEGLIGIBLE**2 * size
-    return 1 + int(np.argmax(excess.sum(axis=0) <= permitted)), np.sqrt(total / max(size, 1e-300))
+        squares = _squares_left_out(columns, y, root, folds, fits)
+        if not len(squares):
+            self.errors_by_size_ = np.empty(0)
+            return self.max_terms
+        total = squares.sum(axis=0)
+        self.errors_by_size_ = np.sqrt(total / max(((root * y) ** 2).sum(), 1e-300))
+        excess = squares - squares[:, [total.argmin()]]
+        most = np.sqrt(len(squares)) * excess.std(axis=0, ddof=1) + NEGLIGIBLE**2 * ((root * y) ** 2).sum()
+        return 1 + int(np.argmax(excess.sum(axis=0) <= most))
 
 
 def _squares_left_out(columns, y, root, groups, fits) -> np.ndarray:

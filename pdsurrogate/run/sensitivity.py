@@ -29,9 +29,9 @@ PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
 """Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
 
 STEP = 1e-6
-"""Change of a parameter, relative to its value or to the greatest number of its list in a law or of its array in a learned model, in central
-differences. Chosen: rounding then leaves relative errors of 1e-10 times K/mu, and curvature less, also where a support moves by this part
-of its displacement while the points beside it stay."""
+"""Change of a parameter, relative to its value or to the greatest number of its list in a law or array in a learned model, in central
+differences. Chosen: rounding then leaves relative errors of 1e-10 times K/mu, and curvature less, also where a support moves by this
+part of its displacement while the points beside it stay."""
 
 BALANCED = 1e-10
 """Residual, in units of shear modulus / spacing, of the equilibrium whose derivatives are computed."""
