@@ -3,7 +3,7 @@
 python pipelines/compare_commits.py OLD NEW --figures     sections 6.2 to 6.7, tears at a coarser spacing
 python pipelines/compare_commits.py OLD NEW --conformance every property and hard case of every force model, with few explicit steps
 python pipelines/compare_commits.py OLD NEW --speed       every force model in sheets and in a solid, on one thread and on two, in turns
-python pipelines/compare_commits.py OLD NEW --materials   bodies of two materials, in a sheet and in a solid, in turns
+python pipelines/compare_commits.py OLD NEW --materials   bodies of two materials, in sheets and in solids, in turns, and their memory
 python pipelines/compare_commits.py OLD NEW --runs        whole runs of sections 6.2 and 6.5, in turns
 python pipelines/compare_commits.py OLD NEW --compile     first evaluation and first run with an empty cache
 python pipelines/compare_commits.py OLD NEW --start       processor time of the help, of a refused scene and of a small run, in turns
@@ -130,25 +130,32 @@ for line in sys.stdin:
 """
 
 MATERIALS = (
+    ("neo-hookean", "stress", 20),
     ("neo-hookean", "stress", 50),
+    ("analytic", "stress", 20),
     ("analytic", "stress", 50),
+    ("bond-energy", "stress", 20),
     ("bond-energy", "stress", 50),
     ("bond-energy", "strain", 50),
     ("neo-hookean-isochoric", "strain", 50),
+    ("bond-energy", "space", 8),
     ("bond-energy", "space", 16),
+    ("bond-energy", "space", 24),
     ("neo-hookean-isochoric", "space", 16),
 )
 """Force, plane, and points along each side of the square sheets and cubes whose two halves are of two materials, in the comparison with the
 same body of one material."""
 
-EVALUATION = """
-import json, sys, time
+LARGEST = "bond-energy", "space", 24
+"""Body of two materials whose memory is compared."""
+
+HALVES = """
+import json, resource, sys, time
 import numba, numpy as np
 import pdsurrogate as pds
 from pdsurrogate.forces import Portion, bind_portions
 numba.set_num_threads(1)
-bound = {}
-def forces(name, plane, width):
+def forces(name, plane, width, which):
     d = 3 if plane == "space" else 2
     middles = (np.arange(width) + 0.5) / width
     points = np.stack(np.meshgrid(*[middles] * d, indexing="ij"), axis=-1).reshape(-1, d)
@@ -159,12 +166,17 @@ def forces(name, plane, width):
     portions = [Portion(law, model, np.flatnonzero(where)) for law, where in zip(laws, (~stiff, stiff))]
     settings = pds.ForceSettings(plane=plane)
     positions = points * np.array([1.1, 0.97, 0.95][:d])
-    both = [model.bind(body, laws[0], settings), bind_portions(body, portions, settings)]
-    return both, positions, np.empty_like(points), body.bonds.n_directed
+    bind = {"one": lambda: model.bind(body, laws[0], settings), "two": lambda: bind_portions(body, portions, settings)}
+    return [bind[each]() for each in which], positions, np.empty_like(points), body.bonds.n_directed
+"""
+"""Start of the scripts about bodies of two materials."""
+
+EVALUATION = f"""{HALVES}
+bound = {{}}
 for line in sys.stdin:
     case = tuple(json.loads(line))
     if case not in bound:
-        bound[case] = forces(*case)
+        bound[case] = forces(*case, ("one", "two"))
         for force in bound[case][0]:
             for _ in range(3):
                 force(*bound[case][1:3])
@@ -176,6 +188,13 @@ for line in sys.stdin:
             force(positions, out)
             least[number] = min(least[number], time.thread_time() - began)
     print(json.dumps([1e9 * seconds / bonds for seconds in least]), flush=True)
+"""
+
+MEMORY = f"""{HALVES}
+for line in sys.stdin:
+    (force,), positions, out, _ = forces(*json.loads(line), ("two",))
+    force(positions, out)
+    print(json.dumps(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024), flush=True)
 """
 
 WHOLE = """
@@ -289,22 +308,24 @@ def compare_speed(paths: list[Path], turns: int) -> None:
 def compare_materials(paths: list[Path], turns: int) -> None:
     """Medians of the cost of a directed bond in bodies of two materials on one thread, and of the ratio to the same body of one material.
 
-    The bodies take turns in one process; each cost is the least processor time of twenty evaluations.
+    The bodies take turns in one process; each cost is the least processor time of twenty evaluations. The greatest memory of a process that
+    binds and evaluates the force of one body of two materials is compared as well.
     """
     both = [start(path, EVALUATION) for path in paths]
-    print(
-        f"{'model':24} {'plane':8} {'old, one':>8} {'two':>8} {'ratio':>6} {'new, one':>10} {'two':>8} {'ratio':>6}   ns per directed bond"
-    )
+    columns = f"{'old, one':>8} {'two':>8} {'ratio':>6} {'new, one':>10} {'two':>8} {'ratio':>6}"
+    print(f"{'model':24} {'plane':8} {'points':>7} {columns}   ns per directed bond")
     for case in MATERIALS:
         found = ([], [])
         for turn in range(turns):
             for which in (0, 1) if turn % 2 else (1, 0):
                 found[which].append(ask(both[which], case))
-        text = f"{case[0]:24} {case[1]:8}"
+        text = f"{case[0]:24} {case[1]:8} {case[2] ** (3 if case[1] == 'space' else 2):7}"
         for costs, gap in zip(found, ("", "  "), strict=True):
             one, two = (median(values) for values in zip(*costs, strict=True))
             text += f"{gap} {one:8.2f} {two:8.2f} {median(b / a for a, b in costs):6.2f}"
         print(text, flush=True)
+    old, new = (median(ask(start(path, MEMORY), LARGEST) for _ in range(STARTS)) for path in paths)
+    print(f"greatest memory of {LARGEST[0]} with {LARGEST[2] ** 3} points of two materials: {old:.0f} MB, {new:.0f} MB", flush=True)
 
 
 def compare_runs(paths: list[Path], turns: int) -> None:

@@ -81,6 +81,11 @@ MOST_CURVED = 0.5
 """Greatest product of depth and curvature with which an image takes account of a curved interface. Chosen: theory (62a) holds for small
 products; a disc of 5 cells' radius, whose products are up to 0.6, has the same error with all limits from 0.5 on."""
 
+ROUNDED = 1e-11
+"""Multiples, in spacings, to which places on interfaces are rounded, and in units those of the normals there, so that points on one line
+across an interface have exactly the same place and share one fit. Chosen: far above the rounding of coordinates, and without effect on
+results."""
+
 Near: TypeAlias = tuple[float, np.ndarray, int, float, Round | None]
 """Interface near a point: distance and unit normal from the point to it, number of the material beyond, share of the horizon's volume whose
 points lie on the other material's side of it, and the circle or sphere that it is, None for a plane fitted between the points."""
@@ -150,9 +155,11 @@ class Interfaces:
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbors])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(kinematics.sources[np.concatenate([owners[across], bonds.neighbors[across]])])
-        jumps, mirrored, growth = scipy.sparse.lil_array((n, n)), scipy.sparse.lil_array((n, n)), np.ones(n)
-        torn, self._watched = scipy.sparse.lil_array((n, n)), breakable or share.any(len(bonds.cut) > 0)
+        jumps, mirrored, torn = ({} for _ in range(3))  # rows of matrices, by point: columns and entries
+        growth, self._watched = np.ones(n), breakable or share.any(len(bonds.cut) > 0)
         tree, everywhere = scipy.spatial.cKDTree(body.points), scipy.spatial.cKDTree(body.all_points)
+        modulus_of, fits = np.zeros(portion_of.max() + 1), {}
+        modulus_of[portion_of] = moduli
         for i in near[share.own[near]]:
             found = (quadratic and _round_beside(body, everywhere, portion_of, i)) or _interface_beside(body, everywhere, portion_of, i)
             if quadratic and (found is None or found[3] > ASTRAY):
@@ -160,34 +167,37 @@ class Interfaces:
             if found is None:
                 continue
             depth, normal, other, _, shape = found
-            place, reach = body.points[i] + depth * normal, (REACH if shape is None else ROUND_REACH) * body.horizon
-            around = np.array(tree.query_ball_point(place, reach * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
-            around = around[(portion_of[around] == portion_of[i]) | (portion_of[around] == other)]
-            x, beyond = (body.points[around] - place) / reach, portion_of[around] == other
-            outwards = 0.0 if shape is None else np.sign((place - shape.center) @ normal)
-            heights = x @ normal if shape is None else outwards * shape.distances(body.points[around]) / reach
-            # Beyond a thin layer or a gap there may be more of the same material, which does not belong to this interface.
-            astray = np.where(beyond, -1.0, 1.0) * heights > SECTOR * np.linalg.norm(x, axis=1)
-            around, x, beyond, heights = around[~astray], x[~astray], beyond[~astray], heights[~astray]
-            V = body.volumes[around]
-            if quadratic and beyond.any() and moduli[i] > YIELDING * moduli[around[beyond][0]]:
+            normal, own = _rounded(normal, 1.0), int(portion_of[i])
+            place = _rounded(body.points[i] + depth * normal, body.spacing)
+            if quadratic and moduli[i] > YIELDING * modulus_of[other]:
+                around, x, beyond, _, reach = _two_sides(body, tree, portion_of, place, normal, (own, other), shape)
                 sizes = depth / reach, body.spacing / reach
-                jump, at_image = _mirrored((x, V, beyond), normal, sizes, around == i, volumes_held)
-                if jump is not None:
-                    # Toward the center of a circle or sphere of stiff material the jump of the slope grows, theory (62a).
-                    convex = shape is not None and outwards > 0 and shape.divides(body.horizon)
-                    bent = min((body.dimension - 1) * depth / shape.radius, MOST_CURVED) if convex else 0.0
-                    jump, growth[i] = (1 + bent) * jump, 1 + bent
-                    mirrored[i, around[beyond]], mirrored[i, i] = (1 + 2 * bent) * at_image, -1 - 2 * bent
+                jump, at_image = _mirrored((x, body.volumes[around], beyond), normal, sizes, around == i, volumes_held)
+                if jump is None:
+                    continue
+                # Toward the center of a circle or sphere of stiff material the jump of the slope grows, theory (62a).
+                convex = shape is not None and (place - shape.center) @ normal > 0 and shape.divides(body.horizon)
+                bent = min((body.dimension - 1) * depth / shape.radius, MOST_CURVED) if convex else 0.0
+                growth[i] = 1 + bent
+                mirrored[i] = np.append(around[beyond], i), np.append((1 + 2 * bent) * at_image, -1 - 2 * bent)
+                jumps[i] = around, (1 + bent) * jump / reach
             else:
-                jump = _jump_of_slopes(x, V, heights * beyond, quadratic)
-                apart = _jump_of_sides(x * reach / (TORN_REACH * body.horizon), V, normal, beyond) if self._watched else None
-                if jump is not None and apart is not None:
-                    torn[i, around] = apart / (TORN_REACH * body.horizon)
-            if jump is not None:
-                self.depths[i], self.normals[i] = depth, normal
-                jumps[i, around] = jump / reach
-        jump, self._jump_back = self._with_transpose(jumps)
+                # The jump of the slope is the same from either side: all fits at a place start from the material of the lower number.
+                both, normal_up = (own, other) if own < other else (other, own), normal if own < other else -normal
+                key = *place, *normal_up, *both, *(() if shape is None else shape.center)
+                if key not in fits:
+                    fits[key] = _fits_at((body, tree, portion_of, place, normal_up, both, shape), quadratic, self._watched)
+                jump, apart = fits[key]
+                if jump is None:
+                    continue
+                jumps[i] = jump
+                if apart is not None:
+                    torn[i] = apart
+            self.depths[i], self.normals[i] = depth, normal
+        jumps, mirrored, torn = (_matrix_of(rows, n) for rows in (jumps, mirrored, torn))
+        of_all = share.with_rows_of_others(jumps)
+        self._jump = _by_different_rows(jumps)
+        self._jump_of_all = _by_different_rows(of_all) if share.divided else self._jump
         share.fill(self.normals)
         body.ghosts.fill(self.depths)
         d = body.dimension
@@ -211,12 +221,12 @@ class Interfaces:
         self._changes_by_jumps, by_columns = dyads @ scipy.sparse.diags_array(1 - is_image), dyads @ self._by_normals(images.T).T
         self._changes_back = self._by_normals(back) @ dyads.T
         self._jumps_by_columns = scipy.sparse.diags_array(-2.0 * volumes_held * is_image * growth) @ dyads.T
-        self._jump, self._changes_by_columns = jump, by_columns
+        self._changes_by_columns = by_columns
         self._intact, self._parted, self._is_image = np.ones((n, 1)), np.zeros((n, 1)), is_image > 0
         self._lost_across, self._lost_within = np.zeros((2, n), dtype=bool)
         if self._watched:
             self._torn, self._torn_back = self._with_transpose(torn)
-            self._fitted, self._fitted_apart = abs(jump) + abs(images), abs(self._torn)
+            self._fitted, self._fitted_apart = abs(jumps) + abs(images), abs(self._torn)
             self._lose(*bonds.cut.T)
         self.corrections, self.continuation = self.steps(kinematics.positions, kinematics.gradients, self.jumps, self.changes)
 
@@ -230,7 +240,7 @@ class Interfaces:
         on_ghosts, at_rest = self._kinematics.gradient_ghosts.of_gradients, (np.zeros((len(images), d)), np.zeros((len(images), d * d)))
         return [
             *self._product(self._one_sided, positions, columns, add=True, variable=True),
-            *self._product(self._jump, positions, jumps),
+            *self._products(self._jump, positions, jumps),
             *self._product(self._jumps_by_columns, columns, jumps, add=True),
             *self._chosen(positions, jumps),
             jumps,
@@ -303,12 +313,20 @@ class Interfaces:
         entries = scipy.sparse.coo_array(matrix)
         return self._on_columns(entries.data[:, None] * self.normals[entries.col], entries.row, entries.col)[:, : len(self._body)]
 
-    def _with_transpose(self, matrix: scipy.sparse.lil_array) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+    def _products(self, matrices: list, values: np.ndarray, out: np.ndarray, every: bool = False) -> list[Step]:
+        """Return the passes that write the product of matrices, the last one first, and `values` to rows of `out`, see `sparse_product`."""
+        *further, first = matrices
+        if not further:
+            return self._product(first, values, out, every=every)
+        between = np.zeros((first.shape[0], values.shape[1]))
+        return [*self._product(first, values, between), *self._products(further, between, out, every)]
+
+    def _with_transpose(self, matrix: scipy.sparse.csr_array) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
         """Return a matrix (n, n), filled in the rows of this rank's own points only, and a transpose.
 
         The transpose is that of the matrix with its rows of halo points (points of other ranks) filled in by their owners.
         """
-        return matrix.tocsr(), self._body.share.with_rows_of_others(matrix.tocsr()).T.tocsr()
+        return matrix, self._body.share.with_rows_of_others(matrix).T.tocsr()
 
     def _on_columns(self, weights: np.ndarray, owners: np.ndarray, others: np.ndarray) -> scipy.sparse.csr_array:
         """Return the matrix (n d, n + m) that maps values at points and ghosts to columns of gradients at points.
@@ -401,7 +419,7 @@ class Interfaces:
         apart, on_apart = [], []
         if self._watched:
             parted = np.zeros((n, d))
-            apart = [partial(np.multiply, on_jumps[:n], self._parted, out=parted), partial(_scale, on_jumps[:n], self._intact)]
+            apart = [partial(np.multiply, on_jumps[:n], self._parted, out=parted), parted, partial(_scale, on_jumps[:n], self._intact)]
             on_apart = [parted, *product(self._torn_back, parted, on_points, add=True)]
         return [
             fold_matrices.bind(moments, *self._kinematics.gradient_ghosts.of_gradients, chunks=chunks),
@@ -416,11 +434,71 @@ class Interfaces:
             *apart,
             *product(-self._jumps_by_columns.T, on_jumps, columns, add=True),
             on_jumps[:n],
-            *product(self._jump_back, on_jumps, on_points, every=self._watched),
+            *self._products([each.T for each in reversed(self._jump_of_all)], on_jumps, on_points, every=self._watched),
             *on_apart,
             own_moments,
             *([*product(self._one_sided_back, columns, pulls, every=True, variable=True), fold[1]] if self._one_sided.nnz else []),
         ]
+
+
+def _rounded(values: np.ndarray, unit: float) -> np.ndarray:
+    """Return values rounded to multiples of `ROUNDED` units."""
+    return np.round(values / (ROUNDED * unit)) * (ROUNDED * unit)
+
+
+def _matrix_of(rows: dict[int, tuple[np.ndarray, np.ndarray]], n: int) -> scipy.sparse.csr_array:
+    """Return the matrix (n, n) with the given rows, the columns and entries of each, and no entries in other rows."""
+    lengths, (columns, entries) = np.zeros(n, dtype=np.int64), zip(*rows.values(), strict=True) if rows else ((), ())
+    lengths[list(rows)] = [len(of_row) for of_row in columns]
+    arrays = np.concatenate([np.zeros(0), *entries]), np.concatenate([np.zeros(0, np.int64), *columns])
+    found = scipy.sparse.csr_array((*arrays, np.append(0, np.cumsum(lengths))), shape=(n, n))
+    found.sort_indices()
+    return found
+
+
+def _by_different_rows(matrix: scipy.sparse.csr_array) -> list[scipy.sparse.csr_array]:
+    """Return matrices whose product is `matrix`: a selection of rows, and these rows; only `matrix` itself if all its rows differ."""
+    filled, different = np.flatnonzero(np.diff(matrix.indptr)), {}
+    ends = zip(matrix.indptr[filled], matrix.indptr[filled + 1], strict=True)
+    keys = [matrix.indices[begin:end].tobytes() + matrix.data[begin:end].tobytes() for begin, end in ends]
+    which = [different.setdefault(key, len(different)) for key in keys]
+    if len(different) == len(filled):
+        return [matrix]
+    first = filled[np.unique(which, return_index=True)[1]]
+    return [scipy.sparse.csr_array((np.ones(len(filled)), (filled, which)), shape=(matrix.shape[0], len(first))), matrix[first]]
+
+
+def _two_sides(
+    body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, place: np.ndarray, normal: np.ndarray, both: tuple[int, int], shape
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return the points to which the motion is fitted at a place on an interface, and the radius of the fit.
+
+    The points, of the two materials `both`, are given by their numbers, their positions relative to the place in units of the radius, flags
+    of those of the second material, toward which `normal` points, and heights above the interface. `tree` holds the points, not the ghosts.
+    """
+    reach = (REACH if shape is None else ROUND_REACH) * body.horizon
+    around = np.array(tree.query_ball_point(place, reach * WITH_ROUNDING, return_sorted=True), dtype=np.int64)
+    around = around[(portion_of[around] == both[0]) | (portion_of[around] == both[1])]
+    x, beyond = (body.points[around] - place) / reach, portion_of[around] == both[1]
+    outwards = 0.0 if shape is None else np.sign((place - shape.center) @ normal)
+    heights = x @ normal if shape is None else outwards * shape.distances(body.points[around]) / reach
+    # Beyond a thin layer or a gap there may be more of the same material, which does not belong to this interface.
+    # A point at the place itself is on the interface, whatever rounding says.
+    near = np.where(beyond, -1.0, 1.0) * heights <= SECTOR * np.linalg.norm(x, axis=1) + ROUNDED
+    return around[near], x[near], beyond[near], heights[near], reach
+
+
+def _fits_at(at: tuple, quadratic: bool, watched: bool) -> tuple:
+    """Return the numbers and weights of points whose values give the jump of the slope at a place on an interface.
+
+    `at` holds the arguments of `_two_sides`. The second item returned holds those of fits to each side alone, if `watched`. Both items may
+    be None, see `_jump_of_slopes`.
+    """
+    (around, x, beyond, heights, reach), (body, *_, normal, _, _) = _two_sides(*at), at
+    volumes, apart_reach = body.volumes[around], TORN_REACH * body.horizon
+    jump = _jump_of_slopes(x, volumes, heights * beyond, quadratic)
+    apart = _jump_of_sides(x * reach / apart_reach, volumes, normal, beyond) if watched else None
+    return jump if jump is None else (around, jump / reach), apart if apart is None else (around, apart / apart_reach)
 
 
 def _round_beside(body: Body, tree: scipy.spatial.cKDTree, portion_of: np.ndarray, i: int) -> Near | None:

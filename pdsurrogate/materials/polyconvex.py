@@ -14,7 +14,7 @@ log(I2bar/3), as in the law of Gent and Thomas, is not polyconvex: along F + t a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -262,7 +262,8 @@ def law_of(terms: Sequence[Term], coefficients: ArrayLike, bulk_modulus: float) 
             lists[numbers].append(float(number))
     if all(not any(values) for key, values in lists.items() if key not in Ogden.lists):
         return Ogden(bulk_modulus=bulk_modulus, moduli=tuple(lists["moduli"]), exponents=tuple(lists["exponents"]))
-    return Polyconvex(bulk_modulus=bulk_modulus, **{key: tuple(values) for key, values in lists.items()})
+    coefficients: dict[str, Any] = {key: tuple(values) for key, values in lists.items()}
+    return Polyconvex(bulk_modulus=bulk_modulus, **coefficients)
 
 
 def derivatives(terms: Sequence[Term], logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -289,5 +290,6 @@ def derivatives(terms: Sequence[Term], logs: np.ndarray) -> tuple[np.ndarray, np
     ([[2.25]], [[[8.0, 2.0, 0.5]]])
     """
     x = np.asarray(logs, dtype=float).T[:, :, None]
-    energy, *slopes, _ = Polyconvex.term(*x, *np.exp(2 * x), np.array([term.row for term in terms]).T)
+    (x1, x2, x3), (s1, s2, s3) = x, np.exp(2 * x)
+    energy, *slopes, _ = Polyconvex.term(x1, x2, x3, s1, s2, s3, np.array([term.row for term in terms]).T)
     return energy, np.stack(slopes, axis=-1)

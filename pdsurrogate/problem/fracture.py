@@ -68,7 +68,7 @@ class CriticalStretches:
     scene : Scene
     rest : Fracture
         Criterion of the scene, for all materials that have none of their own.
-    horizon : float
+    body : Body
     family : str
         Family of the force models, on which the effective diameter of a crack tip depends.
     of_points : ndarray of int, shape (n,)
@@ -86,38 +86,46 @@ class CriticalStretches:
     Raises
     ------
     ValueError
-        If no critical stretch follows from a fracture energy; the message names the key.
+        If no critical stretch follows from a fracture energy, or no bond crosses an interface; the message names the key.
     """
 
-    def __init__(self, scene: Scene, rest: Fracture, horizon: float, family: str, of_points: np.ndarray) -> None:
-        self._of_points = of_points
-        diameter = tip_diameter_in(scene, family) * horizon if gives_fracture_energy(scene) else 0.0
+    def __init__(self, scene: Scene, rest: Fracture, body: Body, family: str, of_points: np.ndarray) -> None:
+        self._body, self._of_points = body, of_points
+        diameter = tip_diameter_in(scene, family) * body.horizon if gives_fracture_energy(scene) else 0.0
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
         self.of_materials = [
             _critical(part.fracture or rest, (law, law), diameter, f"materials.{number}.fracture" if part.fracture else "fracture")
             for number, (part, law) in enumerate(zip(scene.materials, laws[1:], strict=True))
         ]
         self.of_materials.insert(0, _critical(rest, (laws[0], laws[0]), diameter, "fracture"))
-        names, self.of_interfaces = names_of_materials(scene), {}
+        names, ends, self.of_interfaces = names_of_materials(scene), np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2)), {}
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)
-            self.of_interfaces[one, other] = _critical(entry, (laws[one], laws[other]), diameter, f"fracture.interfaces.{number}")
+            key = f"fracture.interfaces.{number}"
+            self.of_interfaces[one, other] = _critical(entry, (laws[one], laws[other]), diameter, key)
+            if not body.share.any(np.equal(ends, (one, other)).all(axis=1).any()):
+                why = "they do not touch, or precuts separate them"
+                raise ValueError(f"{key}.between: no bond crosses from {names[one]} to {names[other]}: {why}; leave the entry out")
         self.summary: dict = {"critical_stretch": self.of_materials[0]}
         if rest.interfaces:
             found = zip(rest.interfaces, self.of_interfaces.values(), strict=True)
             self.summary["interfaces"] = [{"between": list(entry.between), "critical_stretch": stretch} for entry, stretch in found]
 
-    def of_pairs(self, body: Body) -> np.ndarray:
-        """Return the critical stretch of every pair of a body, shape (n_pairs,).
+    def of_pairs(self) -> np.ndarray:
+        """Return the critical stretch of every pair of the body, shape (n_pairs,).
 
         A pair between two materials without an entry in `of_interfaces` has the smaller of their critical stretches.
         """
-        numbers = np.concatenate([self._of_points, self._of_points[body.ghosts.source]])
-        first, second = (numbers[ends] for ends in (body.bonds.first, body.bonds.second))
         least = np.minimum.outer(self.of_materials, self.of_materials)
         for (one, other), stretch in self.of_interfaces.items():
             least[one, other] = least[other, one] = stretch
-        return least[first, second]
+        return least[tuple(self._ends().T)]
+
+    def _ends(self) -> np.ndarray:
+        """Return the numbers of the materials at both ends of every pair of the body, shape (n_pairs, 2)."""
+        bonds = self._body.bonds
+        numbers = np.concatenate([self._of_points, self._of_points[self._body.ghosts.source]])
+        return np.stack([numbers[bonds.first], numbers[bonds.second]], axis=1)
 
 
 def _critical(given: Criterion, laws: tuple[Law, Law], diameter: float, key: str) -> float:

@@ -244,8 +244,6 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         portions, rigid, of_points = portions_of(scene, body, models, regions) if models else ([], {}, np.zeros(len(body), np.int64))
         if rigid and ranks.size > 1:
             raise ValueError("materials: rigid regions are supported on one rank only; run without mpiexec, or give the regions a law")
-        if scene.fracture and len(portions) > 1 and ranks.size > 1:
-            raise ValueError("fracture: bodies of several materials tear on one rank only; run without mpiexec")
         loads = loads_of(scene, body, regions, [portion.law for portion in portions])
         prescriptions = prescriptions_of(scene, regions, stages)
         loading = conditions_of(scene, prescriptions, regions, loads, stages, _together(rigid))
@@ -256,8 +254,6 @@ def _on_body(scene: Scene, models: Sequence[ForceModel], whole: Body, regions: B
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
         measures = measures_of(scene, grip_areas(scene, regions.lower, regions.upper))
-        critical = (
-            CriticalStretches(scene, scene.fracture, body.horizon, models[0].family, of_points) if scene.fracture and portions else None
-        )
+        critical = CriticalStretches(scene, scene.fracture, body, models[0].family, of_points) if scene.fracture and portions else None
     held = (regions, prescriptions, stages, loading)
     return Problem(scene, models, settings_of(scene), body, whole, *held, portions, rigid, measures, critical)

@@ -53,11 +53,11 @@ times its first one, and the latest residuals, so many as the third number, are 
 rounding changes residuals by less; a sheet that buckles gives these signs after 60 evaluations, and converges to its buckled state after
 200. Slender bodies under loads give them on the way to equilibria, and methods that step in time too, because their residuals oscillate."""
 
-PATIENCE, LEAST_PATIENCE, MOST_SPENT, MOST = 6, 1.2, 7, 10
+PATIENCE, LEAST_PATIENCE, MOST_SPENT, MOST = 6, 1.2, 7, 9
 """Force evaluations for an increment of which an attempt has failed, divided by the mean for an output of the run so far. A search whose
 residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. When
-they have used the third number, the increment is halved no further. The fourth number bounds an output that fails, with the search that
-brings its last equilibrium to the tolerance of an output. Increments up to 99 % of a limit load are still found after a failure."""
+they have used the third number, the increment is halved no further. The fourth number bounds the searches after a failed attempt, also the
+one that brings the last equilibrium to the tolerance of an output, so that an output that fails costs at most ten good ones."""
 
 CARRIED = 2
 """Force evaluations for a planned increment of which an attempt has failed, in the same unit, beyond which they count for the next planned
@@ -180,10 +180,11 @@ class Equilibria:
         run, state, ran_away, told, usual = self.run, self.run.state, None, None, self._usual()
         while not increments.finished:
             self._accepted, began = _Accepted(run, self.solver), run.force.evaluations
+            patience, most = np.inf, np.inf
+            if state.wasted:
+                patience, most = max(PATIENCE * usual - state.wasted, LEAST_PATIENCE * usual), self._left()
             try:
-                equilibrium = self._follow(
-                    increments, max(PATIENCE * usual - state.wasted, LEAST_PATIENCE * usual) if state.wasted else np.inf
-                )
+                equilibrium = self._follow(increments, patience, most)
             except TooSmall:
                 self._accepted.restore(run, self.solver)
                 raise
@@ -233,8 +234,12 @@ class Equilibria:
         """Return the mean number of force evaluations for an output of the run so far, or `USUAL` before the first one."""
         return float(np.mean(self.run.state.costs or USUAL))
 
-    def _follow(self, increments: Increments, patience: float) -> Equilibrium:
-        """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations.
+    def _left(self) -> float:
+        """Return how many force evaluations the present output may still take after an attempt has failed."""
+        return MOST * self._usual() - (self.run.force.evaluations - self.run.state.begun)
+
+    def _follow(self, increments: Increments, patience: float, most: float) -> Equilibrium:
+        """Find and return the equilibrium at the end of the present increment, within `patience` force evaluations (`_solve`).
 
         Raise an error if the equilibrium is unstable or does not continue the last one (`check_branch`), or if, at an output, its strains
         are too small for the precision.
@@ -248,7 +253,7 @@ class Equilibria:
         start, self._iterate = guess if self._iterate is None else self._best([guess, self._iterate], target), None
         self._force_at(target, start)
         run.positions[:] = start
-        equilibrium = self._solve(target, tolerance, guess, patience, increments)
+        equilibrium = self._solve(target, tolerance, guess, patience, most, increments)
         reached = self._reached(target)
         run.loads.check_path(state.parameter, reached, before, run.positions)
         self._check_branch(reached, guess)
@@ -327,8 +332,7 @@ class Equilibria:
         # A state accepted at a coarse tolerance just below a limit load need not be an equilibrium.
         with suppress(*FAILURES):
             before = run.positions.copy()
-            left = MOST * self._usual() - (run.force.evaluations - run.state.begun)
-            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, LEAST_PATIENCE * self._usual(), most=left)
+            equilibrium = self._solve(run.target, run.problem.scene.solver.tolerance, before, LEAST_PATIENCE * self._usual(), self._left())
             run.loads.check_path(run.target, run.target, before, run.positions)
             self._record(equilibrium)
         run.target = target
@@ -339,8 +343,8 @@ class Equilibria:
         tolerance: float,
         guess: np.ndarray,
         patience: float,
+        most: float,
         increments: Increments | None = None,
-        most: float = np.inf,
     ) -> Equilibrium:
         """Solve for equilibrium at the parameter `target` from the present positions, within `patience` force evaluations.
 

@@ -146,7 +146,7 @@ class Run:
         self.earlier: tuple[float, np.ndarray] | None = None
         self.residual: float | None = None
         critical = self.problem.critical_stretches
-        self.damage = None if critical is None else Damage(self.body, critical.of_pairs(self.body))
+        self.damage = None if critical is None else Damage(self.body, critical.of_pairs())
         self.states = self.states_of()
         self.checkpoints = Checkpoints(self)
         self.tables = Record(self)

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, grid
+from pdsurrogate.discretization import discretize
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.scenes import Precut
@@ -16,6 +18,10 @@ CASES = [
     ("nosb", "stress", 3.0),
     *(("bond-energy", plane, mu) for plane in ("stress", "strain") for mu in (3.0, 10.0)),
 ]
+
+
+RECTANGLE, BOX = {"shape": "rectangle", "size": [1.2, 1.0]}, {"shape": "box", "size": [1.2, 1.0, 0.4]}
+RELAXED = {"arrangement": "relaxed", "seed": 2}
 
 
 def cracked(separates=None, planes=()):
@@ -94,3 +100,25 @@ def test_a_uniform_state_stays_right_and_releases_nothing(name, plane, mu, cut):
     if energy is not None:
         assert force.energy() == pytest.approx(energy, rel=1e-12)
         assert abs(release.energy) < 1e-12 * energy
+
+
+@pytest.mark.parametrize("mu", [3.0, 10.0])
+@pytest.mark.parametrize(("shape", "plane"), [(RECTANGLE | RELAXED, "stress"), (BOX, "space"), (BOX | RELAXED, "space")])
+def test_uniform_states_of_relaxed_points_and_solids_stay_right(shape, plane, mu):
+    """An interface between points that are in no rows, which is torn in one half and crossed by a crack in the other."""
+    ends = {"prescribed": [{"region": "body", "x1": 0.0}], "steps": 1.0}
+    body, _, _ = discretize(pds.Scene(name="layers", spacing=0.1, horizon_ratio=2.2, material="neo-hookean", body=shape, **ends))
+    F = np.diag([1.0, 1.0, 1.05][: body.dimension])
+    F[:2, :2] = AFFINE
+    force, out = bound("bond-energy", body, plane, mu), np.empty_like(body.points)
+    force(body.points @ F.T, out)
+    energy = force.energy()
+    first, second = (body.all_points[ends] for ends in (body.bonds.first, body.bonds.second))
+    torn = ((first[:, 1] > 0.5) != (second[:, 1] > 0.5)) & (first[:, 0] < 0.5)
+    through = ((first[:, 0] > 0.8) != (second[:, 0] > 0.8)) & (first[:, 1] < 0.7)
+    release = force.break_bonds(np.flatnonzero(torn | through))
+    force(body.points @ F.T, out)
+    gradients = force.deformation_gradients()
+    np.testing.assert_allclose(gradients, np.broadcast_to(F, gradients.shape), atol=1e-11)
+    assert force.energy() == pytest.approx(energy, rel=1e-11)
+    assert abs(release.energy) < 1e-11 * energy

@@ -343,6 +343,22 @@ def test_two_materials_in_space(random):
     assert np.abs(np.cross(y, out).sum(axis=0)).max() < 1e-11 * scale
 
 
+@pytest.mark.parametrize("name", ["analytic", "bond-energy"])
+def test_points_on_one_line_across_an_interface_have_one_jump(name, random):
+    """To the last bit and from either side, so that they share one fit; on other lines the jumps differ."""
+    points = grid((0, 0), (1.2, 0.8), 0.1)
+    body = Body(points, np.full(len(points), 1e-2), 0.315, 0.1)
+    force = bound(name, body, (points[:, 0] > 0.6).astype(int))
+    force(points + 0.005 * random.standard_normal(points.shape), np.empty_like(points))
+    depths, jumps, found = force.interfaces.depths, force.interfaces.jumps, []
+    for height in (0.35, 0.45):
+        of_line = jumps[(depths > 0) & (np.abs(points[:, 1] - height) < 0.01)]
+        assert len(of_line) == 6
+        assert len(np.unique(of_line, axis=0)) == 1
+        found.append(of_line[0])
+    assert np.abs(found[0] - found[1]).max() > 1e-3 * np.abs(found).max() > 0
+
+
 def test_a_probe_on_the_interface_reads_one_side():
     """Finite elements have it at 1.20480 cm; a fit to the points of both sides is 1.4 % off."""
     level = pds.simulate(load_scene("bimaterial", {"spacing": 0.1, "precision": "float64"}), "analytic").levels[0]

@@ -131,17 +131,27 @@ def check_bits(alone, shared, models):
 @several
 @pytest.mark.parametrize("number", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_forces_of_two_materials_have_the_same_bits(ranks, number):
-    """Bond forces and energies, in sheets and space, beside a slanted interface that reaches over parts, and beside a disc.
+    """Bond forces and energies, in sheets and space, beside a slanted interface that reaches over parts, whole and torn, and beside a disc.
 
     Energies but for rounding."""
     alone = ranks.loaded(1, "digests_of_cases", module="two_materials")[0]["value"]
     shared = ranks(number, "digests_of_cases", module="two_materials")[0]["value"]
-    assert len(alone) == 5
+    assert len(alone) == 9
     for one, other in zip(alone, shared, strict=True):
         assert one["beside"] == other["beside"] > 10
         energies = one.pop("energy"), other.pop("energy")
         assert one == other
         assert energies[0] is None or energies[1] == pytest.approx(energies[0], rel=1e-12)
+
+
+@several
+def test_bodies_of_two_materials_tear_in_the_same_way(ranks):
+    """The crack runs along their interface from the part of one rank, left of x1 = 2, into that of the other."""
+    crack, displacement, number, steps = ranks.loaded(1, "torn_layers", module="two_materials")[0]["value"]
+    assert number is None
+    assert crack["start"]["x"][0] < 1.9
+    assert crack["tips"][-1]["tip"][0] > 2.1
+    assert ranks(2, "torn_layers", module="two_materials")[0]["value"] == (crack, displacement, 2, steps)
 
 
 @several

@@ -4,6 +4,7 @@ import hashlib
 
 import numpy as np
 
+import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, Round, divided
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.forces.interfaces import SIGHT
@@ -13,6 +14,22 @@ from pdsurrogate.solvers.nearest_bonds import random_vector
 from pdsurrogate.stress_test.conformance import Deformation
 
 CASES = ("analytic", "stress"), ("bond-energy", "stress"), ("bond-energy", "strain"), ("bond-energy", "space")
+LAYERS = {
+    "name": "layers",
+    "spacing": 0.1,
+    "horizon_ratio": 2.2,
+    "body": {"shape": "rectangle", "size": [4.0, 1.0]},
+    "precuts": [{"start": [-1.0, 0.5], "end": [1.6, 0.5]}],
+    "regions": {"upper": {"box": [[-1, 0.5], [5, 2]]}},
+    "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
+    "materials": [{"region": "upper", "material": {"law": "neo-hookean", "shear_modulus": 3.0, "bulk_modulus": 60.0}}],
+    "prescribed": [{"region": "bottom", "x1": 0.0, "x2": 0.0}, {"region": "top", "x1": 0.0, "x2": 0.3}],
+    "steps": [{"to": 1.0, "outputs": 2, "dynamics": {"duration": 1.2, "density": 1.0}}],
+    "fracture": {"critical_stretch": 1.4, "interfaces": [{"between": ["rest", "upper"], "critical_stretch": 1.2}]},
+}
+"""Strip of two layers, the upper one three times as stiff, that tears along their interface, without an equilibrium before: sums over ranks
+decide where its iterations end."""
+
 DISC = Round((1.3, 0.3), 0.25)
 
 
@@ -25,8 +42,18 @@ def strip(d):
     return Body(points, np.full(len(points), 0.1**d), horizon * 0.1, 0.1, planes=planes, rounds=(DISC,) if d == 2 else ())
 
 
-def digests(name, plane, ranks, disc=False):
-    """Of forces and volume ratios in a strip whose right part, or a disc, is five times as stiff."""
+def torn_pairs(body, across, middle):
+    """Numbers of the pairs across the interface in the lower half, and of those through a line in the upper half of the stiff part."""
+    first, second = (body.all_points[ends] - middle for ends in (body.bonds.first, body.bonds.second))
+    through = (first[:, 0] < 0.25) != (second[:, 0] < 0.25)
+    return np.flatnonzero(np.where(first[:, 1] < 0, across, through))
+
+
+def digests(name, plane, ranks, disc=False, torn=False):
+    """Of forces and volume ratios in a strip whose right part, or a disc, is five times as stiff.
+
+    If `torn`, the interface has parted in the lower half of the strip, and a crack has grown through the stiff part.
+    """
     d = 3 if plane == "space" else 2
     body = strip(d)
     middle = (body.points.min(axis=0) + body.points.max(axis=0)) / 2
@@ -39,15 +66,17 @@ def digests(name, plane, ranks, disc=False):
         stiff = DISC.distances(body.points) < 0
     model = FORCES[name]()
     portions = [Portion(NeoHookean(mu, 100 * mu), model, np.flatnonzero(where)) for mu, where in ((1.0, ~stiff), (5.0, stiff))]
-    force = bind_portions(body, portions, ForceSettings(plane=plane))
+    force = bind_portions(body, portions, ForceSettings(plane=plane, breakable=torn))
+    bonds, within = body.bonds, body.bonds.second < len(body)
+    across = within & (stiff[bonds.first] != stiff[np.where(within, bonds.second, bonds.first)])
+    if torn:
+        force.break_bonds(torn_pairs(body, across, middle))
     positions = Deformation(1.02, 0.99, 0.0, 0.0, 0.0003, 1)(body.points)
     forces = np.empty_like(positions)
     force(positions, forces)
     energy = body.share.total(force.energy()) if force.has_energy else None
-    bonds, within = body.bonds, body.bonds.second < len(body)
-    across = within & (stiff[bonds.first] != stiff[np.where(within, bonds.second, bonds.first)])
     jumps = int(body.share.total(int((across * body.share.own[bonds.first]).sum())))
-    found = {"case": f"{name}, {plane}, {disc}", "energy": energy, "beside": jumps}
+    found = {"case": f"{name}, {plane}, {disc}, {torn}", "energy": energy, "beside": jumps}
     fields = {"forces": forces, "ratios": force.volume_ratios()}
     if force.nearly_incompressible:
         dilatation = force.linearized_dilatation()
@@ -61,4 +90,12 @@ def digests(name, plane, ranks, disc=False):
 
 
 def digests_of_cases():
-    return [*(digests(*case, communicator()) for case in CASES), digests("bond-energy", "stress", communicator(), disc=True)]
+    ranks = communicator()
+    return [*(digests(*case, ranks, torn=torn) for case in CASES for torn in (False, True)), digests(*CASES[1], ranks, disc=True)]
+
+
+def torn_layers():
+    """Crack, digest of the displacements, number of ranks and number of steps of a run of `LAYERS`."""
+    result = pds.simulate(pds.Scene.model_validate(LAYERS), "bond-energy")
+    whole = result.displacement() if communicator().rank == 0 else np.zeros(0)
+    return result.summary["crack"], hashlib.sha256(whole.tobytes()).hexdigest(), result.summary.get("ranks"), result.summary["n_steps"]

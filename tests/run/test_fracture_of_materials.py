@@ -6,6 +6,7 @@ from runs import started
 from stopping import Killed, KilledWhileBondsBreak
 
 import pdsurrogate as pds
+from pdsurrogate.engine.threads import most_threads
 from pdsurrogate.problem.fracture import critical_stretch_of
 from pdsurrogate.run import checkpoints
 from pdsurrogate.scenes.tip_diameter import tip_diameter
@@ -60,7 +61,7 @@ def limits(layers, force="bond-energy"):
     run = started(layers, force)
     bonds, points = run.body.bonds, run.body.all_points
     upper = points[:, 1] > 0.5
-    return run.problem.critical_stretches.of_pairs(run.body), upper[bonds.first].astype(int) + upper[bonds.second]
+    return run.problem.critical_stretches.of_pairs(), upper[bonds.first].astype(int) + upper[bonds.second]
 
 
 @pytest.mark.parametrize("stiffer", [None, 3.0])
@@ -162,9 +163,32 @@ def test_limits_that_make_no_sense_are_refused(data, message):
         )
 
 
+@pytest.mark.parametrize(
+    ("between", "precut"),
+    [(("upper", "lower"), LAYERS["precuts"]), (("upper", "rest"), [{"start": [-1.0, 0.5], "end": [5.0, 0.5]}])],
+    ids=["apart", "cut"],
+)
+def test_an_interface_that_no_bond_crosses_is_refused(between, precut):
+    regions = LAYERS["regions"] | {"lower": {"box": [[-1, -1], [5, 0.2]]}}
+    materials = [*LAYERS["materials"], {**LAYERS["materials"][0], "region": "lower"}]
+    fracture = {"critical_stretch": 2.0, "interfaces": [{"between": between, "critical_stretch": 1.5}]}
+    layers = LAYERS | {"regions": regions, "materials": materials, "fracture": fracture, "precuts": precut}
+    with pytest.raises(pds.SceneError, match=r"fracture\.interfaces\.0\.between: no bond crosses from .*leave the entry out"):
+        pds.simulate(pds.Scene.model_validate(layers), "bond-energy")
+
+
 def test_an_energy_between_different_laws_is_refused():
     with pytest.raises(pds.SceneError, match=r"fracture\.interfaces\.0\.energy: no crack between two different laws was measured"):
         pds.simulate(scene(3.0, interface={"energy": 0.1}), "bond-energy")
+
+
+def test_two_threads_leave_the_same_bits():
+    pulled = QUICK | {"dynamics": QUICK["dynamics"] | {"stretch": 1.2}}
+    layers = scene(3.0, {"critical_stretch": 3.0}, {"critical_stretch": 1.25}, **pulled)
+    one, two = (pds.simulate(layers, "bond-energy", threads=threads) for threads in (1, min(2, most_threads())))
+    assert told(one)[0] > 10
+    assert one.history == two.history
+    np.testing.assert_array_equal(one.displacement(), two.displacement())
 
 
 @pytest.mark.parametrize("stiffer", [3.0, 10.0])
@@ -179,3 +203,39 @@ def test_resuming_leaves_the_same_bits(stiffer, tmp_path, monkeypatch):
     assert resumed.history == whole.history
     assert resumed.summary["crack"] == whole.summary["crack"]
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
+
+
+RELAXED = {
+    "stretches": [1.1],
+    "body": {"shape": "rectangle", "size": [2.0, 1.0], "arrangement": "relaxed", "seed": 1},
+    "precuts": [{"start": [-1.0, 0.5], "end": [0.5, 0.5]}, {"start": [1.5, 0.5], "end": [5.0, 0.5]}],
+    "regions": {"upper": {"box": [[1.0, -1.0], [5.0, 2.0]]}},
+    "dynamics": {**LAYERS["dynamics"], "stretch": 1.4, "stretch_rate": 0.1, "outputs": 2},
+    "fracture": {"critical_stretch": 1.5},
+}
+"""Two materials side by side, each with a precut from its edge, of relaxed points."""
+
+SOLID = {
+    **RELAXED,
+    "spacing": 0.125,
+    "body": {"shape": "box", "size": [2.0, 1.0, 0.25]},
+    "precuts": [{"corner": [start, 0.5, -1.0], "sides": [[2.5, 0.0, 0.0], [0.0, 0.0, 2.0]]} for start in (-2.0, 1.5)],
+    "regions": {"upper": {"box": [[1.0, -1.0, -1.0], [5.0, 2.0, 2.0]]}},
+}
+"""The same in space."""
+
+
+@pytest.mark.parametrize("layers", [RELAXED, SOLID], ids=["relaxed", "solid"])
+def test_relaxed_points_and_solids_of_two_materials_tear(layers):
+    """Each material loses bonds by its own limit, and the account closes; two equal materials leave the bits of one."""
+    torn = pds.simulate(scene(2.0, {"critical_stretch": 1.45}, **layers), "bond-energy")
+    (account,), x1 = torn.summary["dynamics"], torn.body.points[:, 0]
+    assert abs(account["greatest_energy_gap"]) < 0.5
+    lost = torn.states[-1][1]["damage"] - torn.states[0][1]["damage"]
+    assert lost[x1 < 0.9].max() > 0.1
+    assert lost[x1 > 1.1].max() > 0.1
+    alone = pds.Scene.model_validate({key: value for key, value in (LAYERS | layers).items() if key not in ("materials", "regions")})
+    one, two = (pds.simulate(each, "bond-energy") for each in (alone, scene(upper=layers["fracture"], **layers)))
+    assert told(one)[0] > 0
+    assert told(one) == told(two)
+    np.testing.assert_array_equal(one.displacement(), two.displacement())

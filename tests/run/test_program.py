@@ -1,6 +1,7 @@
 """Programs of steps: in equilibrium and in dynamics, automatic increments, forces by name, resuming, and what is said on failure."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -199,15 +200,16 @@ def test_a_body_that_buckles_is_not_followed_to_its_buckled_state():
         simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=(0.9, 0.8, 0.6)), "analytic")
     result = caught.value.result
     good = sum(level["evaluations"] for level in result.levels[:2])
-    assert "the last equilibrium was found at stretch 0.7" in str(caught.value)
-    assert result.summary["n_force_evaluations"] - good < 160
+    reached = re.search(r"the last equilibrium was found at stretch ([0-9.]+),", str(caught.value))
+    assert 0.6 < float(reached[1]) < 0.8
+    assert result.summary["n_force_evaluations"] - good < 10 * good / 2
 
 
-def test_outputs_just_below_the_greatest_load_are_found():
-    """The first attempts at them fail, and they take ten to thirty times the evaluations of the outputs before."""
-    result = simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.3, 0.5, 0.6, 0.66)), "analytic")
-    assert any("failure" in row for row in result.convergence)
-    assert result.levels[-1]["evaluations"] > 100
+def test_an_output_just_below_the_greatest_load_is_found():
+    """It takes many times the evaluations of the outputs before, and no search for it is cut short."""
+    result = simulate(pds.load_scene("ring-pressure", spacing=0.25, steps=(0.3, 0.5, 0.6, 0.7)), "analytic")
+    assert result.levels[-1]["t"] == 0.7
+    assert result.levels[-1]["evaluations"] > 2 * result.levels[-2]["evaluations"]
 
 
 def test_a_search_goes_on_while_its_residual_halves():
