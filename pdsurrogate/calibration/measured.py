@@ -119,6 +119,12 @@ class MeasuredScene:
             found[here] = self._of_rows(here, [sign * self._named(row, name) for name, sign in self.outputs], fields)
         return found, result
 
+    def states(self, law: Law) -> np.ndarray:
+        """Return the three principal stretches of all points in all steps with a law, in descending order, shape (n, 3)."""
+        result = simulate(with_law(self.scene, law), FORCE)
+        numbers = [self._level(result, step)["number"] for step in self._steps]
+        return np.concatenate([result.field("principal_stretches", number) for number in numbers])
+
     def begin(self, law: Law) -> np.ndarray:
         """Simulate the scene at its own spacing as the start of `differentiate`; return the measurements of the rows."""
         values, result = self.simulate(law)
@@ -126,9 +132,8 @@ class MeasuredScene:
         levels = {step: self._level(result, step) for step in self._steps}
         self._parameters = {step: level[self._loading] for step, level in levels.items()}
         self._guesses = {step: result.displacement(level["number"]) for step, level in levels.items()}
-        if self._base is None:
-            scene = with_law(self.scene, law)
-            self._base = Differentiated(scene, checked_models(scene, load_surrogate(FORCE)), self._places if len(self._places) else None)
+        scene = with_law(self.scene, law)
+        self._base = Differentiated(scene, checked_models(scene, load_surrogate(FORCE)), self._places if len(self._places) else None)
         return values
 
     def differentiate(self, law: Law, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -15,10 +16,13 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from ..arguments import check_kind, in_order
-from ..identification import LawRegressor, fitted_laws, nominal_stress
-from ..materials import LAWS, Ogden
+from ..identification import EnergyRegressor, LawRegressor, committee_spread, fitted_laws, nominal_stress
+from ..identification.energy import half_planes
+from ..identification.stress_regressor import BULK_RATIO
+from ..materials import LAWS, Law, Ogden
 from ..scenes import Mesh, Scene, load_scene
 from ..scenes.reading import leaves
+from .free import TERMS, EnergyUnknowns, chosen_terms, members, minimized, solved
 from .measured import FAILURES, MeasuredScene, Rows, numbers_of
 
 COLUMNS = ("step", "quantity", "x1", "x2", "x3")
@@ -52,6 +56,13 @@ SETTLED = 0.1
 MOST_STEPS = 60
 """Most laws that a search tries: well-posed fits take five to ten."""
 
+MEMBERS = 8
+"""Number of members of the committee of an energy without a law: their spread is then known to some 25 %."""
+
+FAIR, MOST_NEAR = 0.02, 3
+"""Relative decrease of the cost that ends the steps of an energy with all terms, and most such steps. Chosen: what the steps after these
+would change is less than the choice of the terms and the next correction do."""
+
 PENALTY = 1e3
 """Residual, in standard deviations, of all rows with parameters for which the scene has no equilibrium: the search then turns back."""
 
@@ -73,8 +84,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     scene : Scene, str, path or list of these, default="hole"
         Test, or several tests of one material. The material in a scene serves as the start of the search if it has the law that is
         fitted, and gives K/mu unless `bulk_ratio` or `bulk_modulus` does.
-    law : str, default="neo-hookean"
-        Name of the law.
+    law : str or None, default="neo-hookean"
+        Name of the law; None for an energy without a law, a sum with positive weights of few polyconvex terms: powers of the stretches, and
+        powers and roots of the invariants (`pdsurrogate.materials.Polyconvex`).
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
@@ -113,6 +125,13 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Standard deviations of the measurements, given or estimated.
     discretization_ : ndarray, shape (n_samples,)
         Correction of the simulation at the spacing of the scene, in the units of the measurements.
+    members_ : list of Law
+        For an energy without a law: a committee, energies of other terms found from random halves of the measurements.
+    domain_hull_ : list of list of float
+        For an energy without a law: half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in ``hull`` of
+        `pdsurrogate.forces.protocol.Domain`, moved outwards by the margin of `EnergyRegressor`.
+    stretch_range_ : tuple of float
+        For an energy without a law: least and greatest stretch in the plane, or in space, in the simulated tests.
     n_simulations_ : int
         Number of simulated equilibria, derivatives not counted.
     n_features_in_ : int
@@ -135,7 +154,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     _parameter_constraints: ClassVar = {
         "scene": "no_validation",
-        "law": [StrOptions(set(fitted_laws()))],
+        "law": [StrOptions(set(fitted_laws())), None],
         "n_terms": [Interval(Integral, 1, 4, closed="both")],
         "outputs": [None, "array-like"],
         "refine": [Interval(Integral, 1, None, closed="left")],
@@ -144,7 +163,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     }
 
     scene: Scene | str | Path | Sequence = "hole"
-    law: str = "neo-hookean"
+    law: str | None = "neo-hookean"
     n_terms: int = 3
     outputs: Sequence[str] | None = None
     refine: int = 3
@@ -198,8 +217,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X has other columns, steps or quantities than the scene, a place lies outside the body, or the law has no equilibrium at the
-            start of the search.
+            If X has other columns, steps or quantities than the scene, a place lies outside the body, the law has no equilibrium at the
+            start of the search, or an energy without a law is to be found from displacements alone or from too few measurements.
 
         Examples
         --------
@@ -291,8 +310,11 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             change = step * np.eye(len(values))[number]
             sides = [nominal_stress(self._unknown.law_of(values + sign * change), X) for sign in (1, -1)]
             columns.append((sides[0] - sides[1]) / (2 * step))
-        jacobian = np.stack(columns, axis=1)
-        return nominal_stress(self.law_, X), np.sqrt(np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian))
+        jacobian, stress = np.stack(columns, axis=1), nominal_stress(self.law_, X)
+        variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian)
+        if self.law is None:
+            variance += committee_spread(stress, [nominal_stress(law, X) for law in self.members_]) ** 2
+        return stress, np.sqrt(variance)
 
     def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
         """Return standard deviations of measurements: stated ones of all displacements or all outputs, and estimated ones of the others.
@@ -371,40 +393,103 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     def _fitted(self, y: np.ndarray, root: np.ndarray) -> None:
         """Set the results of the fit to values with roots of weights; keep the simulated values and the correction."""
-        self._unknown = LawRegressor(self.law, self.n_terms).set_params(**self._bulk())
+        bulk = self._bulk()
+        if self.law is None:
+            self._unknown = EnergyUnknowns(bulk.get("bulk_ratio", None if bulk else BULK_RATIO), bulk.get("bulk_modulus"))
+            self._check_energy(len(y))
+        else:
+            self._unknown = LawRegressor(self.law, self.n_terms).set_params(**bulk)
         start = self._start(y, root)
-        scale = float(self._unknown.law_of(start).shear_modulus)
-        low, high, logarithmic = self._unknown.search_range(start, scale)
+        if isinstance(self._unknown, EnergyUnknowns):
+            low, high, logarithmic = np.zeros(len(start)), np.full(len(start), np.inf), np.zeros(len(start), dtype=bool)
+        else:
+            low, high, logarithmic = self._unknown.search_range(start, float(self._unknown.law_of(start).shear_modulus))
 
         def values(x):
-            return np.exp(x, out=x.copy(), where=logarithmic)
+            return np.exp(x, out=x.copy(), where=logarithmic) if logarithmic.any() else x
 
         x, low, high = (np.log(each, out=np.array(each, dtype=float), where=logarithmic) for each in (start, low, high))
-        x = np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+        if self.law is not None:
+            x = np.clip(x, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
         correction, law_of = np.zeros(len(y)), lambda x: self._unknown.law_of(values(x))
         for test, _ in self._tests:
             test.begin(law_of(x))
-        search = _Search(self._tests, law_of, y, root)
+        search = _Search(self._tests, law_of, y, root, linear=self.law is None)
         for number in range(ROUNDS if self.refine > 1 else 1):
+            first = self.refine > 1 and not number
             # Changes of the cost by less than these are those of parameters within a part of their standard errors.
-            close = 1e-3 if self.refine > 1 and not number else 1e-2 / len(y)
-            bounds = {"bounds": (low, high), "x_scale": "jac"}
-            found = least_squares(search.residuals, x, search.jacobian, **bounds, ftol=close, xtol=1e-8, gtol=1e-12, max_nfev=MOST_STEPS)
-            moved, x = found.x - x, found.x
+            close = 1e-3 if first else 1e-2 / len(y)
+            if self.law is None:
+                found = self._energy(search, x, first, close)
+            else:
+                bounds = {"bounds": (low, high), "x_scale": "jac"}
+                found = least_squares(
+                    search.residuals, x, search.jacobian, **bounds, ftol=close, xtol=1e-8, gtol=1e-12, max_nfev=MOST_STEPS
+                )
+            before, x = x, found.x
             if self.refine == 1:
                 break
             errors = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac, rcond=1e-14, hermitian=True)))
-            if number and (np.abs(moved) <= SETTLED * errors).all():
+            if number and len(x) == len(before) and (np.abs(x - before) <= SETTLED * errors).all():
                 break
             fine = np.empty(len(y))
             for test, here in self._tests:
                 fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
             correction = fine - search.values(x)
+            if self.law is None:
+                correction *= self.refine**ORDER / (self.refine**ORDER - 1)
             search.y = y - correction
+        if self.law is None:
+            logarithmic = logarithmic[: len(x)]
+            self._set_domain(law_of(x))
         self.n_simulations_ = search.count
         simulated = search.values(x) + correction
         self._store(x, values, found, logarithmic, root * (y - simulated), root * correction)
         self._found, self._correction = simulated, correction
+
+    def _check_energy(self, count: int) -> None:
+        """Raise ValueError for measurements that cannot determine an energy without a law."""
+        if all(test.rows.is_field.all() and not test.scene.loads for test, _ in self._tests):
+            raise ValueError(
+                "displacements under prescribed motions determine an energy without a law up to a factor alone: add rows of forces "
+                "(quantity 0; --forces)"
+            )
+        if count < len(self._unknown.terms):
+            raise ValueError(
+                f"an energy without a law has {len(self._unknown.terms)} candidate terms, and needs at least as many measurements, not "
+                f"{count}: add displacements (--fields), or fit a law (--law)"
+            )
+
+    def _energy(self, search: "_Search", x: np.ndarray, first: bool, close: float) -> SimpleNamespace:
+        """Return the coefficients of an energy and the Jacobian there.
+
+        Before the `first` correction of the discretization error all terms serve. After it, the terms and the committee are chosen by the
+        linearized problem, and the coefficients of these terms are found.
+        """
+        everything = self._unknown
+        if len(everything.terms) == len(TERMS):
+            found = minimized(search, x, FAIR, 1 if first else MOST_NEAR)
+            if first:
+                return found
+            right = found.jac @ found.x - search.residuals(found.x)
+            field = np.zeros(len(right), dtype=bool)
+            for test, here in self._tests:
+                field[here] = test.rows.is_field
+            drawn = members(found.jac, right, everything.stiff, field, MEMBERS)
+            self.members_ = [everything.of(each > 0).law_of(each[each > 0]) for each in drawn]
+            kept = chosen_terms(found.jac, right, everything.stiff)
+            self._unknown, x = everything.of(kept), solved(found.jac[:, kept], right)
+            search.forget()
+            for test, _ in self._tests:
+                test.begin(search.law_of(x))
+        return minimized(search, x, close)
+
+    def _set_domain(self, law: Law) -> None:
+        """Set the hull and the range of the stretches in the tests with a law."""
+        visited = np.concatenate([test.states(law) for test, _ in self._tests])
+        isochoric = visited / np.cbrt(visited.prod(axis=1))[:, None]
+        self.domain_hull_ = [[n1, n2, EnergyRegressor.margin - offset] for n1, n2, offset in half_planes(isochoric[:, :2]).tolist()]
+        self.stretch_range_ = float(visited.min()), float(visited.max())
 
     def _store(self, x, values, found, logarithmic, residuals, correction) -> None:
         """Set parameters, covariance and lack of fit from the weighted Jacobian and residuals at the solution."""
@@ -434,6 +519,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
 
     def _scales(self) -> np.ndarray:
         """Return the sizes of the parameters by which they are compared: their values, or a hundredth of the range between bounds."""
+        if self.law is None:
+            return np.abs(self.parameters_)
         spans = [LAWS[self.law].bounds.get(name, (0.0, 0.0)) for name in self.parameter_names_]
         return np.maximum(np.abs(self.parameters_), [1e-2 * min(high - low, 1.0) for low, high in spans])
 
@@ -450,7 +537,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     def _start(self, y: np.ndarray, root: np.ndarray) -> np.ndarray:
         """Return the parameters at which the search starts: those of a scene or the law's defaults, with moduli that fit the forces."""
         stated = [scene.law() for scene in self._scenes() if scene.material is not None and scene.material.law == self.law]
-        if self.law == Ogden.name:
+        if isinstance(self._unknown, EnergyUnknowns):
+            start = self._unknown.start()
+        elif self.law == Ogden.name:
             exponents = np.array(EXPONENTS[self.n_terms - 1])
             sizes = 1 / np.abs(exponents)
             if stated and isinstance(stated[0], Ogden) and len(stated[0].exponents) == self.n_terms:
@@ -467,22 +556,31 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             try:
                 simulated = test.simulate(self._unknown.law_of(start))[0]
             except FAILURES as error:
-                raise ValueError(f"{self.law}: the search cannot start at {self._unknown.law_of(start).describe()}: {error}") from None
+                raise ValueError(
+                    f"{self.law or 'energy without a law'}: the search cannot start at {self._unknown.law_of(start).describe()}: {error}"
+                ) from None
             weight, product = root[here][forces] ** 2, product + 0.0
             product += float((weight * simulated[forces] * y[here][forces]).sum())
             square += float((weight * simulated[forces] ** 2).sum())
         if product > 0 and square > 0:
-            start[: self.n_terms if self.law == Ogden.name else 1] *= product / square
+            moduli = len(start) if self.law is None else self.n_terms if self.law == Ogden.name else 1
+            start[:moduli] *= product / square
+        elif self.law is None and square > 0:
+            raise ValueError("the measured forces have the opposite sign of the simulated ones: forces in tension are positive")
         return start
 
 
 class _Search:
     """Weighted residuals of a law at the measurements, and their Jacobian by the search variables, for `scipy.optimize.least_squares`."""
 
-    def __init__(self, tests: list, law_of, y: np.ndarray, root: np.ndarray) -> None:
-        self.tests, self.law_of, self.y, self.root, self.count = tests, law_of, y, root, 0
+    def __init__(self, tests: list, law_of, y: np.ndarray, root: np.ndarray, linear: bool) -> None:
+        self.tests, self.law_of, self.y, self.root, self.linear, self.count = tests, law_of, y, root, linear, 0
         self.known: dict[bytes, np.ndarray] = {}
         self.differentiated: dict[bytes, np.ndarray] = {}
+
+    def forget(self) -> None:
+        """Delete what is known of laws with other unknowns."""
+        self.known, self.differentiated = {}, {}
 
     def values(self, x: np.ndarray) -> np.ndarray:
         """Return the measurements at the search variables; raise one of `FAILURES` where a scene has no equilibrium."""
@@ -500,10 +598,10 @@ class _Search:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         if x.tobytes() in self.differentiated:
             return self.root[:, None] * self.differentiated[x.tobytes()]
-        law, step = self.law_of(x), 1e-6
+        law, steps = self.law_of(x), 1e-6 * (np.abs(x) if self.linear else np.ones(len(x)))
         numbers = dict(leaves(numbers_of(law), key="material"))
         sides = []
-        for change in step * np.eye(len(x)):
+        for step, change in zip(steps, np.diag(steps), strict=True):
             ahead, behind = (dict(leaves(numbers_of(self.law_of(x + sign * change)), key="material")) for sign in (1, -1))
             sides.append([(ahead[name] - behind[name]) / (2 * step) for name in numbers])
         chain = np.array(sides).T

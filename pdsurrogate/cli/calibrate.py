@@ -34,7 +34,8 @@ def calibrate(
     *,
     fields: Annotated[Path | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)] = None,
     forces: Annotated[Path | None, Option("--forces", metavar="G.csv", help=FORCES_HELP)] = None,
-    law: Annotated[str, Option(metavar="LAW", autocompletion=fitted_laws, help="Law whose parameters are fitted.")],
+    law: Annotated[str | None, Option(metavar="LAW", autocompletion=fitted_laws, help="Law whose parameters are fitted.")] = None,
+    free: Annotated[bool, Option("--free", help="Fit a polyconvex energy instead of a law.")] = False,
     terms: Terms = None,
     field_noise: Annotated[float | None, Option(help="Standard deviation of the displacements (default: estimated).", min=0)] = None,
     force_noise: Annotated[float | None, Option(help="Standard deviation of the forces (default: 0.5 % of the greatest).", min=0)] = None,
@@ -45,7 +46,9 @@ def calibrate(
     folder: Annotated[Path, Option("--out", metavar="DIR", help="Folder for the artifact, calibration.json and the figures.")],
     overwrite: Overwrite = False,
 ) -> None:
-    """Fit the parameters of a law to the measurements, store an artifact of the law, and print and write a report."""
+    """Fit a law or an energy to the measurements, store an artifact of it, and print and write a report."""
+    if free == (law is not None):
+        raise ValueError("choose one: --law LAW fits the parameters of a law, --free an energy without a law")
     if terms is not None and law != "ogden":
         raise ValueError("--terms needs --law ogden")
     bulk = bulk_arguments(bulk_modulus=bulk_modulus, bulk_ratio=bulk_ratio)
@@ -57,15 +60,17 @@ def calibrate(
     asked |= {"field_noise": field_noise, "force_noise": force_noise, "digest": digest_of({"X": X.tolist(), "y": y.tolist()})}
     check_folder(folder, "calibration.json", asked, overwrite)
     model, began = SceneRegressor(test, law, terms or N_TERMS, refine=refine, **bulk), time.perf_counter()
-    with Bar(f"Calibrating {law} in {test.name}"):
+    with Bar(f"Calibrating {law or 'an energy'} in {test.name}"):
         model.fit(X, y, standard_deviation=model.stated_deviations(X, y, {1: field_noise, 0: force_noise}))
     found = reporting.report(model, X, y)
     seconds = time.perf_counter() - began
     print_calibrated(found)
     data = f"{fields.name if fields else ''}{' and ' if fields and forces else ''}{forces.name if forces else ''} in {test.name}"
-    settings = FitSettings(energy=test.plane != "stress", folds=0)
+    settings, members, hull = FitSettings(energy=test.plane != "stress", folds=0), [], None
+    if free:
+        settings, members, hull = settings.within(*model.stretch_range_), model.members_, model.domain_hull_
     with TrainingBar() as bar, listening(bar.iteration):
-        write = settings.train(model.law_, identification={"data": data, **found}, progress=bar.begin)
+        write = settings.train(model.law_, members, hull, {"data": data, **found}, bar.begin)
     with writing(folder), bad_input(TooInexact, status=FAILED):
         path = write(folder, name, None)
         write_json(folder / "calibration.json", {"asked": asked, "artifact": str(path), **found, "seconds": seconds})

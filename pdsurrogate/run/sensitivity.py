@@ -29,9 +29,9 @@ PLACES = ("material", "materials", "loads", "prescribed", "obstacles")
 """Keys of a scene below which numbers can be parameters of sensitivities: they change neither the points nor which of them are held."""
 
 STEP = 1e-6
-"""Change of a parameter, relative to its value or to the greatest number of its array in a learned model, in central differences. Chosen:
-rounding then leaves relative errors of 1e-10 times K/mu, and curvature less, also where a support moves by this part of its displacement
-while the points beside it stay."""
+"""Change of a parameter, relative to its value or to the greatest number of its list in a law or array in a learned model, in central
+differences. Chosen: rounding then leaves relative errors of 1e-10 times K/mu, and curvature less, also where a support moves by this
+part of its displacement while the points beside it stay."""
 
 BALANCED = 1e-10
 """Residual, in units of shear modulus / spacing, of the equilibrium whose derivatives are computed."""
@@ -176,7 +176,11 @@ class Differentiated:
         """Return the value of a parameter, and its change in central differences."""
         run, array = self.run, array_of(name, self.run.problem.models)
         value = run.state.parameter if name == run.loading.parameter else self.numbers[name]
+        owner, _, last = name.rpartition(".")
         scale = abs(value) if array is None else float(np.abs(array).max())
+        if array is None and owner.startswith("material") and last.isdigit():
+            # Coefficients of the terms of an energy may be small parts of the greatest one.
+            scale = max(abs(number) for key, number in self.numbers.items() if key.rpartition(".")[0] == owner)
         return value, STEP * (scale or (run.problem.law.shear_modulus if name.startswith("loads") else run.body.spacing))
 
     def _beside(self, name: str, value: float) -> "Differentiated":

@@ -4,11 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from sklearn.utils.estimator_checks import parametrize_with_checks
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
+from pdsurrogate.calibration.free import MOST_TERMS
 from pdsurrogate.calibration.measured import MeasuredScene, Rows
 from pdsurrogate.cli import app
+from pdsurrogate.forces.protocol import Domain
 from pdsurrogate.identification import MODES, nominal_stress
 
 STRETCHES = [1.15, 1.3, 1.45]
@@ -166,3 +169,82 @@ def test_files_without_their_columns_are_refused(tmp_path):
     )
     assert done.exit_code == 2
     assert "there is no u2 among step, x1, x2, u1" in " ".join(done.stderr.split())
+
+
+def test_an_energy_without_a_law_gives_the_stresses_of_a_law_in_other_states(gent, exact):
+    """Stresses up to the stretches in the sheet; the terms follow the logarithm of the law there within 1 %, and the rest is a margin."""
+    model = pds.SceneRegressor(sheet("neo-hookean"), None, refine=1).fit(X, exact, standard_deviation=DEVIATION)
+    stretches = np.linspace(1.1, 1.5, 5)
+    states = np.vstack([np.stack([stretches, MODES[mode](stretches)], axis=1) for mode in ("uniaxial", "pure-shear")])
+    stress, error = model.nominal_stress(states)
+    assert np.sqrt(((stress / nominal_stress(gent, states) - 1) ** 2).mean()) < 0.02
+    assert (error > 0).all()
+    assert (model.parameters_ > 0).all()
+    assert len(model.parameters_) <= MOST_TERMS
+    visited, log = Domain(*model.stretch_range_, 0.9, 1.1, tuple(map(tuple, model.domain_hull_))), np.log(1.3)
+    assert visited.beyond_data(np.exp([[log, -log / 2]])) < 0  # the sheet is in tension
+    assert visited.beyond_data(np.exp([[log, log]])) > 0
+
+
+def test_an_energy_that_the_measurements_cannot_determine_is_refused(exact):
+    field, model = X[:, 1] > 0, pds.SceneRegressor(sheet("neo-hookean"), None, refine=1)
+    with pytest.raises(ValueError, match="up to a factor alone: add rows of forces"):
+        model.fit(X[field], exact[field], standard_deviation=NOISE)
+    with pytest.raises(ValueError, match="at least as many measurements, not 3"):
+        model.fit(X[~field], exact[~field], standard_deviation=FORCE_NOISE)
+    with pytest.raises(ValueError, match="opposite sign"):
+        model.fit(X, np.where(field, exact, -exact), standard_deviation=DEVIATION)
+
+
+@pytest.mark.parametrize("options", [[], ["--free", "--law", "gent"]])
+def test_a_calibration_of_neither_or_both_a_law_and_an_energy_is_refused(options, tmp_path):
+    done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", "--forces", "G.csv", *options, "--out", str(tmp_path)])
+    assert done.exit_code == 2
+    assert "choose one: --law LAW" in " ".join(done.stderr.split())
+
+
+OTHER_COLUMNS = "its table has other columns than step, quantity, x1, x2 or no whole numbers there"
+EXPECTED_TO_FAIL = dict.fromkeys(
+    (
+        "check_fit_score_takes_y",
+        "check_estimators_overwrite_params",
+        "check_dont_overwrite_parameters",
+        "check_estimators_fit_returns_self",
+        "check_readonly_memmap_input",
+        "check_n_features_in_after_fitting",
+        "check_positive_only_tag_during_fit",
+        "check_estimators_dtypes",
+        "check_sample_weights_pandas_series",
+        "check_sample_weights_not_an_array",
+        "check_sample_weights_list",
+        "check_sample_weights_shape",
+        "check_sample_weights_not_overwritten",
+        "check_sample_weight_equivalence_on_dense_data",
+        "check_dtype_object",
+        "check_pipeline_consistency",
+        "check_estimators_nan_inf",
+        "check_estimators_pickle",
+        "check_f_contiguous_array_estimator",
+        "check_regressors_train",
+        "check_regressor_data_not_an_array",
+        "check_regressors_no_decision_function",
+        "check_supervised_y_2d",
+        "check_regressors_int",
+        "check_methods_sample_order_invariance",
+        "check_methods_subset_invariance",
+        "check_fit2d_1sample",
+        "check_dict_unchanged",
+        "check_fit_idempotent",
+        "check_fit_check_is_fitted",
+        "check_n_features_in",
+        "check_fit2d_predict1d",
+    ),
+    OTHER_COLUMNS,
+)
+
+
+@parametrize_with_checks(
+    [pds.SceneRegressor(sheet("neo-hookean", stretches=[1.1]), refine=1)], expected_failed_checks=lambda estimator: EXPECTED_TO_FAIL
+)
+def test_it_keeps_scikit_learns_conventions_as_far_as_its_columns_allow(estimator, check):
+    check(estimator)
