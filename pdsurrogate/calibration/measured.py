@@ -9,7 +9,7 @@ from ..artifacts import load_surrogate
 from ..body import fields_at
 from ..forces import InvalidState
 from ..materials import Law
-from ..problem.materials import checked_models, scene_errors
+from ..problem.materials import checked_models
 from ..results import Result
 from ..run.sensitivity import Differentiated
 from ..run.simulate import SimulationFailed, simulate
@@ -192,8 +192,10 @@ class MeasuredScene:
         """Return, for each axis, the weights of the points' displacements in those at the places of the rows."""
         if not len(self._places):
             return ()
-        with scene_errors(self.scene):
+        try:
             return fields_at(result.body, self._places, None)[0]
+        except ValueError as error:
+            raise ValueError(f"a place of the displacements: {error} (places are those of the undeformed body of the scene)") from None
 
     def _named(self, row: dict, name: str) -> float:
         if not isinstance(row.get(name), float):

@@ -399,6 +399,9 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             self._check_energy(len(y))
         else:
             self._unknown = LawRegressor(self.law, self.n_terms).set_params(**bulk)
+        unknowns = self._unknown.unknowns()
+        if self.law is not None and len(y) < len(unknowns):
+            raise ValueError(f"X: {len(y)} measurements do not determine {len(unknowns)} parameters ({', '.join(unknowns)})")
         start = self._start(y, root)
         if isinstance(self._unknown, EnergyUnknowns):
             low, high, logarithmic = np.zeros(len(start)), np.full(len(start), np.inf), np.zeros(len(start), dtype=bool)
@@ -559,10 +562,15 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 raise ValueError(
                     f"{self.law or 'energy without a law'}: the search cannot start at {self._unknown.law_of(start).describe()}: {error}"
                 ) from None
-            weight, product = root[here][forces] ** 2, product + 0.0
+            weight = root[here][forces] ** 2
             product += float((weight * simulated[forces] * y[here][forces]).sum())
             square += float((weight * simulated[forces] ** 2).sum())
-        if product > 0 and square > 0:
+        if product <= 0 < square:
+            what = "are all zero" if product == 0 else "have the opposite sign of the simulated ones"
+            raise ValueError(
+                f"y: the measured forces {what}; a force is that on the region pulled, as a run of the scene reports it"
+            )
+        if square > 0:
             moduli = len(start) if self.law is None else self.n_terms if self.law == Ogden.name else 1
             start[:moduli] *= product / square
         elif self.law is None and square > 0:

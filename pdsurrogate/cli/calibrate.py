@@ -102,9 +102,10 @@ def print_calibrated(found: dict) -> None:
             f"The test does not determine {', '.join(found['undetermined'])}: a combination has a standard error above a half of its value."
         )
     if found["at_bound"]:
-        warn(f"{', '.join(found['at_bound'])} reached a bound of the search: another law may fit better.")
+        names = ", ".join(found["at_bound"])
+        warn(f"{names} reached a bound of the search: another law may fit better, or a unit of the data is not that of the scene.")
     if found["lack_of_fit"] is not None and found["lack_of_fit"] > 1.5:
         warn(
-            f"The law leaves residuals of {found['lack_of_fit'] ** 0.5:.2g} standard deviations: the law, the scene or the stated noise is "
-            "not that of the test. Standard errors are increased by this factor."
+            f"The law leaves residuals of {found['lack_of_fit'] ** 0.5:.2g} standard deviations: the law, the scene, the units of the data "
+            "or the stated noise are not those of the test. Standard errors are increased by this factor."
         )

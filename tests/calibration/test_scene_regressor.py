@@ -248,3 +248,22 @@ EXPECTED_TO_FAIL = dict.fromkeys(
 )
 def test_it_keeps_scikit_learns_conventions_as_far_as_its_columns_allow(estimator, check):
     check(estimator)
+
+
+def test_fewer_measurements_than_parameters_are_refused():
+    """One force cannot determine two parameters: the standard errors would be those of a pseudo-inverse."""
+    with pytest.raises(ValueError, match=r"1 measurements do not determine 2 parameters \(shear_modulus, chain_limit\)"):
+        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), law="gent", refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
+
+
+@pytest.mark.parametrize(("force", "what"), [(-3.0, "have the opposite sign of the simulated ones"), (0.0, "are all zero")])
+def test_forces_of_the_wrong_sign_are_refused(force, what):
+    with pytest.raises(ValueError, match=f"the measured forces {what}"):
+        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), refine=1).fit([[1, 0, 0, 0]], [force], standard_deviation=0.03)
+
+
+def test_places_outside_the_body_are_named():
+    with pytest.raises(ValueError, match=r"a place of the displacements: \(99, 0\) lies outside the body"):
+        pds.SceneRegressor(pds.load_scene("hole", spacing=0.25), refine=1).fit(
+            [[1, 0, 0, 0], [1, 1, 99.0, 0]], [3.0, 0.1], standard_deviation=0.03
+        )
