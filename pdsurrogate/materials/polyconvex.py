@@ -262,8 +262,8 @@ def law_of(terms: Sequence[Term], coefficients: ArrayLike, bulk_modulus: float) 
             lists[numbers].append(float(number))
     if all(not any(values) for key, values in lists.items() if key not in Ogden.lists):
         return Ogden(bulk_modulus=bulk_modulus, moduli=tuple(lists["moduli"]), exponents=tuple(lists["exponents"]))
-    coefficients: dict[str, Any] = {key: tuple(values) for key, values in lists.items()}
-    return Polyconvex(bulk_modulus=bulk_modulus, **coefficients)
+    given: dict[str, Any] = {key: tuple(values) for key, values in lists.items()}
+    return Polyconvex(bulk_modulus=bulk_modulus, **given)
 
 
 def derivatives(terms: Sequence[Term], logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
