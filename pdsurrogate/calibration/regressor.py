@@ -567,9 +567,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             square += float((weight * simulated[forces] ** 2).sum())
         if product <= 0 < square:
             what = "are all zero" if product == 0 else "have the opposite sign of the simulated ones"
-            raise ValueError(
-                f"y: the measured forces {what}; a force is that on the region pulled, as a run of the scene reports it"
-            )
+            raise ValueError(f"y: the measured forces {what}; a force is that on the region pulled, as a run of the scene reports it")
         if square > 0:
             moduli = len(start) if self.law is None else self.n_terms if self.law == Ogden.name else 1
             start[:moduli] *= product / square
