@@ -35,7 +35,7 @@ FAILING = {
     "ring beyond its greatest pressure": ("ring-pressure", {"spacing": 0.25, "steps": [0.2, 0.4, 0.6, 0.8]}, "neo-hookean"),
     "the same, `bond-energy`": ("ring-pressure", {"spacing": 0.25, "steps": [0.2, 0.4, 0.6, 0.8]}, "bond-energy"),
     "ring, to far beyond": ("ring-pressure", {"spacing": 0.2, "steps": [0.3, 1.0]}, "neo-hookean"),
-    "ring, just below and just beyond": ("ring-pressure", {"spacing": 0.25, "steps": [0.3, 0.5, 0.6, 0.66, 0.72]}, "analytic"),
+    "ring, just below and just beyond": ("ring-pressure", {"spacing": 0.25, "steps": [0.3, 0.5, 0.6, 0.7, 0.74]}, "analytic"),
     "sphere beyond its greatest pressure": ("inflation", {"spacing": 0.125, "steps": [0.2, 0.4, 0.8, 1.6]}, None),
     "sheet that buckles between grips": ("uniaxial", {"spacing": 0.1, "stretches": [0.9, 0.8, 0.6]}, "analytic"),
     "the same sheet, `bond-energy`": ("uniaxial", {"spacing": 0.1, "stretches": [0.97, 0.94, 0.91, 0.85]}, "bond-energy"),
@@ -65,7 +65,7 @@ GOOD = {
     "bonded block, K = 1000 mu": ("bonded-block", {"spacing": 0.125, "material.bulk_modulus": 1e3, "stretches": [1.1, 1.3]}, None),
     "plane strain, K = 10,000 mu": ("plane-strain-block", {"spacing": 0.1, "material.bulk_modulus": 1e4}, None),
     "half a thousand times as stiff": ("bimaterial", {"spacing": 0.1, "reference": None, "materials": [STIFF]}, None),
-    "ring at 99 % of its greatest pressure": ("ring-pressure", {"spacing": 0.25, "steps": [0.3, 0.5, 0.6, 0.66]}, "analytic"),
+    "ring at 98 % of its greatest pressure": ("ring-pressure", {"spacing": 0.25, "steps": [0.3, 0.5, 0.6, 0.7]}, "analytic"),
     "the same from 0.4 to 0.62, finer": ("ring-pressure", {"spacing": 0.2, "steps": [0.4, 0.62]}, "neo-hookean"),
     "near the limit of Gent's law": ("gent", {"spacing": 0.1, "material.chain_limit": 10.0, "stretches": [2, 3, 5]}, "analytic"),
     "slender beam that bends": (
