@@ -67,7 +67,8 @@ def test_diameters_are_interpolated_in_the_horizon():
 def test_a_scene_has_the_critical_stretch_of_its_diameter(force):
     scene = pds.Scene.model_validate(STRIP)
     law, diameter = scene.material.build(), tip_diameter("stress", 2.2, force)
-    (found,) = CriticalStretches(scene, scene.fracture, 0.1375, force, np.zeros(1, dtype=int)).of_materials
+    body = pds.Body.rectangle(4.0, 1.0, 0.0625, 0.1375)
+    (found,) = CriticalStretches(scene, scene.fracture, body, force, np.zeros(len(body), dtype=int)).of_materials
     assert homogeneous.uniaxial(law, found).energy_density * diameter * 0.1375 == pytest.approx(0.35, rel=1e-9)
 
 
