@@ -96,7 +96,7 @@ def two_ranks(folder: Path, printed: list[str]) -> None:
     table, told = printed
     assert "stress (kPa)" in table
     assert "points on 2 ranks" in told
-    assert told.count("ranks") == 1
+    assert told.count("points on 2 ranks") == 1
     assert (folder / "hole-stress.png").stat().st_size > 5000
     summary = json.loads((folder / "out" / "hole" / "summary.json").read_text())
     assert (summary["ranks"], summary["ranks_waiting"]) == (1, 1)
