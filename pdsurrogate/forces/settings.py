@@ -42,7 +42,7 @@ OTHERS = {
 }
 """Advice for error messages about a model that does not support a plane: which models do, by the plane."""
 CORRECTED = {"quadratic": "force=bond-energy supports quadratic in solids", "balanced": "force=bond-energy supports balanced"}
-"""The same for corrections that the default force of a sheet, a bond force, does not support."""
+"""Advice for error messages about a model that does not support a correction: which model does, by the correction."""
 
 ROTATION, OUTSIDE = "polar", "fallback"
 """Default rotation of a horizon and default policy outside the domain, for models that honor these settings."""

@@ -15,8 +15,9 @@ from .consistency import check_consistency
 from .law import Law
 
 EDGE_ITERATIONS, DIFFERENCE, EDGE_SOLVED = 50, 1e-6, 1e-12
-"""Of Newton's method for the thickness at an edge: greatest number of iterations, interval of the differences of logarithms that give
-slopes, and last step. Chosen: the error of the slopes leaves 1e-6 of the error in each iteration, so that five are usual."""
+"""Settings of Newton's method for the thickness at an edge: the greatest number of iterations, the interval of the differences of
+logarithms that give slopes, and the last step. Chosen: the error of the slopes leaves 1e-6 of the error in each iteration, so that five
+are usual."""
 
 
 def principal_stretches(F: np.ndarray) -> np.ndarray:

@@ -91,18 +91,18 @@ class CriticalStretches:
 
     def __init__(self, scene: Scene, rest: Fracture, body: Body, family: str, of_points: np.ndarray) -> None:
         self._body, self._of_points = body, of_points
-        diameter = tip_diameter_in(scene, family) * body.horizon if gives_fracture_energy(scene) else 0.0
+        tip = tip_diameter_in(scene, family) if gives_fracture_energy(scene) else TIP_DIAMETER
         laws = [scene.law(), *(part.material.build() for part in scene.materials)]
         self.of_materials = [
-            _critical(part.fracture or rest, (law, law), diameter, f"materials.{number}.fracture" if part.fracture else "fracture")
+            self._critical(part.fracture or rest, (law, law), tip, f"materials.{number}.fracture" if part.fracture else "fracture")
             for number, (part, law) in enumerate(zip(scene.materials, laws[1:], strict=True))
         ]
-        self.of_materials.insert(0, _critical(rest, (laws[0], laws[0]), diameter, "fracture"))
+        self.of_materials.insert(0, self._critical(rest, (laws[0], laws[0]), tip, "fracture"))
         names, ends, self.of_interfaces = names_of_materials(scene), np.sort(self._ends()) if rest.interfaces else np.zeros((0, 2)), {}
         for number, entry in enumerate(rest.interfaces):
             one, other = sorted(names.index(name) for name in entry.between)
             key = f"fracture.interfaces.{number}"
-            self.of_interfaces[one, other] = _critical(entry, (laws[one], laws[other]), diameter, key)
+            self.of_interfaces[one, other] = self._critical(entry, (laws[one], laws[other]), tip, key)
             if not body.share.any(np.equal(ends, (one, other)).all(axis=1).any()):
                 why = "they do not touch, or precuts separate them"
                 raise ValueError(f"{key}.between: no bond crosses from {names[one]} to {names[other]}: {why}; leave the entry out")
@@ -121,28 +121,27 @@ class CriticalStretches:
             least[one, other] = least[other, one] = stretch
         return least[tuple(self._ends().T)]
 
+    def _critical(self, given: Criterion, laws: tuple[Law, Law], tip_diameter: float, key: str) -> float:
+        """Return the critical stretch of bonds between two materials, given as such or by a fracture energy.
+
+        `tip_diameter` is the diameter of a crack tip in horizons. Raise ValueError, with the key, if no stretch stores as much energy, or
+        the two materials have different laws.
+        """
+        if given.critical_stretch is not None:
+            return given.critical_stretch
+        assert given.energy is not None  # exactly one of the two is given
+        try:
+            if laws[0] != laws[1]:
+                raise ValueError("no crack between two different laws was measured; set critical_stretch instead")
+            return critical_stretch_of(laws[0], given.energy, self._body.horizon, tip_diameter)
+        except ValueError as error:
+            raise ValueError(f"{key}.energy: {error}") from None
+
     def _ends(self) -> np.ndarray:
         """Return the numbers of the materials at both ends of every pair of the body, shape (n_pairs, 2)."""
         bonds = self._body.bonds
         numbers = np.concatenate([self._of_points, self._of_points[self._body.ghosts.source]])
         return np.stack([numbers[bonds.first], numbers[bonds.second]], axis=1)
-
-
-def _critical(given: Criterion, laws: tuple[Law, Law], diameter: float, key: str) -> float:
-    """Return the critical stretch of bonds between two materials, given as such or by a fracture energy.
-
-    `diameter` is the effective diameter of a crack tip. Raise ValueError, with the key, if no stretch stores as much energy, or the two
-    materials have different laws.
-    """
-    if given.critical_stretch is not None:
-        return given.critical_stretch
-    wanted = (given.energy or 0.0) / diameter
-    try:
-        if laws[0] != laws[1]:
-            raise ValueError("no crack between two different laws was measured; set critical_stretch instead")
-        return _stretch_at(laws[0], "energy_density", wanted, "that fracture energy")
-    except ValueError as error:
-        raise ValueError(f"{key}.energy: {error}") from None
 
 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:

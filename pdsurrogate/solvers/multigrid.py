@@ -84,7 +84,7 @@ class Multigrid:
             diagonal = matrix.diagonal()
             # Gershgorin's bound of the spectrum of D^-1 A.
             greatest = float((abs(matrix).sum(axis=1) / diagonal).max())
-            jacobi, *relaxations = (factor / greatest / diagonal for factor in (JACOBI[0], *steps))
+            jacobi, *relaxations = relaxations_of(diagonal, greatest, steps)
             rows = np.flatnonzero(free)
             boxes = boxes_of(points[rows], spacing, points[rows].min(axis=0), points[rows].max(axis=0))
             kept, box = np.unique(boxes, return_inverse=True)
@@ -175,6 +175,14 @@ class _Level:
             passes.relax.bind(*rows, one, right, rest, found, chunks=chunks),
         )
         self.take_rest = Chain(passes.residual.bind(*rows, right, found, rest, chunks=chunks))
+
+
+def relaxations_of(diagonal: np.ndarray, greatest: float, steps: tuple[float, float]) -> list[np.ndarray]:
+    """Return the factors (n,) on a residual with which prolongations are smoothed, and those of the two relaxation steps.
+
+    `greatest` is a bound of the spectrum of D^-1 A, and D the `diagonal` (n,).
+    """
+    return [factor / greatest / diagonal for factor in (JACOBI[0], *steps)]
 
 
 def boxes_of(points: np.ndarray, spacing: float, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:

@@ -118,8 +118,8 @@ class NearestBonds:
         Ends of the bonds; `second` may be a ghost, the image of a point beyond a reflection plane.
     coupled : bool
         Whether the displacements of a component cause forces on others.
-    corrected : bool
-        Whether the body has points with corrected gradients.
+    relaxation : tuple of float
+        Factors of the relaxation steps of a multigrid cycle, which depend on whether the body has points with corrected gradients.
     body
     """
 
@@ -156,7 +156,7 @@ class NearestBonds:
             scaled *= 1 + STIFFENED * _squared_lopsidedness(body, corrected)
         stiffness = scaled[near]
         self._across, self._excess, self._along = across * stiffness, (along - across) * stiffness, vector[near] / length[near, None]
-        self.coupled, self.corrected = along != across, corrected is not None
+        self.coupled, self.relaxation = along != across, JACOBI if corrected is None else CHEBYSHEV
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
         self.body, self._sources = body, sources[near]
 
@@ -322,8 +322,7 @@ def _inverse_here(network: NearestBonds, free: np.ndarray) -> Operator:
         column = free[:, components].reshape(count, -1)[:, 0]
         system = held_matrix(matrix, column)
         if count == len(body) > MOST_FACTORIZED[body.dimension]:
-            steps = CHEBYSHEV if network.corrected else JACOBI
-            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components), steps).cycle
+            inverse = Multigrid(system.tocsr(), body.points, body.spacing, column > 0, len(components), network.relaxation).cycle
         else:
             inverse = factor_of(system).solve
         inverses.append((components, count, inverse))
@@ -369,8 +368,7 @@ def _inverse_by_multigrid(network: NearestBonds, free: np.ndarray) -> Operator:
     for components, matrix in network.systems(around):
         column = around[:, components[0]]
         system = held_matrix(matrix, column, share.sum(matrix.diagonal()) / share.size).tocsr()
-        steps = CHEBYSHEV if network.corrected else JACOBI
-        cycle = SharedMultigrid(system, body.points, body.spacing, column > 0, len(components), steps, share).cycle
+        cycle = SharedMultigrid(system, body.points, body.spacing, column > 0, len(components), network.relaxation, share).cycle
         inverses.append((components, len(body), cycle))
     return lambda forces: balanced(by_systems(inverses, balanced(forces * free))) * free
 

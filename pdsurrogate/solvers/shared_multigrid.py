@@ -10,7 +10,7 @@ from ..engine.passes import Chain
 from ..engine.threads import chunks_of
 from ..kernels.multigrid import passes_of
 from ..ranks import Share
-from .multigrid import COARSENING, JACOBI, Multigrid, boxes_of, rows_of_matrix
+from .multigrid import COARSENING, Multigrid, boxes_of, relaxations_of, rows_of_matrix
 
 
 class SharedMultigrid:
@@ -42,7 +42,7 @@ class SharedMultigrid:
         self._share, self._width, self._unit = share, width, power_of_two(share.sum(diagonal) / share.size)
         matrix, diagonal = matrix / self._unit, diagonal / self._unit
         greatest = share.greatest((abs(matrix).sum(axis=1) / diagonal)[share.own])
-        jacobi, *relaxations = (factor / greatest / diagonal for factor in (JACOBI[0], *steps))
+        jacobi, *relaxations = relaxations_of(diagonal, greatest, steps)
         rows = np.flatnonzero(free)
         lower, upper = points[rows].min(axis=0, initial=np.inf), points[rows].max(axis=0, initial=-np.inf)
         box = boxes_of(points[rows], spacing, np.min(share.everywhere(lower), axis=0), np.max(share.everywhere(upper), axis=0))
