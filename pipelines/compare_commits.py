@@ -3,7 +3,7 @@
 python pipelines/compare_commits.py OLD NEW figures       sections 6.2 to 6.7, tears at a coarser spacing
 python pipelines/compare_commits.py OLD NEW conformance   every property and hard case of every force model, with few explicit steps
 python pipelines/compare_commits.py OLD NEW tear cube     costs, by the names that `--help` lists
-python pipelines/compare_commits.py OLD NEW --docs        all rows that the documentation has, and put them there (an hour and a half of two idle cores)
+python pipelines/compare_commits.py OLD NEW --docs        all rows of the documentation, into it (an hour and a half)
 
 Each commit is checked out into a temporary folder and run there in processes of its own with this Python, so that both must run on what is
 installed.  The commits take turns and each goes first in every other turn; what is printed are medians over the turns, and the median of
