@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..materials import Law
+from ..materials.covariance import LawCovariance
 from .agreement import check_agreement
 from .protocol import Domain, ForceModel, Member
 
@@ -32,6 +33,8 @@ class Learned(ForceModel):
         Name of the force model that accepts every law, for error messages.
     trial : callable
         Function of a law and stretches that returns states and the exact answers there, see `pdsurrogate.forces.agreement`.
+    covariance : LawCovariance, optional
+        Covariance of the law, if it was fitted to measurements.
     domain, law, shape
         Training domain, name of the law, and dimensionless parameters of the law, which subclasses declare as fields.
     """
@@ -43,6 +46,7 @@ class Learned(ForceModel):
     trial: ClassVar[Callable]
     stated: Mapping[str, float] | None = field(default=None, kw_only=True)
     members: tuple[Member, ...] = field(default=(), kw_only=True)
+    covariance: LawCovariance | None = field(default=None, kw_only=True, compare=False)
 
     @property
     def facts(self) -> dict[str, str]:
