@@ -33,8 +33,6 @@ class Learned(ForceModel):
         Name of the force model that accepts every law, for error messages.
     trial : callable
         Function of a law and stretches that returns states and the exact answers there, see `pdsurrogate.forces.agreement`.
-    covariance : LawCovariance, optional
-        Covariance of the law, if it was fitted to measurements.
     domain, law, shape
         Training domain, name of the law, and dimensionless parameters of the law, which subclasses declare as fields.
     """

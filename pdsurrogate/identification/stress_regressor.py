@@ -138,7 +138,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         Examples
         --------
         >>> import pdsurrogate as pds
-        >>> data = pds.load_test_data("treloar").up_to(3.0)
+        >>> data = pds.load_test_data("treloar")
         >>> found = pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
         >>> found.law_covariance().names
         ('shear_modulus', 'bulk_modulus', 'chain_limit')

@@ -8,6 +8,9 @@ import numpy as np
 from .law import Law
 from .stretch_laws import Ogden
 
+MOST_UNCERTAIN = 0.5
+"""Relative standard error of the shear modulus beyond which first-order errors of results have no meaning: all forces scale with it."""
+
 
 @dataclass(frozen=True, eq=False)
 class LawCovariance:
@@ -136,8 +139,8 @@ def derivatives_of_numbers(law_of: Callable[[np.ndarray], Law], parameters: np.n
         ahead, behind = (numbers_of(law_of(parameters + sign * change)) for sign in (1, -1))
         columns.append([(ahead[name] - behind[name]) / (2 * step) for name in names])
     derivatives = np.array(columns).T
-    moving = derivatives.any(axis=1)
-    return [name for name, one in zip(names, moving, strict=True) if one], derivatives[moving]
+    moving = np.flatnonzero(np.abs(derivatives).sum(axis=1))
+    return [names[number] for number in moving], derivatives[moving]
 
 
 def covariance_of_numbers(
@@ -145,12 +148,18 @@ def covariance_of_numbers(
 ) -> LawCovariance:
     """Return the covariance of the numbers of a fitted law, theory (86), from that of the fitted parameters.
 
-    Raise ValueError if a parameter is at a bound of its search, or its variance infinite, as the measurements do not determine it.
+    Raise ValueError if a parameter is at a bound of its search, or if the measurements do not determine it or the shear modulus.
     """
     if at_bound:
         raise ValueError(f"{', '.join(at_bound)}: at a bound of the search, so that the law has no covariance; another law may fit better")
-    if open_ones := [name for name, variance in zip(names, np.diag(covariance), strict=True) if not np.isfinite(variance)]:
-        raise ValueError(f"{', '.join(open_ones)}: not determined by the measurements, so that the law has no covariance; add other tests")
-    numbers, derivatives = derivatives_of_numbers(law_of, parameters, 1e-6 * np.where(parameters, np.abs(parameters), 1.0))
+    unknown = [name for name, variance in zip(names, np.diag(covariance), strict=True) if not np.isfinite(variance)]
+    law, steps = law_of(parameters), 1e-6 * np.where(parameters, np.abs(parameters), 1.0)
+    if not unknown:
+        sides = [[law_of(parameters + sign * change).shear_modulus for sign in (1, -1)] for change in np.diag(steps)]
+        slopes = np.array([ahead - behind for ahead, behind in sides]) / (2 * steps)
+        unknown = ["shear_modulus"] if slopes @ covariance @ slopes > (MOST_UNCERTAIN * law.shear_modulus) ** 2 else []
+    if unknown:
+        raise ValueError(f"{', '.join(unknown)}: not determined by the measurements, so that the law has no covariance; add other tests")
+    numbers, derivatives = derivatives_of_numbers(law_of, parameters, steps)
     values = derivatives @ covariance @ derivatives.T
-    return LawCovariance(law_of(parameters), tuple(numbers), (values + values.T) / 2)
+    return LawCovariance(law, tuple(numbers), (values + values.T) / 2)
