@@ -53,11 +53,13 @@ times its first one, and the latest residuals, so many as the third number, are 
 rounding changes residuals by less; a sheet that buckles gives these signs after 60 evaluations, and converges to its buckled state after
 200. Slender bodies under loads give them on the way to equilibria, and methods that step in time too, because their residuals oscillate."""
 
-PATIENCE, LEAST_PATIENCE, MOST_SPENT, MOST = 6, 1.2, 7, 9
+PATIENCE, LEAST_PATIENCE, FIRST, MOST_SPENT, MOST = 6, 1.2, 4, 7, 9
 """Force evaluations for an increment of which an attempt has failed, divided by the mean for an output of the run so far. A search whose
-residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. When
-they have used the third number, the increment is halved no further. The fourth number bounds the searches after a failed attempt, also the
-one that brings the last equilibrium to the tolerance of an output, so that an output that fails costs at most ten good ones."""
+residual does not fall ends when all attempts together have used the first number, or after the second number if they have used more. The
+first attempt may take any number, but counts at most as much as the third number: a body that buckles may be crumpled into another
+equilibrium by a long search, and only shorter increments tell that it buckles. When the attempts have used the fourth number, the increment
+is halved no further. The fifth number bounds the searches after a failed attempt, also the one that brings the last equilibrium to the
+tolerance of an output, so that an output that fails costs at most ten good ones if its first attempt costs at most four."""
 
 CARRIED = 2
 """Force evaluations for a planned increment of which an attempt has failed, in the same unit, beyond which they count for the next planned
@@ -189,7 +191,9 @@ class Equilibria:
                 self._accepted.restore(run, self.solver)
                 raise
             except FAILURES as error:
-                before, state.wasted = state.wasted, state.wasted + run.force.evaluations - began
+                before, cost = state.wasted, run.force.evaluations - began
+                uncounted = 0 if before else max(0, cost - round(FIRST * usual))
+                state.wasted, state.begun = before + cost - uncounted, state.begun + uncounted
                 if isinstance(error, RanAway) and ran_away is None:
                     ran_away = error  # with short increments from just below a limit load solvers fail in other ways
                 vague = isinstance(error, OutOfPatience) or (isinstance(error, NotConverged) and isinstance(told, RanAway))
@@ -322,7 +326,7 @@ class Equilibria:
             self._record_reached()
         what = f"the last equilibrium was found at {self._last()}, and none beyond with increments down to {size:.2g}"
         if spent:
-            what += f" in {state.wasted} force evaluations, as many as {MOST_SPENT} outputs take (more outputs come closer to the limit)"
+            what += f" in the force evaluations of {MOST_SPENT} outputs (more outputs come closer to the limit)"
         raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
 
     def _record_reached(self) -> None:
