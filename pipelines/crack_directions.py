@@ -4,7 +4,8 @@ python pipelines/crack_directions.py                   tears what docs/figures/c
 python pipelines/crack_directions.py --only space 15   the tears alone that have all of these words in their names
 python pipelines/crack_directions.py --docs            and puts the tables of all stored tears into the documentation
 python pipelines/crack_directions.py --table           puts them there without a tear
-python pipelines/crack_directions.py --costs           compares accuracy and cost of relaxed clouds and lattices, and puts that table there
+python pipelines/crack_directions.py --costs           compares accuracy and cost of relaxed clouds and lattices where
+                                                        docs/figures/relaxed-costs.json lacks it, and puts that table there
 
 The strip, its grips and its rate are those of `tip_diameters.py`, with more spacings. The tears in the plane take some 25 minutes of
 processor time on a core of 2 GHz, those in space some 20; the comparison of costs takes some 4 minutes.
@@ -23,7 +24,7 @@ from tip_diameters import BULK, ENERGY, FAMILIES, LAYERS, LONG, PRECUT, name_of,
 
 import pdsurrogate as pds
 
-TEARS = FIGURES / "crack-directions.json"
+TEARS, COSTS = FIGURES / "crack-directions.json", FIGURES / "relaxed-costs.json"
 
 ROWS, RATIO, ANGLES, SEEDS = 24, 3.15, (0, 7, 15, 22, 30, 45), (1, 2, 3, 4, 5)
 """Of strips in the plane: points per height, horizon in spacings, angles to the axes in degrees, clouds."""
@@ -224,25 +225,27 @@ def compared() -> list[tuple[str, Callable[[dict], dict[str, float]]]]:
     return found
 
 
-def costs_table() -> str:
-    """Accuracy and cost of relaxed clouds, each compared with a lattice that is computed just before it."""
-    rows, clouds = [], [{"arrangement": "relaxed", "seed": seed} for seed in SEEDS]
+def measure_costs() -> None:
+    """Compare what is not stored yet: each cloud with a lattice that is computed just before it."""
     for label, costs in compared():
-        costs({})  # compiled before it is timed
-        pairs = [(costs({}), costs(cloud)) for cloud in clouds]
+        found = json.loads(COSTS.read_text("utf-8")) if COSTS.exists() else {}
+        if label not in found:
+            costs({})  # compiled before it is timed
+            found[label] = [(costs({}), costs({"arrangement": "relaxed", "seed": seed})) for seed in SEEDS]
+            COSTS.write_text(json.dumps(found, indent=1) + "\n", "utf-8")
+            print(label, found[label], flush=True)
+
+
+def costs_table() -> str:
+    """Accuracy and cost of relaxed clouds."""
+    rows = []
+    for label, pairs in json.loads(COSTS.read_text("utf-8")).items():
         for key in pairs[0][0]:
             lattice, relaxed = (np.array([pair[number][key] for pair in pairs]) for number in (0, 1))
             ratios, figures = relaxed / lattice, ".4f" if key == "stress" else ".2f"
             worst = ratios[np.abs(ratios - 1).argmax()] if key == "stress" else ratios.min() if key == "time step" else ratios.max()
-            row = [
-                key,
-                label,
-                *(f"{values.mean():.4g}" for values in (lattice, relaxed)),
-                f"{ratios.mean():{figures}}",
-                f"{worst:{figures}}",
-            ]
-            rows.append([*row, REQUIRED.get(key, "")])
-            print(*rows[-1], sep=" | ", flush=True)
+            means = (f"{values.mean():.4g}" for values in (lattice, relaxed))
+            rows.append([key, label, *means, f"{ratios.mean():{figures}}", f"{worst:{figures}}", REQUIRED[key]])
     order = list(REQUIRED)
     rows.sort(key=lambda row: order.index(row[0]))
     return markdown_table(["quantity", "case", "lattice", "relaxed, mean", "ratio, mean", "ratio, worst", "required"], rows)
@@ -268,6 +271,7 @@ if __name__ == "__main__":
     if arguments.table or arguments.costs:
         lacking = []
     if arguments.costs:
+        measure_costs()
         replace_block("relaxed-costs", costs_table())
     outcomes = joblib.Parallel(arguments.jobs, return_as="generator")(joblib.delayed(tried)(case) for case in lacking)
     for case, figures in zip(lacking, outcomes, strict=True):
