@@ -24,7 +24,7 @@ KEYS = {"spacing": 0.1, "holes": [{"shape": "circle", "radius": 0.3}]}
 
 
 def digests(ranks, name, plane, arrangement="lattice"):
-    """Of the forces with both boundaries moved, of those after some bonds have broken, and the pair forces across the boundaries, summed."""
+    """Of the forces with both boundaries moved, of those after bonds have broken, and the sum of pair forces across the boundaries."""
     body = discretize(pds.load_scene("disc-torsion", {**KEYS, "plane": plane, "body.arrangement": arrangement}))[0]
     if ranks.size > 1:
         body = divided(body, ranks)
