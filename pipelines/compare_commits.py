@@ -50,7 +50,7 @@ SOLIDS = ("bond-energy", "nosb", "neo-hookean-isochoric", "ogden-isochoric", "fu
 WIDTHS = (10, 50, 163)
 """Points along the shorter side of the sheets of 3 by 1 in which costs are compared: 300, 7,500 and 79,707 points."""
 
-STARTS = 3
+STARTS = 2
 """How often the processes are started in which costs of all force models are compared, since where memory lies counts."""
 
 RUNS = {
