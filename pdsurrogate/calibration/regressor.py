@@ -20,10 +20,10 @@ from ..identification import EnergyRegressor, LawRegressor, fitted_laws, nominal
 from ..identification.energy import half_planes
 from ..identification.stress_regressor import BULK_RATIO
 from ..materials import LAWS, Law, Ogden
+from ..materials.covariance import LawCovariance, covariance_of_numbers, derivatives_of_numbers
 from ..scenes import Mesh, Scene, load_scene
-from ..scenes.reading import leaves
 from .free import FLOOR, EnergyUnknowns, average, floored, grouping, minimized
-from .measured import FAILURES, MeasuredScene, Rows, numbers_of
+from .measured import FAILURES, MeasuredScene, Rows
 
 COLUMNS = ("step", "quantity", "x1", "x2", "x3")
 """Columns of a table of measurements; the last one for solids only."""
@@ -318,6 +318,31 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         jacobian, stress = np.stack(columns, axis=1), nominal_stress(self.law_, X)
         variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance_, jacobian)
         return stress, np.sqrt(variance)
+
+    def law_covariance(self) -> LawCovariance:
+        """Return the covariance of the numbers of the fitted law, with which `pdsurrogate.Result.standard_errors` propagates it to results.
+
+        Returns
+        -------
+        LawCovariance
+            From `covariance_`, with the numbers that follow from the parameters, such as the bulk modulus from K/mu.
+
+        Raises
+        ------
+        ValueError
+            If the measurements do not determine a parameter, or a parameter is at a bound of the search.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pds
+        >>> scene = pds.load_scene("hole", spacing=0.25)
+        >>> model = pds.SceneRegressor(scene, refine=1).fit([[1, 0, 0, 0]], [3.0], standard_deviation=0.03)
+        >>> errors = model.law_covariance().standard_errors
+        >>> {name: round(error / getattr(model.law_, name), 3) for name, error in errors.items()}
+        {'shear_modulus': 0.01, 'bulk_modulus': 0.01}
+        """
+        check_is_fitted(self)
+        return covariance_of_numbers(self._unknown.law_of, self.parameter_names_, self.parameters_, self.covariance_, self.at_bound_)
 
     def stated_deviations(self, X, y, stated: dict[int, float | None]) -> np.ndarray:
         """Return standard deviations of measurements: stated ones of all displacements or all outputs, and estimated ones of the others.
@@ -625,16 +650,9 @@ class _Search:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         if x.tobytes() in self.differentiated:
             return self.root[:, None] * self.differentiated[x.tobytes()]
-        law, steps = self.law_of(x), 1e-6 * (np.abs(x) if self.linear else np.ones(len(x)))
-        numbers = dict(leaves(numbers_of(law), key="material"))
-        sides = []
-        for step, change in zip(steps, np.diag(steps), strict=True):
-            ahead, behind = (dict(leaves(numbers_of(self.law_of(x + sign * change)), key="material")) for sign in (1, -1))
-            sides.append([(ahead[name] - behind[name]) / (2 * step) for name in numbers])
-        chain = np.array(sides).T
-        moving = [row for row, changes in enumerate(chain) if changes.any()]
-        values, derivatives = self._differentiated(x, [list(numbers)[row] for row in moving])
-        self.known[x.tobytes()], self.differentiated[x.tobytes()] = values, derivatives @ chain[moving]
+        numbers, chain = derivatives_of_numbers(self.law_of, x, 1e-6 * (np.abs(x) if self.linear else np.ones(len(x))))
+        values, derivatives = self._differentiated(x, [f"material.{name}" for name in numbers])
+        self.known[x.tobytes()], self.differentiated[x.tobytes()] = values, derivatives @ chain
         return self.root[:, None] * self.differentiated[x.tobytes()]
 
     def _differentiated(self, x: np.ndarray, names: list[str]) -> tuple[np.ndarray, np.ndarray]:

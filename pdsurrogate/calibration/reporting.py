@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification import MODES
+from ..identification.reporting import covariance_of
 from ..results.figures import DIVERGING, STYLE
 from ..scenes import Scene
 from .regressor import SceneRegressor
@@ -106,6 +107,7 @@ def report(model: SceneRegressor, X: np.ndarray, y: np.ndarray) -> dict:
         "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
         "standard_errors": dict(zip(model.parameter_names_, errors, strict=True)),
         "correlation": model.correlation_.tolist(),
+        "covariance": covariance_of(model),
         "at_bound": model.at_bound_,
         "undetermined": model.undetermined_,
         "lack_of_fit": _plain(model.lack_of_fit_),
