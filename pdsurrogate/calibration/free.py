@@ -26,9 +26,9 @@ MOST_FIRST = 4
 """Most terms of I1bar in an energy. Chosen: five determine each other badly."""
 
 PER_TERM, PER_RATIO = 1.0, 4.0
-"""Decreases of the logarithm of the prior weight of an energy: for each term, and for a greater ratio of the stress in equibiaxial tension to
-that in uniaxial tension at `PRIOR_STRETCH`, by 1. Chosen by simulated tests of 35 laws, see the theory, section 28: they decide where the
-measurements do not."""
+"""Decreases of the logarithm of the prior weight of an energy: for each term, and for a ratio of the stress in equibiaxial tension to that
+in uniaxial tension, at `PRIOR_STRETCH`, that is greater by 1. Chosen by simulated tests of 35 laws (theory, section 28): they decide where
+the measurements do not."""
 
 PRIOR_STRETCH = 2.0
 """Stretch at which the prior weight compares equibiaxial with uniaxial tension."""
@@ -47,6 +47,7 @@ MOST_STEPS = 12
 
 HALVINGS = 6
 """Most halvings of a step that does not reduce the residuals."""
+
 
 @dataclass(frozen=True)
 class EnergyUnknowns:

@@ -90,8 +90,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         Test, or several tests of one material. The material in a scene serves as the start of the search if it has the law that is
         fitted, and gives K/mu unless `bulk_ratio` or `bulk_modulus` does.
     law : str or None, default="neo-hookean"
-        Name of the law; None for an energy without a law, a sum with positive weights of few polyconvex terms: powers of the stretches, and
-        powers and roots of the invariants (`pdsurrogate.materials.Polyconvex`).
+        Name of the law; None for an energy without a law, an average of energies of few terms of both invariants, weighted by how well they
+        fit (theory, section 28). It is a `pdsurrogate.materials.Polyconvex`; waves are stable in its states with stretches from 1/3 to 3.
     n_terms : int, default=3
         Number of terms of Ogden's law; without effect for other laws.
     outputs : sequence of str, optional
@@ -112,14 +112,16 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     parameters_ : ndarray, shape (n_parameters,)
     covariance_ : ndarray, shape (n_parameters, n_parameters)
         Covariance from the standard deviations of the measurements, times the lack of fit if it exceeds 1, plus the square of the change
-        of the parameters by the remaining discretization error.
+        of the parameters by the remaining discretization error. For an energy without a law: the covariance of the average, with correlated
+        residuals.
     standard_errors_ : ndarray, shape (n_parameters,)
         Infinite for parameters that the data do not determine at all.
     correlation_ : ndarray, shape (n_parameters, n_parameters)
     at_bound_ : list of str
         Parameters at a bound, whose standard errors have no meaning.
     undetermined_ : list of str
-        Parameters in combinations whose relative standard error exceeds one half.
+        Parameters in combinations whose relative standard error exceeds one half; for an energy without a law, single weights of terms
+        are meant, which may be undetermined although the stresses are not.
     lack_of_fit_ : float
         Sum of the squared residuals in standard deviations, divided by the degrees of freedom; 1 is expected.
     p_value_ : float
@@ -131,7 +133,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
     discretization_ : ndarray, shape (n_samples,)
         Correction of the simulation at the spacing of the scene, in the units of the measurements.
     members_ : list of Law
-        For an energy without a law: a committee, energies of other terms found from random halves of the measurements.
+        For an energy without a law: a committee, energies drawn by their weights in the average, with random errors.
     domain_hull_ : list of list of float
         For an energy without a law: half-planes (n1, n2, d) of the convex hull of the states in the simulated tests, as in ``hull`` of
         `pdsurrogate.forces.protocol.Domain`, moved outwards by the margin of `EnergyRegressor`.
@@ -472,7 +474,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         if self.law is None:
             kept = x > FLOOR * x.max()
             self._unknown, x, found.jac = self._unknown.of(kept), x[kept], found.jac[:, kept]
-            self._spread, logarithmic = self._spread[np.ix_(kept, kept)], logarithmic[kept]
+            found.spread, logarithmic = found.spread[np.ix_(kept, kept)], logarithmic[kept]
             found.active_mask = found.active_mask[kept]
             search.forget()
             self._set_domain(law_of(x))
@@ -498,7 +500,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         """Return the coefficients of all terms and the Jacobian there.
 
         In the first of the rounds, which are numbered from 0, a least-squares step finds the coefficients. In the following ones the
-        equations are linearized there, and the average of energies with few terms is their solution.
+        equations are linearized there, and the average of energies with few terms is their solution, with the covariance ``spread``.
         """
         found = minimized(search, x, FAIR, STEPS[number])
         if number == 0:
@@ -512,7 +514,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         correlated = max(1.0, total / count / (residuals**2).mean()) if count else 1.0
         energies = average(found.jac, found.jac @ found.x - residuals, correlated, MEMBERS)
         self.members_ = [self._unknown.of(each > 0).law_of(each[each > 0]) for each in energies.members]
-        self._spread = energies.covariance
+        found.spread = energies.covariance
         found.x = floored(energies.mean)
         return found
 
@@ -533,8 +535,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
         self.lack_of_fit_ = float((residuals**2).sum() / free) if free > 0 else np.nan
         self.p_value_ = float(chi2.sf((residuals**2).sum(), free)) if free > 0 else np.nan
         if self.law is None:
-            self.covariance_, errors = self._spread, np.sqrt(np.diag(self._spread))
-            self.standard_errors_, self.correlation_ = errors, self._spread / np.outer(errors, errors)
+            self.covariance_, errors = found.spread, np.sqrt(np.diag(found.spread))
+            self.standard_errors_, self.correlation_ = errors, found.spread / np.outer(errors, errors)
             self.undetermined_ = [name for name, one in zip(self.parameter_names_, errors > UNDETERMINED * values(x), strict=True) if one]
             return
         scales = self._scales()
@@ -617,8 +619,8 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
             ratio = float(simulated @ measured / (simulated @ simulated))
             if not 1 / FARTHEST < ratio < FARTHEST:
                 raise ValueError(
-                    f"y: the displacements are {ratio:.3g} times those of scene {test.scene.name}, simulated with a law that fits the forces: "
-                    "give places and displacements in the unit of length of the scene, and the steps in its order"
+                    f"y: the displacements are {ratio:.3g} times those of scene {test.scene.name}, simulated with a law that fits "
+                    "the forces: give places and displacements in the unit of length of the scene, and the steps in its order"
                 )
 
 

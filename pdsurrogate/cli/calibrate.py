@@ -37,7 +37,7 @@ def calibrate(
     fields: Annotated[Path | None, Option("--fields", metavar="F.csv", help=FIELDS_HELP)] = None,
     forces: Annotated[Path | None, Option("--forces", metavar="G.csv", help=FORCES_HELP)] = None,
     law: Annotated[str | None, Option(metavar="LAW", autocompletion=fitted_laws, help="Law whose parameters are fitted.")] = None,
-    free: Annotated[bool, Option("--free", help="Fit a polyconvex energy instead of a law.")] = False,
+    free: Annotated[bool, Option("--free", help="Find an energy of few terms instead of a law.")] = False,
     terms: Terms = None,
     field_noise: Annotated[float | None, Option(help="Standard deviation of the displacements (default: estimated).")] = None,
     force_noise: Annotated[float | None, Option(help="Standard deviation of the forces (default: 0.5 % of the greatest).")] = None,

@@ -129,8 +129,9 @@ class Polyconvex(Ogden):
 
     References
     ----------
-    Gent, Thomas, J. Polym. Sci. 28 (1958) 625, for the logarithm of the second invariant; Hartmann, Neff, Int. J. Solids Struct. 40 (2003) 2767, for the powers of the invariants; Ogden, Proc. R. Soc. A 326 (1972) 565; Carroll,
-    J. Elast. 103 (2011) 173, for the root of the second invariant; Gent, Rubber Chem. Technol. 69 (1996) 59, for the logarithm.
+    Hartmann, Neff, Int. J. Solids Struct. 40 (2003) 2767, for the powers of the invariants; Ogden, Proc. R. Soc. A 326 (1972) 565; Carroll,
+    J. Elast. 103 (2011) 173, for the root of the second invariant; Gent, Rubber Chem. Technol. 69 (1996) 59, for the logarithm of x; Gent,
+    Thomas, J. Polym. Sci. 28 (1958) 625, for that of the second invariant.
 
     Examples
     --------

@@ -229,7 +229,9 @@ def test_options_and_steps_that_make_no_sense_are_refused(options, message, tmp_
 def test_displacements_in_another_unit_are_refused(exact):
     """Ten times the displacements of the scene, as in millimetres instead of centimetres."""
     field = X[:, 1] > 0
-    with pytest.raises(ValueError, match=r"y: the displacements are (9\.|10)\S* times those of scene hole.*in the unit of length of the scene"):
+    with pytest.raises(
+        ValueError, match=r"y: the displacements are (9\.|10)\S* times those of scene hole.*in the unit of length of the scene"
+    ):
         pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, np.where(field, 10 * exact, exact), standard_deviation=DEVIATION)
 
 
