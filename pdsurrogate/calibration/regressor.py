@@ -38,8 +38,9 @@ NEIGHBORS = 13
 """Number of places, with the place itself, to which a quadratic is fitted in order to estimate the scatter of displacements: about twice
 its six coefficients in the plane. In space 20 neighbors serve its ten coefficients."""
 
-ORDER = 1.75
-"""Order in the spacing with which displacements and forces of sheets with holes converge (theory, section 28)."""
+ORDER, MEAN_ORDER = 1.5, 1.75
+"""Least order in the spacing with which displacements of sheets with holes converge, for standard errors, and the mean one, for the
+extrapolation to a spacing of zero (theory, section 28)."""
 
 UNDETERMINED = 0.5
 """Relative standard error of a combination of parameters from which on the test does not determine it."""
@@ -469,7 +470,7 @@ class SceneRegressor(RegressorMixin, BaseEstimator):
                 fine[here] = test.simulate(law_of(x), self._fine(test.scene))[0]
             correction = fine - search.values(x)
             if self.law is None:
-                correction *= self.refine**ORDER / (self.refine**ORDER - 1)
+                correction *= self.refine**MEAN_ORDER / (self.refine**MEAN_ORDER - 1)
             search.y = y - correction
         if self.law is None:
             kept = x > FLOOR * x.max()
