@@ -90,7 +90,7 @@ def energies() -> str:
         for noise in (3e-4, 3e-3):
             X, y, deviation = measurements(law, noise, seed=1)
             began = time.process_time()
-            model = pds.SceneRegressor(scene(0.1), None, refine=6, bulk_ratio=100).fit(X, y, standard_deviation=deviation)
+            model = pds.SceneRegressor(scene(0.1), None, bulk_ratio=100).fit(X, y, standard_deviation=deviation)
             seconds, (stress, error) = time.process_time() - began, model.nominal_stress(states())
             squares = ((stress / exact - 1) ** 2).reshape(len(MODES), -1).mean(axis=1)
             off = [f"{100 * np.sqrt(value):.2f}" for value in (*squares, squares.mean())]

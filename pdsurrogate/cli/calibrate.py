@@ -41,7 +41,10 @@ def calibrate(
     terms: Terms = None,
     field_noise: Annotated[float | None, Option(help="Standard deviation of the displacements (default: estimated).")] = None,
     force_noise: Annotated[float | None, Option(help="Standard deviation of the forces (default: 0.5 % of the greatest).")] = None,
-    refine: Annotated[int, Option(help="Spacing divided by that of the finer simulation; 1: no correction.", min=1)] = 3,
+    refine: Annotated[
+        int | None,
+        Option(help="Spacing divided by that of the finer simulation; 1: no correction (default: 3 with --law, 6 with --free).", min=1),
+    ] = None,
     bulk_modulus: BulkModulus = None,
     bulk_ratio: Annotated[float | None, Option(help="Ratio of bulk modulus to shear modulus (default: that of the scene).")] = None,
     change: SetScene = None,
