@@ -20,9 +20,11 @@ from functools import partial
 import joblib
 import numpy as np
 from pages import FIGURES, markdown_table, replace_block
-from tip_diameters import BULK, ENERGY, FAMILIES, LAYERS, LONG, PRECUT, name_of, strip
+from tip_diameters import BULK, ENERGY, FAMILIES, LAYERS, LONG, PRECUT, law_of, name_of, strip
 
 import pdsurrogate as pds
+from pdsurrogate.materials import homogeneous
+from pdsurrogate.scenes.tip_diameter import tip_diameters
 
 TEARS, COSTS = FIGURES / "crack-directions.json", FIGURES / "relaxed-costs.json"
 
@@ -33,11 +35,14 @@ SOLID = {"plane": "space", "ratio": 2.2, "rows": 14}
 SOLID_ANGLES, SOLID_SEEDS = (15, 30), (1, 2, 3)
 
 STRETCH = 2.4
-"""Critical stretch of strips in space: `fracture.energy` is not available for relaxed clouds there."""
+"""Critical stretch of strips in space."""
 
-ADVANCE = {"stress": 40, "space": 24}
-"""Advance of the crack, in spacings, along which its direction and energy are measured. Behind it the plane strip has 20 spacings to its
-free end, the solid one 11."""
+DIAMETER = {"lattice": 0.85, "relaxed": 1.0}
+"""Tip diameters in horizons by which critical stretches of strips in the plane are chosen so that G is near ENERGY."""
+
+ADVANCE = {"stress": 5 / 3, "space": 12 / 7}
+"""Advance of the crack, in heights of the strip, along which its direction and energy are measured: 40 spacings in strips of 24 rows, 24 in
+solids. Behind it the plane strip has half as much to its free end."""
 
 STARTED = 4
 """Advance in spacings from which on the energy is counted, so that the start of the crack is left out."""
@@ -80,11 +85,18 @@ def cases() -> list[dict]:
     return found
 
 
+def advance_of(case: dict) -> int:
+    """Advance of the crack in spacings."""
+    return round(ADVANCE[case["plane"]] * case["rows"])
+
+
 def scene_of(case: dict) -> pds.Scene:
-    """The strip with its fracture energy, and more outputs than for a diameter."""
-    described = strip(case, STRETCH).model_dump(mode="json", exclude_unset=True)
+    """The strip with more outputs than for a diameter."""
+    critical = STRETCH
     if case["plane"] != "space":
-        described["fracture"] = {"energy": ENERGY}
+        law, horizon = law_of(case), case["ratio"] / case["rows"]
+        critical = pds.critical_stretch_of(law, ENERGY, horizon, DIAMETER[case.get("arrangement", "lattice")])
+    described = strip(case, critical).model_dump(mode="json", exclude_unset=True)
     described["steps"][-1]["outputs"] = OUTPUTS
     return pds.Scene.model_validate(described)
 
@@ -100,7 +112,7 @@ def torn(case: dict) -> dict:
 
     places, damage = result.body.points[:, :2] - center, result.field("damage")
     advance = (places @ along - tip) * case["rows"]
-    chosen = (damage > 0) & (advance > 0) & (advance < ADVANCE[case["plane"]])
+    chosen = (damage > 0) & (advance > 0) & (advance < advance_of(case))
     # Damage lies on both sides of the crack alike, so that the line of least squares through it, weighted by it, is that of the crack.
     slope = np.polyfit(advance[chosen], (places @ across)[chosen] * case["rows"], 1, w=np.sqrt(damage[chosen]))[0]
 
@@ -112,7 +124,7 @@ def torn(case: dict) -> dict:
     peak = levels[int(loads.argmax())]["cracks"][0]["energy_release_rate"]
 
     tips = np.array([(np.array(level["cracks"][0]["tip"][:2]) - center) @ along - tip for level in levels]) * case["rows"]
-    tips, ends = np.maximum.accumulate(tips), (STARTED, ADVANCE[case["plane"]])
+    tips, ends = np.maximum.accumulate(tips), (STARTED, advance_of(case))
     area = (ends[1] - ends[0]) / case["rows"] * (LAYERS / case["rows"] if case["plane"] == "space" else 1.0)
 
     def per_area(*keys: str) -> float:
@@ -125,7 +137,7 @@ def torn(case: dict) -> dict:
         "dissipated": per_area("released_energy", "damped_energy"),
         "released": per_area("released_energy"),
         "peak": peak,
-        "critical_stretch": result.summary.get("critical_stretch", STRETCH),
+        "critical_stretch": result.summary["critical_stretch"],
         "length": float(tips[-1]),
         "account_percent": result.summary["dynamics"][-1]["energy_gap"],
         "seconds": time.process_time() - began,
@@ -156,24 +168,32 @@ def deviating(values: np.ndarray, figures: str) -> str:
     return f"{np.mean(values):{figures}}{error}"
 
 
-def row_of(label: str, tears: list[dict], prescribed: bool) -> list[str]:
+def prescribed(tear: dict) -> float:
+    """The `fracture.energy` for which the package chooses the critical stretch of a tear in the plane; 1 for solids."""
+    if tear["plane"] == "space":
+        return 1.0
+    critical, law = tear["critical_stretch"], law_of(tear)
+    diameter = tip_diameters(tear["plane"], tear["ratio"], "bond energy", tear.get("arrangement", "lattice")).at(critical)
+    return homogeneous.uniaxial(law, critical).energy_density * diameter * tear["ratio"] / tear["rows"]
+
+
+def row_of(label: str, tears: list[dict]) -> list[str]:
     """Figures of several tears, to be averaged."""
-    found = {key: np.array([tear[key] for tear in tears]) for key in ("direction", "dissipated", "released", "peak")}
-    unit = ENERGY if prescribed else 1.0
-    directions = f"{found['direction'].mean():+.1f}", f"{rms(found['direction']):.1f}", f"{np.abs(found['direction']).max():.1f}"
-    energies = [deviating(found[key] / unit, ".3f") for key in ("dissipated", "released", "peak")]
-    return [label, str(len(tears)), *directions, *energies]
+    directions, units = np.array([tear["direction"] for tear in tears]), np.array([prescribed(tear) for tear in tears])
+    angles = f"{directions.mean():+.1f}", f"{rms(directions):.1f}", f"{np.abs(directions).max():.1f}"
+    energies = [deviating([tear[key] for tear in tears] / units, ".3f") for key in ("dissipated", "released", "peak")]
+    return [label, str(len(tears)), *angles, *energies]
 
 
-def table_of(plane: str, relaxed: bool) -> str:
-    """Tears of a plane and arrangement, by angle and all together."""
-    tears = [tear for tear in stored().values() if tear["plane"] == plane and ("seed" in tear) == relaxed]
-    prescribed, unit = plane != "space", "G" if plane != "space" else "μ h"
+def table_of(plane: str, relaxed: bool, rows: int) -> str:
+    """Tears of a plane, arrangement and number of rows, by angle and all together."""
+    tears = [tear for tear in stored().values() if (tear["plane"], "seed" in tear, tear["rows"]) == (plane, relaxed, rows)]
+    unit = "G" if plane != "space" else "μ h"
     head = ["angle (degrees)", "tears", "direction, mean (degrees)", "rms (degrees)", "greatest (degrees)"]
     head += [f"dissipated / {unit}", f"released / {unit}", f"G at the peak / {unit}"]
     angles = sorted({tear["angle"] for tear in tears})
-    rows = [row_of(f"{angle}", [tear for tear in tears if tear["angle"] == angle], prescribed) for angle in angles]
-    return markdown_table(head, [*rows, row_of("all", tears, prescribed)])
+    lines = [row_of(f"{angle}", [tear for tear in tears if tear["angle"] == angle]) for angle in angles]
+    return markdown_table(head, [*lines, row_of("all", tears)])
 
 
 def bar(size: dict, ratio: float, cloud: dict, step: dict, end: float) -> pds.Scene:
@@ -253,10 +273,8 @@ def costs_table() -> str:
 
 def write_page() -> None:
     """Put the tables into the documentation."""
-    for plane in ("stress", "space"):
-        for relaxed in (False, True):
-            if any(tear["plane"] == plane and ("seed" in tear) == relaxed for tear in stored().values()):
-                replace_block(f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}", table_of(plane, relaxed))
+    for plane, relaxed, rows in sorted({(tear["plane"], "seed" in tear, tear["rows"]) for tear in stored().values()}):
+        replace_block(f"directions-{plane}-{'relaxed' if relaxed else 'lattice'}-{rows}", table_of(plane, relaxed, rows))
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ KEYS_OF_RUNS = (
     *("residual", "n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction"),
     *("status", "beyond_data", "held_at_points"),
     *("fraction_outside_domain", "unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance"),
-    *("peak_nominal_stress", "n_steps", "dynamics", "critical_stretch", "interfaces", "crack"),
+    *("peak_nominal_stress", "n_steps", "dynamics", "critical_stretch", "fracture_remarks", "interfaces", "crack"),
 )
 KEYS_OF_LEVELS = (
     *("stretch", "t", "step", "time", "forces", "moments", "displacements", "energy", "kinetic_energy", "stability", "probes"),

@@ -8,7 +8,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from typer.testing import CliRunner
 
 import pdsurrogate as pds
-from pdsurrogate.calibration.free import MOST_TERMS
+from pdsurrogate.calibration.free import TERMS
 from pdsurrogate.calibration.measured import MeasuredScene, Rows
 from pdsurrogate.cli import app
 from pdsurrogate.forces.protocol import Domain
@@ -187,7 +187,7 @@ def test_an_energy_without_a_law_gives_the_stresses_of_a_law_in_other_states(gen
     assert np.sqrt(((stress / nominal_stress(gent, states) - 1) ** 2).mean()) < 0.02
     assert (error > 0).all()
     assert (model.parameters_ > 0).all()
-    assert len(model.parameters_) <= MOST_TERMS
+    assert len(model.parameters_) <= len(TERMS)
     visited, log = Domain(*model.stretch_range_, 0.9, 1.1, tuple(map(tuple, model.domain_hull_))), np.log(1.3)
     assert visited.beyond_data(np.exp([[log, -log / 2]])) < 0  # the sheet is in tension
     assert visited.beyond_data(np.exp([[log, log]])) > 0
@@ -208,6 +208,31 @@ def test_a_calibration_of_neither_or_both_a_law_and_an_energy_is_refused(options
     done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", "--forces", "G.csv", *options, "--out", str(tmp_path)])
     assert done.exit_code == 2
     assert "choose one: --law LAW" in " ".join(done.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--law", "gent", "--field-noise", "0"], "--field-noise 0: a standard deviation must be positive"),
+        (["--law", "polyconvex"], "--law polyconvex: this law is a sum of terms, which --free chooses and fits"),
+        (["--law", "gent"], "G.csv, line 3: step 4, but the steps are whole numbers: 1 to 3, the stretches of scene hole"),
+    ],
+)
+def test_options_and_steps_that_make_no_sense_are_refused(options, message, tmp_path):
+    (tmp_path / "G.csv").write_text("step,force\n1,1.0\n4,2.0\n")
+    files = ["--forces", str(tmp_path / "G.csv"), "--set", f"stretches={STRETCHES}"]
+    done = CliRunner().invoke(app, ["calibrate", "hole", "sheet", *files, *options, "--out", str(tmp_path)])
+    assert done.exit_code == 2
+    assert message in " ".join(done.stderr.split()).replace(str(tmp_path) + "/", "")
+
+
+def test_displacements_in_another_unit_are_refused(exact):
+    """Ten times the displacements of the scene, as in millimetres instead of centimetres."""
+    field = X[:, 1] > 0
+    with pytest.raises(
+        ValueError, match=r"y: the displacements are (9\.|10)\S* times those of scene hole.*in the unit of length of the scene"
+    ):
+        pds.SceneRegressor(sheet("neo-hookean"), "gent", refine=1).fit(X, np.where(field, 10 * exact, exact), standard_deviation=DEVIATION)
 
 
 OTHER_COLUMNS = "its table has other columns than step, quantity, x1, x2 or no whole numbers there"
