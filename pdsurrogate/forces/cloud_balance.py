@@ -21,6 +21,11 @@ ONE_SIDED = 0.2
 """Length of the mean bond of a point, divided by the mean length of its bonds, beyond which its horizon counts as incomplete. Chosen: the
 mean bond is half as long as the bonds at a free edge, and some hundredths inside a cloud."""
 
+LEAST_INSIDE = {2: 0.7, 3: 0.0}
+"""Least share of points with complete horizons, by dimension, for which a body has factors. Chosen: in a square 8 points across, with a
+share of 0.61, the errors of the boundary prevail, and its force under a plate was 0.2 % farther from the exact one with factors. Solids
+gain more."""
+
 TOGETHER = 200_000
 """Number of directed bonds that are treated together: their arrays then take some 20 MB."""
 
@@ -68,11 +73,17 @@ def around(body: Body) -> Iterator[Around]:
 def balancing_factors(body: Body, pulls: Pulls) -> np.ndarray:
     """Return factors near one on the pairs of a cloud, shape (n_pairs,), with which the vectors `pulls` nearly cancel at points inside.
 
-    The factor of a pair is 1 + (c_j - c_i) . x, where x is the undeformed bond, and the vectors c of its ends vanish at points with
-    incomplete horizons.
+    The factor of a pair of points with complete horizons is 1 + (c_j - c_i) . x, where x is the undeformed bond; other factors are one.
     """
     bonds, ghosts, d, n = body.bonds, body.ghosts, body.dimension, len(body)
     changes, inverse, inside = np.zeros((len(body.all_points), d)), np.zeros((n, d, d)), _inside(body)
+    share = body.share
+    if share.total(int((inside & share.own).sum())) < LEAST_INSIDE[d] * share.size:
+        return np.ones(len(bonds.first))
+    share.fill(inside)
+    # The forces of a uniform stress on points beside the boundary stay as they are: obstacles and loads displace these points by them.
+    whole = np.concatenate([inside, inside[ghosts.source]])
+    changed = whole[bonds.first] & whole[bonds.second]
     vectors, factors = body.all_points[bonds.second] - body.all_points[bonds.first], np.ones(len(bonds.first))
     for sweep in range(SWEEPS):
         of_bonds = pulls(factors)
@@ -83,10 +94,10 @@ def balancing_factors(body: Body, pulls: Pulls) -> np.ndarray:
                 stiffness = some.sums(direct[:, :, None] * some.vectors[:, None])
                 inverse[some.points] = np.linalg.inv(np.where(within[:, None], stiffness, np.eye(d))) * within[:, None]
             changes[some.points] += np.einsum("nij,nj->ni", inverse[some.points], some.sums(direct + others))
-        body.share.fill(changes)
+        share.fill(changes)
         changes[n:] = ghosts.reflection * changes[ghosts.source]
         apart = np.einsum("bi,bi->b", changes[bonds.second] - changes[bonds.first], vectors)
-        factors = 1 + np.clip(apart, -MOST_CHANGE, MOST_CHANGE)
+        factors = 1 + np.where(changed, np.clip(apart, -MOST_CHANGE, MOST_CHANGE), 0.0)
     return factors
 
 
