@@ -154,7 +154,7 @@ def front(points: np.ndarray, stretch: np.ndarray, tip: float, ahead: float, spa
 
 
 def row(sheet: Sheet, found: dict) -> list[str]:
-    """A row of a table, which is also printed: speeds, Mach's relation (88), and the error of the energy balance."""
+    """A row of a table, which is also printed: speeds, Mach's relation (89), and the error of the energy balance."""
     speed, (shear, longitudinal) = found["speed"], found["waves"]
     angle = np.arctan(found["slope"])
     mach = "-"

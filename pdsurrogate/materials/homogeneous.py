@@ -100,7 +100,7 @@ def pure_shear(law: Law, stretch: float) -> HomogeneousState:
 
 
 def wave_speeds(law: Law, F: np.ndarray, normal: np.ndarray, density: float, plane: str = "stress") -> np.ndarray:
-    """Return the speeds of plane waves of small amplitude in a body that is deformed homogeneously, theory (87).
+    """Return the speeds of plane waves of small amplitude in a body that is deformed homogeneously, theory (88).
 
     Parameters
     ----------

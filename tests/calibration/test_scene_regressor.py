@@ -1,6 +1,7 @@
 """Laws from fields and forces: parameters come back with their standard errors, and bad tables are refused."""
 
 import json
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -290,7 +291,8 @@ class AnyTable(pds.SceneRegressor):
     def _tests_of(self, X):
         step = 1 + (np.sin(X @ np.linspace(1, 2, X.shape[1])) > 0)
         rows = np.column_stack([step, np.zeros((len(X), 3))])
-        return pds.SceneRegressor(**self.get_params())._tests_of(rows)
+        with patch.object(AnyTable, "columns", pds.SceneRegressor.columns):
+            return super()._tests_of(rows)
 
 
 @parametrize_with_checks([AnyTable(pds.load_scene("uniaxial", spacing=0.5, stretches=[1.1, 1.2]), outputs=["energy"], refine=1)])
