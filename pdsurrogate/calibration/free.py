@@ -42,9 +42,6 @@ GROUP = 13
 FLOOR = 3e-6
 """Least coefficient in the search, relative to the greatest: differences over a millionth of the greatest modulus keep its sign."""
 
-MOST_STEPS = 12
-"""Most Gauss-Newton steps, each with a simulation of all derivatives."""
-
 HALVINGS = 6
 """Most halvings of a step that does not reduce the residuals."""
 
@@ -92,7 +89,7 @@ def solved(jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
     return nonnegative(r, q.T @ right, np.ones(len(r)))[0]
 
 
-def minimized(search, x: np.ndarray, close: float, most: int = MOST_STEPS) -> SimpleNamespace:
+def minimized(search, x: np.ndarray, close: float, most: int) -> SimpleNamespace:
     """Minimize the residuals of a search over coefficients, none negative, by at most `most` Gauss-Newton steps.
 
     The search ends when a step reduces the sum of squares by less than its part `close`. Return the coefficients ``x``, of which none is
@@ -154,21 +151,25 @@ def average(jacobian: np.ndarray, right: np.ndarray, correlated: float, count: i
     """
     n, terms = jacobian.shape
     square = np.linalg.qr(np.column_stack([jacobian, right]), mode="r")
-    curvatures, ratio = line_curvatures(TERMS, STABLE_TO), _stresses_at_two()
-    stiff, found = np.array([term.shear_modulus > 0 for term in TERMS]), {}
+    curvatures, stiff, found = line_curvatures(TERMS, STABLE_TO), np.array([term.shear_modulus > 0 for term in TERMS]), {}
+
+    def stable(x: np.ndarray) -> bool:
+        """Return whether an energy has a stiffness at rest and stable waves, up to rounding of the differences."""
+        return bool(stiff[x > 0].any() and (curvatures @ x).min() >= -1e-6 * x.max())
+
     for first in (set_ for size in range(1, MOST_FIRST + 1) for set_ in combinations(range(len(FIRST)), size)):
         for second in (None, *range(len(FIRST), terms)):
             chosen = [*first] if second is None else [*first, second]
             x = np.zeros(terms)
             x[chosen] = nonnegative(square[:, chosen], square[:, -1], np.ones(len(square)))[0]
-            if stiff[x > 0].any() and (curvatures @ x).min() >= -1e-6 * x.max():
+            if stable(x):
                 found[tuple(np.flatnonzero(x))] = x
     if not found:
         raise ValueError("no energy describes the measurements: check that forces are positive in tension, and the steps in the table")
     x = np.array(list(found.values()))
     squares = ((x @ square[:, :-1].T - square[:, -1]) ** 2).sum(axis=1)
     scale = correlated * max(1.0, squares.min() / n)
-    equibiaxial, uniaxial = ratio @ x.T
+    equibiaxial, uniaxial = _prior_stresses() @ x.T
     logarithms = -(squares - squares.min()) / (2 * scale) - PER_TERM * (x > 0).sum(axis=1) - PER_RATIO * equibiaxial / uniaxial
     weights = np.exp(logarithms - logarithms.max())
     weights /= weights.sum()
@@ -183,11 +184,11 @@ def average(jacobian: np.ndarray, right: np.ndarray, correlated: float, count: i
         member[list(kept)] += factors[number] @ random.standard_normal(factors[number].shape[1])
         # A coefficient is not negative, and the energy of the set itself takes the place of an unstable one.
         member = np.maximum(member, 0.0)
-        members.append(member if stiff[member > 0].any() and (curvatures @ member).min() >= -1e-6 * member.max() else x[number])
+        members.append(member if stable(member) else x[number])
     return Average(mean, covariance, np.array(members))
 
 
-def _stresses_at_two() -> np.ndarray:
+def _prior_stresses() -> np.ndarray:
     """Return the stresses of all terms in equibiaxial and in uniaxial tension at `PRIOR_STRETCH`, shape (2, n_terms)."""
     states = np.array([[PRIOR_STRETCH, MODES[mode](PRIOR_STRETCH)] for mode in ("equibiaxial", "uniaxial")])
     return columns_of(isochoric(states, np.ones(2)), states[:, 0], TERMS)

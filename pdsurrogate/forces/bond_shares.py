@@ -61,10 +61,7 @@ class BondShares:
         self.renew(np.arange(len(length)))
         if body.relaxed and kinematics.interfaces is None:
             self._factors = balancing_factors(body, self._pulls)
-            self._multiply(np.arange(n), self._factors, self.bond_shares)
-            if body.share.divided:
-                body.bond_halo.fill(self.bond_shares)
-            self.bond_weights[:] = self.weights_of(np.arange(len(length)))
+            self.renew(np.arange(len(length)))
 
     def renew(self, pairs: np.ndarray) -> np.ndarray:
         """Update `bond_shares` and `bond_weights` after a change of `pairs`; return all pairs whose weights may have changed.

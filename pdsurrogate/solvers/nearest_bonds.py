@@ -25,10 +25,12 @@ With the diagonal bonds too, a factorization has four times the entries and cost
 """
 
 WIDE_REACH, MOST_WIDE = 1.8, 200_000
-"""The same length in relaxed sheets, and the greatest number of points for which it is used. Within `REACH` a point of a cloud has three to
-six bonds, and few bonds on one side make the network softer there than the sheet. Chosen: with 1.8 sheets in uniaxial tension, in pure
-shear and with a hole need a fifth to a third fewer force evaluations, with 2.0 a little fewer still; the factor has 1.7 and 2.5 times the
-entries. Solids need no fewer. Sheets of more points keep the smaller factor, which fits into memory.
+"""Greatest length, in spacings, of the bonds in the stiffness matrix of a relaxed sheet, and the greatest number of points of such a sheet.
+
+Within `REACH` a point of a cloud has three to six bonds, and few bonds on one side make the network softer there than the sheet. Chosen:
+with 1.8 sheets in uniaxial tension, in pure shear and with a hole need a fifth to a third fewer force evaluations, with 2.0 a little fewer
+still; the factor has 1.7 and 2.5 times the entries. Solids need no fewer, and use `REACH`, as do sheets of more points, whose factor has to
+fit into memory.
 """
 
 BESIDE = 1.2
