@@ -156,8 +156,8 @@ class Differentiated:
         """
         with thread_count(None), threadpool_limits(1, user_api="blas"):
             run, loading = self.run, self.run.loading
-            run.positions[:], run.state.parameter = run.body.points + displacements, at
-            loading.apply(at, run.loaded, run.positions)
+            run.state.parameter = at
+            _place(run, run.body.points + displacements)
             solver = Newton(loading.free, run.body.volumes, BALANCED)
             solver.solve(run.loaded, run.positions)
             measured = self.measured(run.positions)
